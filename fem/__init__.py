@@ -1,0 +1,1 @@
+"""Ground floor: tetrahedra, materials, elasticity. Usable alone; imports nothing else of ours."""

@@ -1,0 +1,1 @@
+"""Appearance and text to a material field on a voxel grid."""

@@ -1,0 +1,76 @@
+"""The asset: named surface parts in metres, as they look, before any physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from ..fem.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+UpAxis = Literal["x", "y", "z"]
+
+
+def up_vector(up: UpAxis) -> Float[np.ndarray, "3"]:
+    """Unit vector that points up."""
+    return np.eye(3)["xyz".index(up)]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One named part: a triangle surface [m] with its appearance (``mesh.visual``).
+
+    ``labels`` are all the words the asset has for it: node, group and material names.
+    """
+
+    name: str
+    mesh: trimesh.Trimesh
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Asset:
+    """A 3D asset in metres, on its own axes.
+
+    ``metres_per_unit`` has already been applied to the parts; ``up`` is the axis that points up;
+    ``source_hash`` is the SHA-256 of the file and of what it refers to; ``warnings`` are sentences
+    for the user (missing texture, unit taken as metres ...).
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    up: UpAxis = "z"
+    metres_per_unit: float = 1.0
+    source: str | None = None
+    source_hash: str | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if not self.parts:
+            raise InputError(
+                f"asset {self.name!r} has no part: wanted at least one triangle surface"
+            )
+        names = [part.name for part in self.parts]
+        if len(set(names)) != len(names):
+            raise InputError(f"part names must be unique, got {names}")
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Names of the parts, in order."""
+        return tuple(part.name for part in self.parts)
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner [m] of the box around all parts."""
+        boxes = np.array([part.mesh.bounds for part in self.parts], dtype=np.float64)
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    @property
+    def size(self) -> Float[np.ndarray, "3"]:
+        """Extents [m] of the bounding box."""
+        return self.bounds[1] - self.bounds[0]
