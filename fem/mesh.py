@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,15 +67,14 @@ class TetMesh:
 
     points: Float[np.ndarray, "points 3"]
     tets: Int[np.ndarray, "tets 4"]
-    region: Int[np.ndarray, "tets"] | None = field(default=None)
+    region: Int[np.ndarray, "tets"]
     region_names: tuple[str, ...] = ("body",)
     material: ElementMaterial | None = None
 
     def __post_init__(self) -> None:
         points = np.ascontiguousarray(self.points, dtype=np.float64)
         tets = np.ascontiguousarray(self.tets, dtype=np.int32)
-        region = np.zeros(len(tets), np.int32) if self.region is None else self.region
-        region = np.ascontiguousarray(region, dtype=np.int32)
+        region = np.ascontiguousarray(self.region, dtype=np.int32)
         _check_arrays(points, tets, region, self.region_names)
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
@@ -91,14 +90,19 @@ class TetMesh:
         object.__setattr__(self, "region_names", tuple(self.region_names))
 
     @classmethod
-    def oriented(cls, points, tets, **fields) -> TetMesh:
-        """Build a mesh from tets of either winding: mirrored ones get two vertices swapped."""
+    def oriented(cls, points, tets, region=None, **fields) -> TetMesh:
+        """Build a mesh from tets of either winding: mirrored ones get two vertices swapped.
+
+        Without ``region`` all tets are in region 0.
+        """
         points = np.asarray(points, dtype=np.float64)
         tets = np.array(tets, dtype=np.int32)
         if tets.ndim == 2 and tets.shape[1:] == (4,) and tets.size and tets.max() < len(points):
             mirrored = signed_volumes(points, tets) < 0
             tets[mirrored] = tets[mirrored][:, [0, 1, 3, 2]]
-        return cls(points, tets, **fields)
+        if region is None:
+            region = np.zeros(len(tets), dtype=np.int32)
+        return cls(points, tets, region, **fields)
 
     @property
     def volumes(self) -> Float[np.ndarray, "tets"]:

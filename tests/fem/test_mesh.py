@@ -62,7 +62,7 @@ def test_invalid_mesh_is_refused_with_a_reason(change, word):
     mesh = box_mesh((1, 1, 1), (1, 1, 1))
     points, tets = change(mesh.points.copy(), mesh.tets.copy())
     with pytest.raises((InputError, TypeError), match=word):
-        TetMesh(points, tets)
+        TetMesh(points, tets, mesh.region[: len(tets)])
 
 
 @given(st.floats(1e3, 1e12), st.floats(0, 0.49))
