@@ -1,0 +1,228 @@
+"""The demo asset: a bonsai in a ceramic pot, grown by this generator, in metres, +Y up."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    import trimesh
+
+# All lengths in metres; y is up and the pot stands on y = 0.
+POT_HALF = (0.110, 0.080)  # half extents of the outline along x and z
+# (inset from the outline, height) once around the wall: outside up, over the lip, inside down.
+POT_WALL = (
+    (0.030, 0.008), (0.024, 0.010), (0.012, 0.034), (0.005, 0.062), (0.006, 0.068),
+    (0.000, 0.070), (-0.001, 0.074), (0.000, 0.078), (0.010, 0.078), (0.011, 0.074),
+    (0.016, 0.050), (0.024, 0.028), (0.034, 0.019),
+)  # fmt: skip
+SOIL_WALL = ((0.032, 0.022), (0.021, 0.034), (0.0145, 0.050), (0.0105, 0.068))
+SOIL_DOME = 0.010  # height of the dome above the soil's edge
+FOOT_AT, FOOT_RADIUS, FOOT_HEIGHT = (0.060, 0.036), 0.011, 0.014
+TRUNK = (
+    (-0.012, 0.058, 0.000), (-0.008, 0.085, 0.000), (0.018, 0.130, 0.006), (0.026, 0.175, -0.004),
+    (0.002, 0.222, -0.010), (-0.020, 0.264, 0.000), (-0.012, 0.310, 0.008), (-0.004, 0.345, 0.004),
+)  # fmt: skip
+TRUNK_RADIUS = (0.0330, 0.0225, 0.0155, 0.0135, 0.0120, 0.0100, 0.0075, 0.0055)
+BRANCHES = (
+    ((0.020, 0.158, 0.000), (0.056, 0.178, 0.014), (0.092, 0.204, 0.010)),
+    ((-0.002, 0.216, -0.008), (-0.044, 0.226, -0.020), (-0.090, 0.252, -0.012)),
+    ((-0.016, 0.270, 0.002), (0.022, 0.278, 0.026), (0.056, 0.296, 0.038)),
+)
+BRANCH_RADIUS = (0.0095, 0.0075, 0.0050)
+
+
+class Pad(NamedTuple):
+    """One cloud of leaves: ``center`` [m] and half extents [m]."""
+
+    center: tuple[float, float, float]
+    half: tuple[float, float, float]
+
+
+PADS = (
+    Pad((0.102, 0.212, 0.010), (0.066, 0.036, 0.056)),
+    Pad((-0.098, 0.260, -0.012), (0.070, 0.038, 0.058)),
+    Pad((0.062, 0.304, 0.040), (0.058, 0.034, 0.050)),
+    Pad((-0.004, 0.352, 0.002), (0.080, 0.050, 0.068)),
+)
+
+
+class Finish(NamedTuple):
+    """How a part looks: its material name, base colour (sRGB) and roughness."""
+
+    material: str
+    color: tuple[int, int, int]
+    roughness: float
+
+
+FINISHES = {
+    "pot": Finish("glazed ceramic", (38, 92, 110), 0.25),
+    "soil": Finish("potting soil", (66, 47, 36), 1.0),
+    "trunk": Finish("juniper wood", (126, 88, 60), 0.85),
+    "foliage": Finish("juniper leaves", (74, 122, 58), 0.9),
+}
+
+
+def bonsai(*, seed: int = 7) -> trimesh.Scene:
+    """Return the bonsai: a scene of closed surfaces [m] named pot, soil, trunk and foliage.
+
+    The parts reach a few millimetres into each other, so that the tet mesh is one piece. ``seed``
+    shapes the bark and the lumps of the leaves.
+    """
+    import trimesh
+
+    rng = np.random.default_rng(seed)
+    parts = {
+        "pot": [_bowl(), *_feet()],
+        "soil": [_soil()],
+        "trunk": [
+            _tube(TRUNK, TRUNK_RADIUS, sides=18, rings=24, rng=rng),
+            *(_tube(path, BRANCH_RADIUS, sides=10, rings=10, rng=rng) for path in BRANCHES),
+        ],
+        "foliage": [_leaves(pad, rng) for pad in PADS],
+    }
+    scene = trimesh.Scene()
+    for name, surfaces in parts.items():
+        part = _merged(surfaces)
+        part.visual = _look(FINISHES[name])
+        scene.add_geometry(part, node_name=name, geom_name=name)
+    return scene
+
+
+def write_bonsai(path: str | os.PathLike[str], *, seed: int = 7) -> Path:
+    """Write the bonsai as binary glTF (metres, +Y up) and return the path."""
+    from trimesh.exchange.gltf import export_glb
+
+    path = Path(path)
+    data = export_glb(bonsai(seed=seed))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    partial.write_bytes(data)
+    partial.replace(path)
+    return path
+
+
+def _merged(surfaces: Iterable[trimesh.Trimesh]):
+    """One mesh of several closed surfaces, which may overlap."""
+    import trimesh
+
+    points, faces = trimesh.util.append_faces(
+        *zip(*((s.vertices, s.faces) for s in surfaces), strict=True)
+    )
+    return trimesh.Trimesh(points, faces, process=False)
+
+
+def _look(finish: Finish):
+    from trimesh.visual.material import PBRMaterial
+    from trimesh.visual.texture import TextureVisuals
+
+    return TextureVisuals(
+        material=PBRMaterial(
+            name=finish.material,
+            baseColorFactor=[*finish.color, 255],
+            roughnessFactor=finish.roughness,
+            metallicFactor=0.0,
+        )
+    )
+
+
+def _outline(inset: float, height: float, *, sides: int = 44) -> Float[np.ndarray, "sides 3"]:
+    """Rounded rectangle (superellipse of degree 4) at ``height``, ``inset`` from the pot's."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    cos, sin = np.cos(angle), np.sin(angle)
+    x = (POT_HALF[0] - inset) * np.sign(cos) * np.sqrt(np.abs(cos))
+    z = (POT_HALF[1] - inset) * np.sign(sin) * np.sqrt(np.abs(sin))
+    return np.stack([x, np.full(sides, height), z], axis=1)
+
+
+def _closed(rings: Float[np.ndarray, "rings sides 3"], first_pole, last_pole):
+    """Closed surface through rings of equally many points, capped by two poles, facing outward."""
+    import trimesh
+
+    count, sides, _ = rings.shape
+    here = np.arange(sides)
+    there = np.roll(here, -1)
+    base = sides * np.arange(count - 1)[:, None]
+    a, b, c, d = (base + i for i in (here, there, there + sides, here + sides))
+    walls = [np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))]
+    bottom, top = count * sides, count * sides + 1
+    last = sides * (count - 1)
+    caps = [
+        np.stack([there, here, np.full(sides, bottom)], axis=1),
+        np.stack([here + last, there + last, np.full(sides, top)], axis=1),
+    ]
+    points = np.vstack([rings.reshape(-1, 3), first_pole, last_pole])
+    surface = trimesh.Trimesh(points, np.vstack(walls + caps), process=False)
+    if surface.volume < 0:
+        surface.invert()
+    return surface
+
+
+def _bowl():
+    """Hollow pot with a lip: the outline swept around the wall's profile."""
+    rings = np.stack([_outline(inset, height) for inset, height in POT_WALL])
+    return _closed(rings, (0, POT_WALL[0][1], 0), (0, POT_WALL[-1][1], 0))
+
+
+def _feet():
+    """Four short posts that reach from the ground into the floor of the pot."""
+    for x, z in ((sx * FOOT_AT[0], sz * FOOT_AT[1]) for sx in (-1, 1) for sz in (-1, 1)):
+        angle = 2 * np.pi * np.arange(12) / 12
+        circle = np.stack([np.cos(angle), np.zeros(12), np.sin(angle)], axis=1)
+        heights, radii = (0.0, FOOT_HEIGHT), (0.8 * FOOT_RADIUS, FOOT_RADIUS)
+        rings = [r * circle + (x, y, z) for y, r in zip(heights, radii, strict=True)]
+        yield _closed(np.stack(rings), (x, 0.0, z), (x, FOOT_HEIGHT, z))
+
+
+def _soil():
+    """Earth that fills the pot, a millimetre or two into its wall, with a slight dome."""
+    top = SOIL_WALL[-1]
+    rings = [_outline(inset, height) for inset, height in SOIL_WALL]
+    center = np.array([0.0, top[1], 0.0])
+    for share in (0.75, 0.5, 0.25):
+        ring = center + share * (_outline(*top) - center)
+        ring[:, 1] += SOIL_DOME * (1 - share**2)
+        rings.append(ring)
+    return _closed(np.stack(rings), (0, SOIL_WALL[0][1], 0), (0, top[1] + SOIL_DOME, 0))
+
+
+def _tube(path, radius, *, sides: int, rings: int, rng: np.random.Generator):
+    """Curved, tapered, slightly gnarled tube through ``path`` with a rounded end."""
+    from scipy.interpolate import CubicSpline
+
+    knots = np.linspace(0, 1, len(path))
+    share = np.linspace(0, 1, rings)
+    curve = CubicSpline(knots, np.asarray(path))
+    center, along = curve(share), curve(share, 1)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.cross(along, (0.0, 0.0, 1.0))
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    other = np.cross(along, side)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    phase = rng.uniform(0, 2 * np.pi, 2)
+    ridges = 1 + 0.07 * np.sin(5 * angle + 9 * share[:, None] + phase[0])
+    knobs = 1 + 0.05 * np.sin(2 * angle - 17 * share[:, None] + phase[1])
+    size = np.interp(share, knots, radius)[:, None] * ridges * knobs
+    spoke = np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * other[:, None]
+    ends = center[0], center[-1] + 0.5 * radius[-1] * along[-1]
+    return _closed(center[:, None] + size[..., None] * spoke, *ends)
+
+
+def _leaves(pad: Pad, rng: np.random.Generator):
+    """Flattened ball with lumps: bumps at random places, fewer and flatter underneath."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    out = np.asarray(ball.vertices)
+    bumps = rng.normal(size=(40, 3))
+    bumps /= np.linalg.norm(bumps, axis=1, keepdims=True)
+    near = np.exp((out @ bumps.T - 1) / 0.05)  # a bump is about 18 degrees wide
+    top = np.clip(1.5 * out[:, 1] + 0.8, 0.25, 1)
+    lumpy = out * (0.84 + 0.26 * top * near.max(axis=1))[:, None]
+    lumpy[:, 1] *= 0.6 + 0.4 * top
+    return trimesh.Trimesh(lumpy * pad.half + np.array(pad.center), ball.faces, process=False)
