@@ -1,0 +1,178 @@
+"""Sparse matrices of 3 x 3 blocks: pattern of a space, assembled stiffness."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from .device import start_warp
+from .loads import TET_POINTS
+from .mesh import TetMesh
+from .space import Space, make_space
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Which node couples with which, in block rows; device arrays of warp.
+
+    ``rows`` (nodes + 1) and ``columns`` (blocks) as in CSR with sorted columns, ``slots``
+    (tets, k * k) the position of every pair of an element's nodes in ``columns``.
+    """
+
+    rows: Any
+    columns: Any
+    slots: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """A mesh, its space, and their arrays on one device."""
+
+    mesh: TetMesh
+    space: Space
+    device: str
+    points: Any
+    elements: Any
+    quadrature: Any
+    pattern: Pattern
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """Square sparse matrix of 3 x 3 blocks [N/m] on a device: CSR of blocks."""
+
+    rows: Any
+    columns: Any
+    values: Any
+
+    @property
+    def nodes(self) -> int:
+        """Number of block rows."""
+        return self.rows.shape[0] - 1
+
+    def multiply(self, x: Any, out: Any) -> None:
+        """Write A x to ``out``, both warp arrays of vec3d (nodes,)."""
+        from . import kernels_linear as k
+
+        arrays = [self.rows, self.columns, self.values, x]
+        start_warp().launch(
+            k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
+        )
+
+    def to_scipy(self) -> Any:
+        """Return the same matrix as ``scipy.sparse.bsr_array``."""
+        from scipy.sparse import bsr_array
+
+        arrays = (self.values.numpy(), self.columns.numpy(), self.rows.numpy())
+        return bsr_array(arrays, shape=(3 * self.nodes, 3 * self.nodes))
+
+
+_CACHE: weakref.WeakKeyDictionary[TetMesh, dict] = weakref.WeakKeyDictionary()
+
+
+def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation:
+    """Space, pattern and device arrays of ``mesh``: made once for each mesh object and order."""
+    known = _CACHE.setdefault(mesh, {})
+    if (order, device) not in known:
+        known[order, device] = _discretise(mesh, order, device)
+    return known[order, device]
+
+
+def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
+    wp = start_warp()
+    space = make_space(mesh, order)
+    pattern = make_pattern(space, device)
+    return Discretisation(
+        mesh,
+        space,
+        device,
+        wp.array(space.nodes, dtype=wp.vec3d, device=device),
+        wp.array(space.elements, dtype=wp.int32, device=device),
+        wp.array(TET_POINTS if order == 2 else TET_POINTS[:1], dtype=wp.vec4d, device=device),
+        pattern,
+    )
+
+
+def make_pattern(space: Space, device: str = "cpu") -> Pattern:
+    """Pattern of the stiffness of ``space``; made on the CPU, then moved to ``device``."""
+    from scipy.sparse import csr_array
+
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    elements, count = space.elements, len(space.nodes)
+    tets, size = elements.shape
+    ones = np.ones(elements.size, dtype=np.int8)
+    owner = csr_array((ones, elements.ravel(), np.arange(tets + 1) * size), shape=(tets, count))
+    owner = owner.tocsc()  # counting sort: the elements around every node
+    start = wp.array(owner.indptr, dtype=wp.int32, device="cpu")
+    incident = wp.array(owner.indices, dtype=wp.int32, device="cpu")
+    nodes = wp.array(elements, dtype=wp.int32, device="cpu")
+    scratch = wp.empty(size * elements.size + count, dtype=wp.int32, device="cpu")
+    lengths = wp.empty(count, dtype=wp.int32, device="cpu")
+    wp.launch(k.sorted_rows, count, inputs=[start, incident, nodes, scratch, lengths], device="cpu")
+    rows = wp.array(np.concatenate([[0], np.cumsum(lengths.numpy())]), dtype=wp.int32, device="cpu")
+    columns = wp.empty(int(rows.numpy()[-1]), dtype=wp.int32, device="cpu")
+    wp.launch(k.copy_rows, count, inputs=[start, size, scratch, rows, columns], device="cpu")
+    slots = wp.empty((tets, size * size), dtype=wp.int32, device="cpu")
+    wp.launch(k.element_slots, tets, inputs=[nodes, rows, columns, slots], device="cpu")
+    return Pattern(rows.to(device), columns.to(device), slots.to(device))
+
+
+def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMatrix:
+    """Stiffness matrix [N/m] of linear elasticity with Lame parameters (tets,) [Pa]."""
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    device, pattern = grid.device, grid.pattern
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
+    moduli = [wp.array(m, dtype=wp.float64, device=device) for m in (lam, mu)]
+    arrays = [grid.points, grid.elements, *moduli]
+    if grid.space.order == 2:
+        arrays.append(grid.quadrature)
+    kernel = k.assemble_p1 if grid.space.order == 1 else k.assemble_p2
+    wp.launch(kernel, len(lam), inputs=[*arrays, pattern.slots], outputs=[values], device=device)
+    return BlockMatrix(pattern.rows, pattern.columns, values)
+
+
+def apply_supports(matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray) -> None:
+    """Add ``springs`` [N/m] (nodes, 3) and drop the ``fixed`` (nodes, 3) rows, in place."""
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    arrays = [matrix.rows, matrix.columns]
+    if springs.any():
+        stiff = wp.array(springs, dtype=wp.vec3d, device=device)
+        wp.launch(
+            k.add_springs, matrix.nodes, inputs=[*arrays, stiff, matrix.values], device=device
+        )
+    free = wp.array(~fixed, dtype=wp.vec3d, device=device)
+    wp.launch(k.fix_rows, matrix.nodes, inputs=[*arrays, free, matrix.values], device=device)
+
+
+@lru_cache(maxsize=8)
+def barycentric_array(device: str, key: bytes) -> Any:
+    """Device array of barycentric points given as float64 bytes (points, 4)."""
+    wp = start_warp()
+    return wp.array(np.frombuffer(key).reshape(-1, 4), dtype=wp.vec4d, device=device)
+
+
+def displacement_gradients(
+    grid: Discretisation, u: np.ndarray, barycentric: np.ndarray
+) -> np.ndarray:
+    """Gradient du_i/dx_j, shape (tets, quadrature, 3, 3), at ``barycentric`` (quadrature, 4)."""
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    tets, device = len(grid.space.elements), grid.device
+    where = barycentric_array(device, np.ascontiguousarray(barycentric, dtype=float).tobytes())
+    out = wp.empty((tets, len(barycentric)), dtype=wp.mat33d, device=device)
+    field = wp.array(u, dtype=wp.vec3d, device=device)
+    arrays = [grid.points, grid.elements, where, field]
+    wp.launch(k.displacement_gradient, tets, inputs=arrays, outputs=[out], device=device)
+    return out.numpy()

@@ -1,0 +1,46 @@
+"""Where the kernels run: warp, started once and silently."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import sys
+from collections.abc import Iterator
+from types import ModuleType
+
+from .errors import InputError
+
+
+@contextlib.contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    """Close the process's stderr for a moment: warp's native start-up writes there unasked."""
+    sys.stderr.flush()
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)
+
+
+@functools.cache
+def start_warp() -> ModuleType:
+    """Return warp, initialised without a word; kernels are compiled once and cached on disk."""
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    with _quiet_stderr():
+        wp.init()
+    return wp
+
+
+def checked_device(device: str) -> str:
+    """Return ``device`` ('cpu', 'cuda' or 'cuda:N') if this machine has it."""
+    wp = start_warp()
+    known = [d.alias for d in wp.get_devices()]
+    if device not in (*known, *(["cuda"] if wp.is_cuda_available() else [])):
+        raise InputError(f"no device {device!r} here: have {known}; use device='cpu'")
+    return device

@@ -1,0 +1,92 @@
+"""Loads on a body as nodal forces: body force, gravity, surface traction, pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .errors import InputError
+from .mesh import TetMesh, signed_volumes
+from .space import EDGES, Space
+
+# Four-point rule of a tet, exact for degree 2: barycentric coordinates of point q are b everywhere
+# but a at corner q.
+_A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
+TET_POINTS = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
+
+
+class Traction(NamedTuple):
+    """Force per area ``value`` (faces, 3) [Pa] on boundary ``faces`` (faces, 3)."""
+
+    faces: np.ndarray
+    value: np.ndarray
+
+
+def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> Traction:
+    """Pressure ``value`` [Pa] on outward ``faces``: the traction -p n."""
+    return Traction(faces, -value * _area_vectors(mesh.points, faces) / _areas(mesh, faces))
+
+
+def _area_vectors(points, faces) -> np.ndarray:
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a) / 2
+
+
+def _areas(mesh, faces) -> np.ndarray:
+    return np.linalg.norm(_area_vectors(mesh.points, faces), axis=1, keepdims=True)
+
+
+def shape_functions(order: int, barycentric: np.ndarray) -> np.ndarray:
+    """Shape functions (..., 4 or 10) of a tet at barycentric coordinates (..., 4)."""
+    lam = np.asarray(barycentric)
+    if order == 1:
+        return lam
+    edge = 4 * lam[..., EDGES[:, 0]] * lam[..., EDGES[:, 1]]
+    return np.concatenate([lam * (2 * lam - 1), edge], axis=-1)
+
+
+def scatter(space: Space, local: Float[np.ndarray, "tets k 3"]) -> Float[np.ndarray, "nodes 3"]:
+    """Sum of element vectors (tets, nodes of an element, 3) at the nodes."""
+    ids, count = space.elements.ravel(), len(space.nodes)
+    flat = local.reshape(-1, 3)
+    return np.stack([np.bincount(ids, flat[:, k], minlength=count) for k in range(3)], axis=1)
+
+
+def body_force(
+    mesh: TetMesh, space: Space, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
+    volumes = signed_volumes(mesh.points, mesh.tets)
+    N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
+    if callable(density):
+        x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
+        f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
+        return scatter(space, np.einsum("t,tqd,qi->tid", volumes / 4, f, N))
+    f = np.broadcast_to(density, (len(mesh.tets), 3)) * volumes[:, None]
+    return scatter(space, f[:, None, :] * N.mean(axis=0)[:, None])
+
+
+def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of a surface traction, constant on every face."""
+    faces = np.asarray(load.faces)
+    total = np.broadcast_to(load.value, faces.shape) * _areas(mesh, faces)
+    if space.order == 2:  # all weight sits at the middles of the edges, a third each
+        faces = _edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
+    force = np.zeros((len(space.nodes), 3))
+    for k in range(3):
+        np.add.at(force, faces[:, k], total / 3)
+    return force
+
+
+def _edge_nodes(space: Space, ends: np.ndarray) -> np.ndarray:
+    count = space.points
+    key = space.edges[:, 0] * count + space.edges[:, 1]  # sorted, by construction
+    ends = np.sort(ends.astype(np.int64), axis=-1)
+    wanted = ends[..., 0] * count + ends[..., 1]
+    index = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+    if (key[index] != wanted).any():
+        raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
+    return count + index

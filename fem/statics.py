@@ -1,0 +1,209 @@
+"""Static linear elasticity: displacement, strain, stress and energy of a body at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .blocks import (
+    BlockMatrix,
+    apply_supports,
+    discretise,
+    displacement_gradients,
+    stiffness,
+)
+from .device import checked_device
+from .errors import ConvergenceError, InputError
+from .loads import Traction, body_force, traction_force
+from .material import ElementMaterial
+from .mesh import TetMesh
+from .pieces import free_pieces
+from .solver import check, solve
+from .space import Space
+from .supports import Supports
+
+# Relative residual of the linear solve: far below any discretisation error, reached in fp64.
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class StaticResult:
+    """A body at rest under its loads.
+
+    Parameters
+    ----------
+    displacement
+        Displacement of the mesh points [m], shape (points, 3).
+    node_displacement
+        Displacement of all nodes of the space [m], shape (nodes, 3); edges follow the points in P2.
+    strain, stress
+        Small-strain tensor [1] and Cauchy stress [Pa], means over every tet, shape (tets, 3, 3).
+    reaction
+        Force of the supports on the body [N], shape (nodes, 3).
+    energy
+        Elastic energy [J].
+    residual, iterations
+        Relative residual of the linear system, and iterations (0: direct).
+    """
+
+    mesh: TetMesh
+    space: Space
+    displacement: Float[np.ndarray, "points 3"]
+    node_displacement: Float[np.ndarray, "nodes 3"]
+    strain: Float[np.ndarray, "tets 3 3"]
+    stress: Float[np.ndarray, "tets 3 3"]
+    reaction: Float[np.ndarray, "nodes 3"]
+    energy: float
+    residual: float
+    iterations: int
+
+    @property
+    def order(self) -> int:
+        """Order of the elements: 1 or 2."""
+        return self.space.order
+
+    @property
+    def von_mises(self) -> Float[np.ndarray, "tets"]:
+        """Von Mises stress [Pa] of every tet."""
+        return von_mises(self.stress)
+
+
+def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+    """Von Mises stress sqrt(3/2 s : s) [Pa] with s the deviator of ``stress`` [Pa]."""
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 3
+    s = stress - mean[..., None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))
+
+
+def hooke(
+    strain: Float[np.ndarray, "tets *q 3 3"], material: ElementMaterial
+) -> Float[np.ndarray, "tets *q 3 3"]:
+    """Stress lam tr(e) I + 2 mu e [Pa] of every tet; ``strain`` (tets, ..., 3, 3)."""
+    lam, mu = (m.reshape(-1, *[1] * (strain.ndim - 1)) for m in material.lame)
+    trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
+    return lam * trace * np.eye(3) + 2 * mu * strain
+
+
+def solve_static(
+    mesh: TetMesh,
+    supports: Supports,
+    *,
+    gravity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    body: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    traction: Traction | Sequence[Traction] = (),
+    forces: np.ndarray | None = None,
+    order: int = 1,
+    device: str = "cpu",
+    tolerance: float = TOLERANCE,
+) -> StaticResult:
+    """Solve div sigma + f = 0 with Hooke's law for the displacement of ``mesh``.
+
+    Parameters
+    ----------
+    mesh
+        Tets with a material.
+    supports
+        Prescribed components and springs, on the points of the mesh or the nodes of the space.
+    gravity
+        Acceleration of gravity [m/s^2], shape (3,).
+    body
+        Body force [N/m^3], shape (3,) or (tets, 3), or a function of positions (n, 3) [m].
+    traction
+        Force per area [Pa] on boundary faces; ``loads.pressure`` makes one of a pressure.
+    forces
+        Nodal forces [N], shape (points, 3) or (nodes, 3).
+    order
+        1: linear tets, 2: quadratic tets.
+    device
+        'cpu' or 'cuda'.
+    tolerance
+        Relative residual at which the solve is done.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no material, or an array has the wrong shape.
+    ConvergenceError
+        If the body is not held, or the tolerance was not reached.
+    """
+    material = material_of(mesh)
+    grid = discretise(mesh, order, checked_device(device))
+    held = supports.on(grid.space)
+    if not (held.fixed.any() or held.springs.any()):
+        raise ConvergenceError("nothing holds the body: fix some points or add springs")
+    load = load_vector(mesh, grid.space, gravity, body, traction, forces)
+    matrix = stiffness(grid, *material.lame)
+    prescribed = np.where(held.fixed, held.values, 0.0)
+    rhs = load - (apply(matrix, prescribed) if prescribed.any() else 0.0)
+    apply_supports(matrix, held.fixed, held.springs)
+    diagonal = matrix.to_scipy().diagonal().reshape(-1, 3)
+    rhs[held.fixed] = (diagonal * prescribed)[held.fixed]
+    solution = solve(matrix, rhs)
+    if solution.suspect:
+        _check_held(mesh, held)
+    check(matrix.to_scipy(), solution, rhs.reshape(-1), tolerance)
+    return _result(grid, material, solution, load, held)
+
+
+def _check_held(mesh: TetMesh, held: Supports) -> None:
+    points = len(mesh.points)
+    free = free_pieces(mesh, (held.fixed | (held.springs > 0))[:points].astype(float))
+    if free.size:
+        raise ConvergenceError(
+            f"{free.size} piece(s) of the body can move freely (the first is piece {free[0]}): "
+            "hold three points that span a plane, or tie the pieces together"
+        )
+
+
+def _result(grid, material, solution, load, held) -> StaticResult:
+    mesh, u = grid.mesh, solution.x
+    centre = np.full((1, 4), 0.25)  # P2 strain is linear: its mean is its value at the centroid
+    H = displacement_gradients(grid, u, centre)[:, 0]
+    strain = (H + H.transpose(0, 2, 1)) / 2
+    internal = apply(stiffness(grid, *material.lame), u)
+    return StaticResult(
+        mesh,
+        grid.space,
+        u[: grid.space.points],
+        u,
+        strain,
+        hooke(strain, material),
+        np.where(held.fixed, internal - load, 0.0) - held.springs * u,
+        float((u * internal).sum() / 2),
+        solution.residual,
+        solution.iterations,
+    )
+
+
+def apply(matrix: BlockMatrix, x: np.ndarray) -> np.ndarray:
+    """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
+    return (matrix.to_scipy() @ x.reshape(-1)).reshape(-1, 3)
+
+
+def material_of(mesh: TetMesh) -> ElementMaterial:
+    """Material of ``mesh``, which must have one."""
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    return mesh.material
+
+
+def load_vector(mesh, space, gravity, body, traction, forces) -> np.ndarray:
+    """Nodal forces [N] (nodes, 3) of all loads together; arguments as in ``solve_static``."""
+    density = material_of(mesh).rho[:, None] * np.asarray(gravity, dtype=float)
+    total = np.zeros((len(space.nodes), 3))
+    if np.any(gravity):
+        total += body_force(mesh, space, density)
+    if body is not None:
+        total += body_force(mesh, space, body)
+    for load in [traction] if isinstance(traction, Traction) else traction:
+        total += traction_force(mesh, space, load)
+    if forces is not None:
+        if len(forces) not in (space.points, len(space.nodes)):
+            raise InputError(f"forces of shape {forces.shape}: wanted ({space.points}, 3)")
+        total[: len(forces)] += forces
+    if not np.isfinite(total).all():
+        raise InputError("a load is not finite: wanted numbers in SI units")
+    return total

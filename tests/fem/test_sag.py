@@ -1,0 +1,86 @@
+"""The sag scenario: supports found from the geometry, loose pieces held and said."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.scenarios import sag
+
+from .bodies import shaken_box
+
+
+def _join(*meshes):
+    """One mesh of several, no points shared."""
+    starts = np.cumsum([0, *[len(m.points) for m in meshes]])
+    points = np.concatenate([m.points for m in meshes])
+    tets = np.concatenate([m.tets + s for m, s in zip(meshes, starts, strict=False)])
+    material = ElementMaterial.uniform(len(tets), E=1e6, nu=0.3, rho=1000)
+    return TetMesh.oriented(points, tets, material=material)
+
+
+def test_column_shortens_under_its_weight():
+    """A standing bar with nu = 0: top sinks rho g l^2 / 2E; the sag ratio is that over l."""
+    mesh = shaken_box((0.1, 0.1, 1.0), (1, 1, 20), E=1e6, nu=0.0, rho=1000, amount=0)
+    result = sag(mesh, up="z", order=2)
+    assert result.sag_ratio == pytest.approx(1000 * 9.81 / 2e6, rel=1e-6)
+    assert result.height == 1.0
+    assert not result.warnings
+    assert result.von_mises.max() == pytest.approx(1000 * 9.81 * 0.975, rel=0.03)
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_up_axis(up):
+    """The same column lying along another axis gives the same answer."""
+    axis = "xyz".index(up)
+    size, cells = [0.1] * 3, [1] * 3
+    size[axis], cells[axis] = 1.0, 20
+    mesh = shaken_box(tuple(size), tuple(cells), E=1e6, nu=0.0, rho=1000, amount=0)
+    assert sag(mesh, up=up, order=2).sag_ratio == pytest.approx(1000 * 9.81 / 2e6, rel=1e-6)
+
+
+def test_three_point_rest_carries_the_weight():
+    """The reactions of a three-point rest are vertical and sum to m g."""
+    mesh = shaken_box((1, 1, 0.5), (4, 4, 2), E=1e6, rho=1000)
+    result = sag(mesh, supports="three-point", order=2)
+    assert result.supported.sum() == 3
+    assert result.static.reaction.sum(axis=0) == pytest.approx([0, 0, mesh.mass * 9.81], abs=1e-5)
+    assert np.abs(result.static.reaction[:, :2]).max() < 1e-5
+
+
+def test_loose_pieces_are_held_and_said():
+    """A box floating above another one neither flies away nor goes unmentioned."""
+    low, high = box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((1, 1, 1), (3, 3, 3), lo=(0, 0, 3))
+    alone = sag(_join(low)).max_displacement
+    result = sag(_join(low, high))
+    assert len(result.warnings) == 1
+    assert "50.0% of the volume" in result.warnings[0]
+    assert result.max_displacement < 2 * alone
+
+
+def test_hinge_is_held_and_said():
+    """Two boxes that share one corner only: the upper one could swing, so it is held."""
+    mesh = _join(box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((1, 1, 1), (2, 2, 2), lo=(1, 1, 1)))
+    corner = np.flatnonzero((mesh.points == 1).all(axis=1))
+    tets = mesh.tets.copy()
+    tets[tets == corner[1]] = corner[0]
+    hinged = TetMesh(mesh.points, tets, mesh.region, material=mesh.material)
+    result = sag(hinged)
+    assert len(result.warnings) == 1
+    assert result.sag_ratio < 0.1
+
+
+def test_one_tet():
+    """A single tet standing on a face only shortens; it solves and stays finite."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    material = ElementMaterial.uniform(1, E=1e6, nu=0.3, rho=1000)
+    result = sag(TetMesh.oriented(points, [[0, 1, 2, 3]], material=material))
+    assert 0 < result.sag_ratio < 0.01
+
+
+def test_tet_on_its_corner():
+    """Standing on one corner the support grows until it holds the body."""
+    points = np.array([[0, 0, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1.2]])
+    material = ElementMaterial.uniform(1, E=1e6, nu=0.3, rho=1000)
+    result = sag(TetMesh.oriented(points, [[0, 1, 2, 3]], material=material))
+    assert np.isfinite(result.max_displacement)
