@@ -1,0 +1,114 @@
+// What can be shown on the mesh: label, unit, colours, and the scale under the view.
+
+const VIRIDIS = ["#472d7b", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+const CIVIDIS = ["#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
+const MAKO = ["#35264c", "#403a75", "#3d5296", "#366da0", "#3487a6", "#35a1ab", "#43bbad", "#6cd3ad", "#ade3c0", "#def5e5"];
+const PLASMA = ["#46039f", "#7201a8", "#9c179e", "#bd3786", "#d8576b", "#ed7953", "#fb9f3a", "#fdca26", "#f0f921"];
+const INFERNO = ["#420a68", "#6a176e", "#932667", "#bc3754", "#dd513a", "#f37819", "#fca50a", "#f6d746", "#fcffa4"];
+const PARTS = ["#5b8db8", "#d19a55", "#6fa86a", "#b7656c", "#8d7fb5", "#5fb0ac", "#c2a847", "#a0785f", "#8a9099", "#d08fb4"];
+
+// `log`: decades on the scale; `shared`: several cases share one scale, so that they can be compared.
+const MAPS = {
+  part: { label: "Part" },
+  E: { label: "E", long: "Young's modulus E", unit: "Pa", log: true, colors: VIRIDIS },
+  nu: { label: "ν", long: "Poisson's ratio ν", unit: "", colors: CIVIDIS },
+  rho: { label: "ρ", long: "Density ρ", unit: "kg/m³", log: true, plain: true, colors: MAKO },
+  moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PLASMA, onPoints: true },
+  von_mises: { label: "Stress", long: "Von Mises stress at rest under load", unit: "Pa", log: true, colors: INFERNO },
+};
+const STRESS_DECADES = 4; // stresses further below the largest look alike: nobody reads them
+
+const MOST_PART_COLORS = 64; // plotly samples a colour map at 256 places; then colours repeat
+
+function partColor(part) {
+  const index = part % MOST_PART_COLORS;
+  if (index < PARTS.length) return PARTS[index];
+  return `hsl(${(index * 137.508) % 360}, 38%, 56%)`; // golden angle: neighbours differ
+}
+
+function rounded(value, digits = 3) {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  return size >= 1e-3 && size < 1e6 ? String(Number(value.toPrecision(digits))) : value.toExponential(digits - 1);
+}
+
+// Value with an SI prefix; densities and numbers without a unit stay plain.
+function words(value, map, digits = 3) {
+  if (!map.unit || map.plain || value === 0) return `${rounded(value, digits)} ${map.unit}`.trim();
+  const power = Math.min(9, Math.max(-9, 3 * Math.floor(Math.log10(Math.abs(value) * (1 + 1e-9)) / 3)));
+  const prefix = { 9: "G", 6: "M", 3: "k", 0: "", "-3": "m", "-6": "µ", "-9": "n" }[power];
+  return `${rounded(value / 10 ** power, digits)} ${prefix}${map.unit}`;
+}
+
+class Scale {
+  constructor(map, lo, hi) {
+    this.map = map;
+    if (map === MAPS.von_mises) lo = Math.max(lo, hi / 10 ** STRESS_DECADES);
+    if (map.log && !(lo > 0)) lo = hi > 0 ? hi / 10 ** STRESS_DECADES : 1;
+    if (map.log && !(hi > 0)) hi = 10 * lo;
+    this.single = hi - lo <= 1e-6 * Math.abs(hi);
+    if (this.single) [lo, hi] = map.log ? [lo / 2, hi * 2] : [lo - (Math.abs(lo) || 1) / 2, hi + (Math.abs(hi) || 1) / 2];
+    this.log = Boolean(map.log) && hi / lo > 3;
+    [this.lo, this.hi] = [lo, hi];
+  }
+  share(value) {
+    const x = this.log
+      ? Math.log(Math.max(value, this.lo) / this.lo) / Math.log(this.hi / this.lo)
+      : (value - this.lo) / (this.hi - this.lo);
+    return Math.min(1, Math.max(0, x));
+  }
+  get colorscale() {
+    const last = this.map.colors.length - 1;
+    return this.map.colors.map((color, i) => [i / last, color]);
+  }
+  ticks() {
+    if (this.single) return [this.log ? Math.sqrt(this.lo * this.hi) : this.map.log ? this.lo * 2 : (this.lo + this.hi) / 2];
+    return this.log ? this.decades() : this.steps();
+  }
+  decades() {
+    const from = Math.ceil(Math.log10(this.lo) - 1e-9), to = Math.floor(Math.log10(this.hi) + 1e-9);
+    const stride = Math.max(1, Math.ceil((to - from) / 6));
+    const ticks = [];
+    for (let p = from; p <= to; p += stride) ticks.push(10 ** p);
+    const middle = ticks.filter((t) => this.share(t) > 0.12 && this.share(t) < 0.88);
+    return [this.lo, ...middle, this.hi];
+  }
+  steps() {
+    return [0, 0.25, 0.5, 0.75, 1].map((s) => this.lo + s * (this.hi - this.lo));
+  }
+}
+
+function element(tag, attributes = {}, ...children) {
+  const node = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key in node) node[key] = value;
+    else node.setAttribute(key, value);
+  }
+  node.append(...children); // strings become text, never markup
+  return node;
+}
+
+function drawScale(place, scale) {
+  const bar = element("div", { className: "bar" });
+  bar.style.background = `linear-gradient(90deg, ${scale.map.colors.join(", ")})`;
+  const ticks = element("div", { className: "ticks" });
+  for (const value of scale.ticks()) {
+    const share = scale.share(value);
+    const tick = element("span", {}, words(value, scale.map));
+    tick.className = share < 0.02 ? "start" : share > 0.98 ? "end" : "";
+    tick.style.left = `${100 * share}%`;
+    ticks.append(tick);
+  }
+  const name = scale.map.long + (scale.log ? ", logarithmic" : "");
+  place.replaceChildren(element("p", { className: "scale-name" }, name), bar, ticks);
+}
+
+function drawChips(place, names) {
+  const chips = element("div", { className: "chips" });
+  names.forEach((name, index) => {
+    const swatch = element("i");
+    swatch.style.background = partColor(index);
+    chips.append(element("span", {}, swatch, name));
+  });
+  place.replaceChildren(chips);
+}

@@ -1,0 +1,131 @@
+// One 3D view: a case drawn in the common state {map, shape, cut, factor, frame}.
+
+// Axis order that puts the asset's up axis last, a rotation (no mirror): plotly turns about z.
+const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
+// Plotly takes faces below an absolute size as flat: everything is drawn this many units long.
+const DRAWN_SIZE = 100;
+const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
+const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
+const EYE_DISTANCE = 1.42; // for a diagonal of 1.5: the shape fills the height of the view
+
+class View {
+  constructor(index, packed, tets, up) {
+    this.node = document.getElementById(`plot${index}`);
+    this.readout = document.getElementById(`readout${index}`);
+    this.tets = tets;
+    this.order = ORDER[up];
+    this.values = {};
+    for (const name of ["E", "nu", "rho", "von_mises"]) {
+      if (packed[name]) this.values[name] = unpack(packed[name], Float32Array);
+    }
+    this.frames = {};
+    for (const shape of ["displacement", "motion"]) {
+      if (packed[shape]) this.frames[shape] = new Frames(packed[shape], tets.pointCount);
+    }
+    this.times = packed.times || [];
+    this.zoom = DRAWN_SIZE / Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
+  }
+  // Displacement [m] of all points in this state, or null at rest.
+  displacement(state) {
+    const frames = this.frames[state.shape];
+    if (!frames) return null;
+    return frames.at(state.shape === "motion" ? Math.min(state.frame, frames.count - 1) : 0);
+  }
+  // [smallest, largest] of what the map shows, over all frames for displacements.
+  extent(name) {
+    if (name === "moved") {
+      return [0, Math.max(0, ...Object.values(this.frames).map((f) => f.largest()))];
+    }
+    const values = this.values[name];
+    if (!values) return [Infinity, -Infinity];
+    return [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
+  }
+  // Room [m] that the shape takes at rest and at the largest exaggeration.
+  room(factor) {
+    const lo = [...this.tets.lo], hi = [...this.tets.hi];
+    for (const frames of Object.values(this.frames)) {
+      const [down, up] = frames.bounds();
+      for (let axis = 0; axis < 3; axis += 1) {
+        lo[axis] = Math.min(lo[axis], this.tets.lo[axis] + factor * down[axis]);
+        hi[axis] = Math.max(hi[axis], this.tets.hi[axis] + factor * up[axis]);
+      }
+    }
+    return [lo, hi];
+  }
+  trace(state, scale) {
+    this.faces = this.tets.boundary(this.tets.kept(state.cut));
+    this.moved = this.displacement(state);
+    const { a, b, c } = this.faces;
+    const [x, y, z] = this.order.map((axis) => this.coordinates(axis, state.factor));
+    const paint = scale ? this.paint(state.map, scale) : this.paintParts();
+    return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: Boolean(state.cut),
+      lighting: LIGHT, lightposition: { x: 1400, y: 400, z: 1500 }, showscale: false, ...paint };
+  }
+  coordinates(axis, factor) {
+    const out = new Float32Array(this.tets.pointCount);
+    for (let p = 0; p < out.length; p += 1) {
+      const moved = this.moved ? factor * this.moved[3 * p + axis] : 0;
+      out[p] = this.zoom * (this.tets.points[3 * p + axis] + moved);
+    }
+    return out;
+  }
+  length(point) {
+    return this.moved ? Math.hypot(...this.moved.subarray(3 * point, 3 * point + 3)) : 0;
+  }
+  paint(name, scale) {
+    const shade = { colorscale: scale.colorscale, cmin: 0, cmax: 1 };
+    if (name === "moved") {
+      const intensity = Float32Array.from({ length: this.tets.pointCount }, (_, p) => scale.share(this.length(p)));
+      return { ...shade, intensity, intensitymode: "vertex" };
+    }
+    const intensity = this.faces.owner.map((tet) => scale.share(this.values[name][tet]));
+    return { ...shade, intensity, intensitymode: "cell" };
+  }
+  // Bands of one colour each, not `facecolor`: plotly would tint that with the map shown before.
+  paintParts() {
+    const count = Math.min(this.tets.names.length, MOST_PART_COLORS);
+    const colorscale = Array.from({ length: count }, (_, i) => [0, 1].map((end) => [(i + end) / count, partColor(i)])).flat();
+    const intensity = this.faces.owner.map((tet) => ((this.tets.region[tet] % count) + 0.5) / count);
+    return { colorscale, cmin: 0, cmax: 1, intensity, intensitymode: "cell" };
+  }
+  layout(room) {
+    const range = this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
+    const axis = (i) => ({ visible: false, range: range[i] });
+    const size = range.map(([lo, hi]) => hi - lo || 1e-9);
+    const most = Math.hypot(...size) / 1.5;
+    return {
+      margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", hovermode: "closest",
+      scene: {
+        xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), dragmode: "turntable",
+        aspectmode: "manual", aspectratio: { x: size[0] / most, y: size[1] / most, z: size[2] / most },
+        camera: this.camera || { eye: this.firstEye(), center: { x: 0, y: 0, z: -0.02 } },
+      },
+    };
+  }
+  firstEye() {
+    const away = EYE_DISTANCE / Math.min(1, this.node.clientWidth / this.node.clientHeight || 1);
+    const [x, y, z] = EYE.map((part) => away * part);
+    return { x, y, z };
+  }
+  async draw(state, scale, room) {
+    const config = { displayModeBar: false, responsive: true, scrollZoom: true };
+    await Plotly.react(this.node, [this.trace(state, scale)], this.layout(room), config);
+  }
+  async turn(camera) {
+    this.camera = camera;
+    await Plotly.relayout(this.node, { "scene.camera": camera });
+  }
+  // What is under the pointer, in words.
+  describe(point) {
+    const { a, b, c, owner } = this.faces;
+    const face = owner.findIndex((_, f) => a[f] === point || b[f] === point || c[f] === point);
+    if (face < 0) return "";
+    const tet = owner[face];
+    const said = [this.tets.names[this.tets.region[tet]]];
+    for (const [name, values] of Object.entries(this.values)) {
+      said.push(`${name === "von_mises" ? "stress" : MAPS[name].label} ${words(values[tet], MAPS[name])}`);
+    }
+    if (this.moved) said.push(`moved ${words(this.length(point), MAPS.moved)}`);
+    return said.join("  ·  ");
+  }
+}
