@@ -30,3 +30,27 @@ os.environ.setdefault("WARP_CACHE_PATH", str(ROOT / ".cache" / "warp"))
 @pytest.fixture(scope="session")
 def root() -> Path:
     return ROOT
+
+
+GROUPS = ("real", "browser", "external")
+_ran: dict[str, int] = dict.fromkeys(GROUPS, 0)
+_skipped: list[str] = []
+
+
+def pytest_runtest_logreport(report):
+    """Count the tests of every group that ran, and the skipped ones."""
+    if report.skipped:
+        _skipped.append(report.nodeid)
+    elif report.when == "call" and report.passed:
+        for group in GROUPS:
+            _ran[group] += group in report.keywords
+
+
+def pytest_sessionfinish(session):
+    """Under AUTOPHYX_REQUIRE_ALL a skipped test or an empty group is a failure."""
+    if not os.environ.get("AUTOPHYX_REQUIRE_ALL") or hasattr(session.config, "workerinput"):
+        return
+    empty = [group for group in GROUPS if not _ran[group]]
+    if _skipped or empty:
+        sys.stderr.write(f"\nskipped: {_skipped}\ngroups that ran no test: {empty}\n")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -1,0 +1,66 @@
+"""What a person sees in the terminal: tables and sentences instead of JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"} | {
+    "mass": "mass [kg]",
+    "why": "because",
+}
+MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
+_FORMATS = {"E": ".3g", "nu": ".3g", "rho": ".4g", "mass": ".3g"}
+
+
+def show(document: Mapping[str, Any]) -> None:
+    """Print a result's document: parts or materials as a table, then the totals and the files."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if document.get("parts"):
+        console.print(_table(document["parts"], PARTS))
+    if "materials" in document:
+        console.print(_table(document["materials"], MATERIALS))
+        console.print(f"{len(document['materials'])} materials; --json adds sources and aliases")
+    for line in _totals(document):
+        console.print(line)
+    for path in document.get("files", ()):
+        console.print("wrote", str(path), markup=False, soft_wrap=True)
+    for warning in document.get("warnings", ()):
+        Console(stderr=True, highlight=False).print(
+            "warning:", warning, markup=False, style="yellow", soft_wrap=True
+        )
+
+
+def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]):
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for key, title in columns.items():
+        table.add_column(title, justify="right" if key in _FORMATS else "left")
+    for row in rows:
+        table.add_row(*(escape(_cell(key, row[key])) for key in columns))
+    return table
+
+
+def _cell(key: str, value: Any) -> str:
+    if key not in _FORMATS:
+        return str(value)
+    numbers = value if isinstance(value, tuple) else (value,)
+    return " – ".join(dict.fromkeys(format(float(number), _FORMATS[key]) for number in numbers))
+
+
+def _totals(document: Mapping[str, Any]) -> Iterator[str]:
+    if "tets" in document:
+        mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
+        yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
+    if document.get("sag"):
+        sag = document["sag"]
+        yield from (f"{verdict['sentence']}" for verdict in sag["verdicts"])
+        yield (
+            f"largest displacement {sag['max_displacement']:.3g} m "
+            f"({100 * sag['sag_ratio']:.2g} % of its height), "
+            f"largest von Mises stress {sag['max_von_mises']:.3g} Pa"
+        )
