@@ -2,6 +2,7 @@
 
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const SHARE_SHOWN = 0.15; // the largest exaggerated displacement, as a share of the diagonal
+const MOST_IS_TRUE = 1.05; // motions this large need no exaggeration: the slider only weakens them
 const FRAME_PAUSE = 40; // milliseconds between drawn frames: plotly's own limit is about 25 a second
 
 class Report {
@@ -14,7 +15,8 @@ class Report {
     const diagonal = Math.max(...this.views.map(({ tets }) => Math.hypot(...tets.hi.map((h, i) => h - tets.lo[i]))));
     this.most = this.largest > 0 ? Math.max(1, (SHARE_SHOWN * diagonal) / this.largest) : 1;
     this.room = this.commonRoom();
-    this.state = { map: "E", shape: this.shapes().at(-1)[0], cut: null, frame: 0, factor: this.factorAt(70) };
+    this.position = this.most <= MOST_IS_TRUE ? 100 : 70; // of the exaggeration's slider
+    this.state = { map: "E", shape: this.shapes().at(-1)[0], cut: null, frame: 0, factor: this.factorAt(this.position) };
     this.cut = { axis: 0, share: 0.5, flip: false };
     this.playing = 0;
   }
@@ -29,7 +31,7 @@ class Report {
   }
   // Exaggeration at a slider position 0..100: nothing at 0, then true scale to the most, in ratios.
   factorAt(position) {
-    if (this.most <= 1.05) return position / 100;
+    if (this.most <= MOST_IS_TRUE) return position / 100;
     return position < 1 ? 0 : this.most ** ((position - 1) / 99);
   }
   maps() {
@@ -83,7 +85,10 @@ class Report {
       };
       view.node.on("plotly_relayout", follow);
       view.node.on("plotly_relayouting", follow);
-      view.node.on("plotly_hover", (event) => { view.readout.textContent = view.describe(event.points[0].pointNumber); });
+      view.node.on("plotly_hover", (event) => {
+        const onPoints = Boolean(MAPS[this.state.map].onPoints);
+        view.readout.textContent = view.describe(event.points[0].pointNumber, onPoints);
+      });
       view.node.on("plotly_unhover", () => { view.readout.textContent = ""; });
     }
   }
@@ -135,7 +140,7 @@ function build(report) {
   const flip = element("button", { type: "button" }, "Other side");
   flip.addEventListener("click", () => report.setCut({ flip: !report.cut.flip }));
   cut.row.append(flip);
-  const factor = slider("factor", "Exaggeration", { min: 0, max: 100, step: 1, value: 70 }, (position) => {
+  const factor = slider("factor", "Exaggeration", { min: 0, max: 100, step: 1, value: report.position }, (position) => {
     report.update({ factor: report.factorAt(position) });
     return `× ${rounded(report.state.factor)}`;
   });

@@ -14,7 +14,7 @@ const MAPS = {
   nu: { label: "ν", long: "Poisson's ratio ν", unit: "", colors: CIVIDIS },
   rho: { label: "ρ", long: "Density ρ", unit: "kg/m³", log: true, plain: true, colors: MAKO },
   moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PLASMA, onPoints: true },
-  von_mises: { label: "Stress", long: "Von Mises stress at rest under load", unit: "Pa", log: true, colors: INFERNO },
+  von_mises: { label: "Stress", long: "Von Mises stress under load", unit: "Pa", log: true, colors: INFERNO },
 };
 const STRESS_DECADES = 4; // stresses further below the largest look alike: nobody reads them
 
@@ -65,16 +65,23 @@ class Scale {
     if (this.single) return [this.log ? Math.sqrt(this.lo * this.hi) : this.map.log ? this.lo * 2 : (this.lo + this.hi) / 2];
     return this.log ? this.decades() : this.steps();
   }
+  // Round values between the two ends, none so close to them that the words would touch.
+  withEnds(ticks) {
+    return [this.lo, ...ticks.filter((t) => this.share(t) > 0.09 && this.share(t) < 0.91), this.hi];
+  }
   decades() {
     const from = Math.ceil(Math.log10(this.lo) - 1e-9), to = Math.floor(Math.log10(this.hi) + 1e-9);
     const stride = Math.max(1, Math.ceil((to - from) / 6));
     const ticks = [];
     for (let p = from; p <= to; p += stride) ticks.push(10 ** p);
-    const middle = ticks.filter((t) => this.share(t) > 0.12 && this.share(t) < 0.88);
-    return [this.lo, ...middle, this.hi];
+    return this.withEnds(ticks);
   }
   steps() {
-    return [0, 0.25, 0.5, 0.75, 1].map((s) => this.lo + s * (this.hi - this.lo));
+    const rough = (this.hi - this.lo) / 4, power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough);
+    const ticks = [];
+    for (let t = Math.ceil(this.lo / step) * step; t < this.hi; t += step) ticks.push(t);
+    return this.withEnds(ticks);
   }
 }
 

@@ -92,20 +92,26 @@ class View {
     const range = this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
     const axis = (i) => ({ visible: false, range: range[i] });
     const size = range.map(([lo, hi]) => hi - lo || 1e-9);
-    const most = Math.hypot(...size) / 1.5;
+    const most = (this.zoom * Math.hypot(...this.tets.hi.map((h, i) => h - this.tets.lo[i]))) / 1.5;
     return {
       margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", hovermode: "closest",
       scene: {
         xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), dragmode: "turntable",
         aspectmode: "manual", aspectratio: { x: size[0] / most, y: size[1] / most, z: size[2] / most },
-        camera: this.camera || { eye: this.firstEye(), center: { x: 0, y: 0, z: -0.02 } },
+        camera: this.camera || this.firstCamera(range, most),
       },
     };
   }
-  firstEye() {
+  // Looks at the middle of the shape at rest, from further away where the view is narrow.
+  firstCamera(range, most) {
     const away = EYE_DISTANCE / Math.min(1, this.node.clientWidth / this.node.clientHeight || 1);
-    const [x, y, z] = EYE.map((part) => away * part);
-    return { x, y, z };
+    const middle = this.order.map((axis, i) => {
+      const rest = (this.zoom * (this.tets.lo[axis] + this.tets.hi[axis])) / 2;
+      return (rest - (range[i][0] + range[i][1]) / 2) / most;
+    });
+    const eye = EYE.map((part, i) => middle[i] + away * part);
+    const named = ([x, y, z]) => ({ x, y, z });
+    return { center: named(middle), eye: named(eye), up: { x: 0, y: 0, z: 1 } };
   }
   async draw(state, scale, room) {
     const config = { displayModeBar: false, responsive: true, scrollZoom: true };
@@ -115,17 +121,20 @@ class View {
     this.camera = camera;
     await Plotly.relayout(this.node, { "scene.camera": camera });
   }
-  // What is under the pointer, in words.
-  describe(point) {
+  // What is under the pointer, in words. Plotly names a face, or a point where points are coloured.
+  describe(index, onPoints) {
     const { a, b, c, owner } = this.faces;
-    const face = owner.findIndex((_, f) => a[f] === point || b[f] === point || c[f] === point);
-    if (face < 0) return "";
+    const touches = (_, f) => a[f] === index || b[f] === index || c[f] === index;
+    const face = onPoints ? owner.findIndex(touches) : index;
     const tet = owner[face];
+    if (tet === undefined) return "";
     const said = [this.tets.names[this.tets.region[tet]]];
     for (const [name, values] of Object.entries(this.values)) {
       said.push(`${name === "von_mises" ? "stress" : MAPS[name].label} ${words(values[tet], MAPS[name])}`);
     }
-    if (this.moved) said.push(`moved ${words(this.length(point), MAPS.moved)}`);
+    const corners = onPoints ? [index] : [a[face], b[face], c[face]];
+    const moved = corners.reduce((sum, point) => sum + this.length(point), 0) / corners.length;
+    if (this.moved) said.push(`moved ${words(moved, MAPS.moved)}`);
     return said.join("  ·  ");
   }
 }

@@ -1,0 +1,247 @@
+"""The report in a real browser: it draws, obeys its controls, and keeps to itself."""
+
+import io
+import itertools
+import shutil
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.mesh import boundary_faces
+from autophyx_tet.toolkit.report import write_report
+from PIL import Image
+
+from .test_report import HOSTILE, case, content
+
+pytestmark = pytest.mark.browser
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+NAMES = ("foot", "leg", "seat")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    playwright = pytest.importorskip("playwright.sync_api")
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("no Chromium on this machine")
+    with playwright.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=program, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+class Visit:
+    """A page opened from a file, with everything it says, asks for or pops up."""
+
+    def __init__(self, chromium, path, *, ready="body[data-ready]", script=None, **options):
+        self.page = chromium.new_page(**options)
+        self.page.set_default_timeout(15_000)
+        self.errors, self.requests, self.dialogs = [], [], []
+        self.page.on("console", lambda m: m.type == "error" and self.errors.append(m.text))
+        self.page.on("pageerror", lambda e: self.errors.append(str(e)))
+        self.page.on("dialog", lambda d: (self.dialogs.append(d.message), d.dismiss()))
+        self.page.on("request", lambda r: self.requests.append(r.url))
+        self.page.context.set_offline(True)
+        if script:
+            self.page.add_init_script(script)
+        self.page.goto(path.as_uri())
+        self.page.wait_for_selector(ready, timeout=60_000)
+        self.home = path.as_uri()
+
+    def picture(self, plot=0):
+        image = Image.open(io.BytesIO(self.page.locator(f"#plot{plot}").screenshot()))
+        return np.asarray(image.convert("RGB")).astype(int)
+
+    def settled(self):
+        self.page.evaluate("report.update()")
+
+    def press(self, key):
+        self.page.keyboard.press(key)
+        self.settled()
+
+    def faces(self):
+        self.settled()
+        return self.page.evaluate("report.views[0].faces.owner.length")
+
+    def close(self):
+        self.page.close()
+        assert self.errors == []
+        assert self.dialogs == []
+        assert [url for url in self.requests if url != self.home and url[:5] != "data:"] == []
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("reports with spaces")
+
+
+@pytest.fixture(scope="module")
+def one(folder):
+    return write_report(folder / "one.html", content(case("oak", names=NAMES)))
+
+
+@pytest.fixture
+def visit(chromium, one):
+    visit = Visit(chromium, one)
+    yield visit
+    visit.close()
+
+
+def test_the_mesh_is_drawn_in_colours(visit):
+    """The middle of the view is coloured in many shades; its edge is the grey ground."""
+    picture = visit.picture()
+    high, wide, _ = picture.shape
+    middle = picture[high // 4 : -high // 4, wide // 4 : -wide // 4].reshape(-1, 3)
+    assert (np.ptp(middle, axis=1) > 40).mean() > 0.1
+    assert (np.ptp(picture[:, 2], axis=1) < 10).all()
+    assert len(np.unique(middle, axis=0)) > 50
+
+
+def test_every_map_has_its_own_picture_and_scale(visit):
+    """Keys 1 to 6 choose the colours; the scale says what is shown, and E is logarithmic."""
+    pictures, scales = [], []
+    for key in "123456":
+        visit.press(key)
+        pictures.append(visit.picture())
+        scales.append(visit.page.locator("#scale").inner_text())
+    assert all(name in scales[0] for name in NAMES)
+    assert "Young's modulus E, logarithmic" in scales[1]
+    assert "10 MPa" in scales[1]
+    assert "kg/m³" in scales[3]
+    assert "mm" in scales[4]
+    assert "Pa" in scales[5]
+    for a, b in itertools.pairwise(pictures):
+        assert np.abs(a - b).sum(axis=2).mean() > 1
+
+
+def test_the_drawn_surface_is_the_boundary_of_the_kept_tets(visit):
+    """For any cut the page finds the faces that the library finds, with the same owners."""
+    mesh = case("oak", names=NAMES).mesh
+    for axis, at, flip in [(0, 0.1, False), (2, 0.17, True), (1, 0.02, False)]:
+        centers = mesh.centroids[:, axis]
+        keep = np.flatnonzero(centers >= at if flip else centers <= at)
+        drawn = visit.page.evaluate(
+            """([axis, at, flip]) => {
+                const tets = report.views[0].tets;
+                return tets.boundary(tets.kept({ axis, at, flip }));
+            }""",
+            [axis, at, flip],
+        )
+        wanted = boundary_faces(mesh.tets[keep])
+        ours = {
+            (*sorted(f), keep[t]) for f, t in zip(wanted.faces.tolist(), wanted.tet, strict=True)
+        }
+        corners = zip(drawn["a"], drawn["b"], drawn["c"], strict=True)
+        theirs = {(*sorted(f), t) for f, t in zip(corners, drawn["owner"], strict=True)}
+        assert theirs == ours
+
+
+def test_the_slider_moves_the_cut(visit):
+    """Choosing an axis cuts the body, the slider's own arrow keys move the cut, `o` heals it."""
+    whole, before = visit.faces(), visit.picture()
+    visit.press("z")
+    half = visit.faces()
+    assert half < whole
+    assert np.abs(visit.picture() - before).sum(axis=2).mean() > 1
+    visit.page.locator("#cut-at").focus()
+    for _ in range(25):
+        visit.page.keyboard.press("ArrowLeft")
+    assert visit.faces() < half
+    assert visit.page.locator("output[for=cut-at]").inner_text() == "100 mm"
+    visit.page.get_by_text("Other side").click()
+    assert half < visit.faces()
+    visit.press("o")
+    assert visit.faces() == whole
+
+
+def test_exaggeration_multiplies_the_displacement(visit):
+    """The drawn shape is points + factor u, in the units of the page; at rest it is the points."""
+    mesh = case("oak", names=NAMES).mesh
+    read = "report.views[0].coordinates(0, {}).map((x) => x / report.views[0].zoom)"
+    visit.settled()
+    drawn = visit.page.evaluate(f"Array.from({read.format(3)})")
+    wanted = mesh.points[:, 0] + 3 * 0.01 * (mesh.points[:, 2] / 0.4) ** 2
+    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
+    visit.page.get_by_label("At rest").check()
+    visit.settled()
+    drawn = visit.page.evaluate(f"Array.from({read.format(3)})")
+    np.testing.assert_allclose(drawn, mesh.points[:, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("map_key", ["2", "5"])  # values per tet, values per point
+def test_the_pointer_reads_the_values(visit, map_key):
+    """From the top of the bar down the readout names seat, leg and foot, with their numbers."""
+    visit.press(map_key)
+    picture = visit.picture()
+    body = np.argwhere(np.ptp(picture, axis=2) > 40)  # the ground is grey
+    box = visit.page.locator("#plot0").bounding_box()
+    said = []
+    for share in (0.03, 0.5, 0.97):
+        y, x = body[int(share * len(body))].tolist()
+        for step in range(3):
+            visit.page.mouse.move(box["x"] + x + step, box["y"] + y)
+            visit.page.wait_for_timeout(80)
+        said.append(visit.page.locator("#readout0").inner_text())
+    assert [line.split()[0] for line in said] == ["seat", "leg", "foot"]
+    assert all("kg/m³" in line and "moved" in line and "stress" in line for line in said)
+
+
+def test_hostile_words_do_nothing(chromium, folder):
+    """No dialog, no foreign element; the words are read as they were written."""
+    wild = content(
+        case(HOSTILE[0], names=HOSTILE), case(HOSTILE[2]), title=HOSTILE[1], warnings=(HOSTILE[2],)
+    )
+    visit = Visit(chromium, write_report(folder / "wild.html", wild))
+    visit.press("1")
+    assert visit.page.locator("h1").inner_text() == HOSTILE[1]
+    assert visit.page.locator("tbody th").first.inner_text() == HOSTILE[0]
+    assert HOSTILE[1] in visit.page.locator("#scale").inner_text()
+    assert visit.page.locator("img").count() == 0
+    assert visit.page.locator("script").count() == 3
+    visit.close()
+
+
+def test_a_script_that_is_not_ours_is_blocked(visit):
+    """The policy of the page stops injected markup, inline handlers and requests."""
+    visit.page.evaluate(
+        """() => {
+            const div = document.createElement("div");
+            div.innerHTML = '<img src="data:," onerror="window.hacked = 1">';
+            document.body.append(div);
+            const script = document.createElement("script");
+            script.textContent = "window.hacked = 2";
+            document.body.append(script);
+        }"""
+    )
+    visit.page.wait_for_timeout(200)
+    assert visit.page.evaluate("window.hacked") is None
+    assert any("Content Security Policy" in error for error in visit.errors)
+    visit.errors.clear()
+
+
+def test_a_phone_needs_no_sideways_scrolling(chromium, one):
+    """At 360 pixels the page is as wide as the screen; only tables scroll, inside their frame."""
+    visit = Visit(chromium, one, viewport={"width": 360, "height": 740}, has_touch=True)
+    assert visit.page.evaluate("document.documentElement.scrollWidth") <= 360
+    assert visit.picture().std() > 10
+    visit.close()
+
+
+@pytest.mark.parametrize(("scheme", "low", "high"), [("dark", 0, 60), ("light", 200, 255)])
+def test_the_page_follows_dark_and_light(chromium, one, scheme, low, high):
+    visit = Visit(chromium, one, color_scheme=scheme)
+    corner = Image.open(io.BytesIO(visit.page.screenshot())).convert("L").getpixel((3, 3))
+    assert low <= corner <= high
+    visit.close()
+
+
+def test_without_webgl_the_numbers_remain(chromium, one):
+    """A browser that cannot draw says so once and shows the tables."""
+    blind = "HTMLCanvasElement.prototype.getContext = () => null"
+    visit = Visit(chromium, one, ready=".notice", script=blind)
+    assert "WebGL" in visit.page.locator("#viewer .notice").last.inner_text()
+    assert visit.page.locator("#materials tbody tr").count() == len(NAMES)
+    visit.close()
