@@ -1,7 +1,8 @@
-"""Voxels with part labels: the shape of an asset or a mesh on a grid, before any material."""
+"""The parts of an asset on a grid: what a predictor is given."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,18 @@ from .grid import Grid
 
 @dataclass(frozen=True, eq=False)
 class PartVoxels:
-    """Part of every cell of a grid: an index into ``part_names``, -1 outside.
+    """Which part of the asset fills each cell of a grid.
 
-    ``labels`` are all the words the asset has for each part (node, group and material names).
+    Parameters
+    ----------
+    grid
+        The grid [m].
+    part
+        Index into ``part_names`` of every cell, -1 outside the object, shape (nx, ny, nz).
+    part_names
+        Unique names of the parts.
+    labels
+        For each part, all words the asset has for it (node, group, material names); () for none.
     """
 
     grid: Grid
@@ -26,15 +36,29 @@ class PartVoxels:
     def __post_init__(self) -> None:
         if self.part.shape != self.grid.shape:
             raise InputError(f"part has shape {self.part.shape}, the grid {self.grid.shape}")
-        if self.part.min() < -1 or self.part.max() >= len(self.part_names):
-            raise InputError(
-                f"part labels {self.part.min()}..{self.part.max()} with "
-                f"{len(self.part_names)} part names: wanted -1 (outside) or an index"
-            )
         if not self.labels:
-            object.__setattr__(self, "labels", tuple((name,) for name in self.part_names))
+            object.__setattr__(self, "labels", ((),) * len(self.part_names))
+        if len(self.labels) != len(self.part_names):
+            raise InputError(f"got labels for {len(self.labels)} of {len(self.part_names)} parts")
+        low, high = int(self.part.min()), int(self.part.max())
+        if low < -1 or not 0 <= high < len(self.part_names):
+            raise InputError(
+                f"part indices must lie in -1 .. {len(self.part_names) - 1} with a cell inside, "
+                f"got {low} .. {high}"
+            )
 
     @property
     def occupied(self) -> Bool[np.ndarray, "nx ny nz"]:
-        """Cells inside some part."""
+        """Cells inside the object."""
         return self.part >= 0
+
+    @property
+    def part_labels(self) -> list[Sequence[str]]:
+        """For each part its name, then its other labels."""
+        return [(name, *labels) for name, labels in zip(self.part_names, self.labels, strict=True)]
+
+    @property
+    def volumes(self) -> list[float]:
+        """Volume [m^3] of the cells of each part."""
+        counts = np.bincount(self.part[self.occupied], minlength=len(self.part_names))
+        return (counts * self.grid.h**3).tolist()
