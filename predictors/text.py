@@ -149,7 +149,8 @@ def _scan(tokens: list[_Token]) -> list[_Draft]:
         ahead = tokens[at + 1 :]
         if token.word == "but" and "not" in draft.words and not draft.material:
             continue  # "not steel but oak"
-        if token.role in ("break", "joint"):
+        inside = token.word == "in" and ahead[:1] and ahead[0].role == "start"
+        if token.role in ("break", "joint") or inside:  # "a tree in a ceramic pot"
             drafts.append(_Draft(joint="." if token.role == "break" else token.word))
             continue
         if token.role == "not":

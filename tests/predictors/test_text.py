@@ -47,6 +47,7 @@ def test_all_these_say_oak_legs_and_a_foam_seat(text):
         ("legs, back and seat are oak", [("oak", "leg"), ("oak", "back"), ("oak", "seat")]),
         ("oak for the legs", [("oak", "leg")]),
         ("it is a steel frame with an oak seat", [("steel", "frame"), ("oak", "seat")]),
+        ("a bonsai in a ceramic pot", [(None, "bonsai"), ("ceramic", "pot")]),
         ("plastic leaves", [("plastic", "leaf")]),
         ("the leaves are silk", [("silk", "leaf")]),
         ("the seat is oak wood", [("oak", "seat")]),
