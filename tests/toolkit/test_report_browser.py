@@ -160,15 +160,28 @@ def test_the_slider_moves_the_cut(visit):
 def test_exaggeration_multiplies_the_displacement(visit):
     """The drawn shape is points + factor u, in the units of the page; at rest it is the points."""
     mesh = case("oak", names=NAMES).mesh
-    read = "report.views[0].coordinates(0, {}).map((x) => x / report.views[0].zoom)"
-    visit.settled()
-    drawn = visit.page.evaluate(f"Array.from({read.format(3)})")
-    wanted = mesh.points[:, 0] + 3 * 0.01 * (mesh.points[:, 2] / 0.4) ** 2
-    np.testing.assert_allclose(drawn, wanted, atol=1e-6)
-    visit.page.get_by_label("At rest").check()
-    visit.settled()
-    drawn = visit.page.evaluate(f"Array.from({read.format(3)})")
-    np.testing.assert_allclose(drawn, mesh.points[:, 0], atol=1e-6)
+    bend = 0.01 * (mesh.points[:, 2] / 0.4) ** 2
+    read = """() => {
+        const view = report.views[0];
+        return [view.faces.origin, Array.from(view.coordinates(0, 3), (x) => x / view.zoom)];
+    }"""
+    for shape, factor in [("Under load", 3), ("At rest", 0)]:
+        visit.page.get_by_label(shape).check()
+        visit.settled()
+        origin, drawn = visit.page.evaluate(read)
+        assert set(origin) == set(mesh.boundary.faces.ravel().tolist())
+        wanted = (mesh.points[:, 0] + factor * bend)[origin]
+        np.testing.assert_allclose(drawn, wanted, atol=1e-6)
+
+
+def test_sharp_edges_are_drawn_sharp(visit):
+    """A box keeps its faces apart: three copies of a corner, two of an edge, one inside a face."""
+    origin = np.array(visit.page.evaluate("report.views[0].faces.origin"))
+    mesh = case("oak", names=NAMES).mesh
+    lo, hi = mesh.bounds
+    walls = ((mesh.points == lo) | np.isclose(mesh.points, hi)).sum(axis=1)
+    copies = np.bincount(origin, minlength=len(mesh.points))
+    np.testing.assert_array_equal(copies, walls)
 
 
 @pytest.mark.parametrize("map_key", ["2", "5"])  # values per tet, values per point

@@ -61,27 +61,25 @@ class Scale {
     const last = this.map.colors.length - 1;
     return this.map.colors.map((color, i) => [i / last, color]);
   }
-  ticks() {
+  // Values to write below a bar on which two words need `gap` of its length between them.
+  ticks(gap) {
     if (this.single) return [this.log ? Math.sqrt(this.lo * this.hi) : this.map.log ? this.lo * 2 : (this.lo + this.hi) / 2];
-    return this.log ? this.decades() : this.steps();
+    const apart = (t) => this.share(t) > gap && this.share(t) < 1 - gap;
+    return [this.lo, ...(this.log ? this.decades(gap) : this.steps()).filter(apart), this.hi];
   }
-  // Round values between the two ends, none so close to them that the words would touch.
-  withEnds(ticks) {
-    return [this.lo, ...ticks.filter((t) => this.share(t) > 0.09 && this.share(t) < 0.91), this.hi];
-  }
-  decades() {
+  decades(gap) {
     const from = Math.ceil(Math.log10(this.lo) - 1e-9), to = Math.floor(Math.log10(this.hi) + 1e-9);
-    const stride = Math.max(1, Math.ceil((to - from) / 6));
+    const stride = Math.max(1, Math.ceil(gap * Math.log10(this.hi / this.lo)));
     const ticks = [];
     for (let p = from; p <= to; p += stride) ticks.push(10 ** p);
-    return this.withEnds(ticks);
+    return ticks;
   }
   steps() {
     const rough = (this.hi - this.lo) / 4, power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough);
     const ticks = [];
     for (let t = Math.ceil(this.lo / step) * step; t < this.hi; t += step) ticks.push(t);
-    return this.withEnds(ticks);
+    return ticks;
   }
 }
 
@@ -95,11 +93,13 @@ function element(tag, attributes = {}, ...children) {
   return node;
 }
 
+const WORD_WIDTH = 72; // pixels of "100 MPa" and some air
+
 function drawScale(place, scale) {
   const bar = element("div", { className: "bar" });
   bar.style.background = `linear-gradient(90deg, ${scale.map.colors.join(", ")})`;
   const ticks = element("div", { className: "ticks" });
-  for (const value of scale.ticks()) {
+  for (const value of scale.ticks(WORD_WIDTH / Math.max(place.clientWidth, 4 * WORD_WIDTH))) {
     const share = scale.share(value);
     const tick = element("span", {}, words(value, scale.map));
     tick.className = share < 0.02 ? "start" : share > 0.98 ? "end" : "";

@@ -3,6 +3,10 @@
 
 const FACES = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]; // outward, opposite to vertex i
 
+const SMOOTH_COSINE = Math.cos((40 * Math.PI) / 180); // sharper edges than this are drawn sharp
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
 function unpack(text, Kind) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return new Kind(bytes.buffer);
@@ -105,5 +109,32 @@ class Tets {
       owner.push(tet);
     }
     return { a, b, c, owner };
+  }
+  // Unit normal at rest of the face a, b, c.
+  normal(a, b, c) {
+    const at = (point, axis) => this.points[3 * point + axis];
+    const edge = (point) => [0, 1, 2].map((axis) => at(point, axis) - at(a, axis));
+    const [p, q] = [edge(b), edge(c)];
+    const n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    const size = Math.hypot(...n) || 1;
+    return n.map((part) => part / size);
+  }
+  // The boundary with its points doubled along sharp edges, so that only gentle ones look smooth:
+  // corners a, b, c point into `origin`, the ids of the mesh's points.
+  surface(keep) {
+    const faces = this.boundary(keep);
+    const origin = [], copies = new Map();
+    const copyFor = (point, normal) => {
+      const known = copies.get(point) || [];
+      let copy = known.find((one) => dot(one.normal, normal) > SMOOTH_COSINE);
+      if (!copy) {
+        copy = { normal, id: origin.push(point) - 1 };
+        copies.set(point, [...known, copy]);
+      }
+      return copy.id;
+    };
+    const normals = faces.a.map((a, f) => this.normal(a, faces.b[f], faces.c[f]));
+    const [a, b, c] = ["a", "b", "c"].map((corner) => faces[corner].map((point, f) => copyFor(point, normals[f])));
+    return { a, b, c, owner: faces.owner, origin };
   }
 }

@@ -6,7 +6,19 @@ const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
 const DRAWN_SIZE = 100;
 const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
 const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
-const EYE_DISTANCE = 1.42; // for a diagonal of 1.5: the shape fills the height of the view
+const HALF_VIEW = Math.tan(Math.PI / 8); // plotly's field of view is 45 degrees, top to bottom
+const MARGIN = 1.02;
+
+// Distance from the middle of a box of half extents `half` at which all its corners are in view.
+function fittingDistance(half, aspect) {
+  const level = Math.hypot(EYE[0], EYE[1]);
+  const right = [-EYE[1] / level, EYE[0] / level, 0];
+  const up = [-EYE[2] * EYE[0] / level, -EYE[2] * EYE[1] / level, level];
+  const signs = [-1, 1];
+  const corners = signs.flatMap((i) => signs.flatMap((j) => signs.map((k) => [i * half[0], j * half[1], k * half[2]])));
+  const reach = (c) => Math.max(Math.abs(dot(c, up)), Math.abs(dot(c, right)) / aspect);
+  return MARGIN * Math.max(...corners.map((c) => dot(c, EYE) + reach(c) / HALF_VIEW));
+}
 
 class View {
   constructor(index, packed, tets, up) {
@@ -53,21 +65,22 @@ class View {
     return [lo, hi];
   }
   trace(state, scale) {
-    this.faces = this.tets.boundary(this.tets.kept(state.cut));
+    if (this.cut !== state.cut || !this.faces) {
+      this.faces = this.tets.surface(this.tets.kept(state.cut));
+      this.cut = state.cut;
+    }
     this.moved = this.displacement(state);
     const { a, b, c } = this.faces;
     const [x, y, z] = this.order.map((axis) => this.coordinates(axis, state.factor));
     const paint = scale ? this.paint(state.map, scale) : this.paintParts();
-    return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: Boolean(state.cut),
+    return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: false,
       lighting: LIGHT, lightposition: { x: 1400, y: 400, z: 1500 }, showscale: false, ...paint };
   }
   coordinates(axis, factor) {
-    const out = new Float32Array(this.tets.pointCount);
-    for (let p = 0; p < out.length; p += 1) {
-      const moved = this.moved ? factor * this.moved[3 * p + axis] : 0;
-      out[p] = this.zoom * (this.tets.points[3 * p + axis] + moved);
-    }
-    return out;
+    return Float32Array.from(this.faces.origin, (point) => {
+      const moved = this.moved ? factor * this.moved[3 * point + axis] : 0;
+      return this.zoom * (this.tets.points[3 * point + axis] + moved);
+    });
   }
   length(point) {
     return this.moved ? Math.hypot(...this.moved.subarray(3 * point, 3 * point + 3)) : 0;
@@ -75,7 +88,7 @@ class View {
   paint(name, scale) {
     const shade = { colorscale: scale.colorscale, cmin: 0, cmax: 1 };
     if (name === "moved") {
-      const intensity = Float32Array.from({ length: this.tets.pointCount }, (_, p) => scale.share(this.length(p)));
+      const intensity = Float32Array.from(this.faces.origin, (point) => scale.share(this.length(point)));
       return { ...shade, intensity, intensitymode: "vertex" };
     }
     const intensity = this.faces.owner.map((tet) => scale.share(this.values[name][tet]));
@@ -92,7 +105,7 @@ class View {
     const range = this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
     const axis = (i) => ({ visible: false, range: range[i] });
     const size = range.map(([lo, hi]) => hi - lo || 1e-9);
-    const most = (this.zoom * Math.hypot(...this.tets.hi.map((h, i) => h - this.tets.lo[i]))) / 1.5;
+    const most = Math.max(...size);
     return {
       margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", hovermode: "closest",
       scene: {
@@ -102,16 +115,14 @@ class View {
       },
     };
   }
-  // Looks at the middle of the shape at rest, from further away where the view is narrow.
-  firstCamera(range, most) {
-    const away = EYE_DISTANCE / Math.min(1, this.node.clientWidth / this.node.clientHeight || 1);
-    const middle = this.order.map((axis, i) => {
-      const rest = (this.zoom * (this.tets.lo[axis] + this.tets.hi[axis])) / 2;
-      return (rest - (range[i][0] + range[i][1]) / 2) / most;
-    });
-    const eye = EYE.map((part, i) => middle[i] + away * part);
+  // Looks at the middle of the shape at rest; `unit` is how much of the drawing is one camera unit.
+  firstCamera(range, unit) {
+    const rest = this.order.map((axis) => [this.tets.lo[axis], this.tets.hi[axis]].map((x) => (this.zoom * x) / unit));
+    const middle = rest.map(([lo, hi], i) => (lo + hi) / 2 - (range[i][0] + range[i][1]) / 2 / unit);
+    const aspect = this.node.clientWidth / this.node.clientHeight || 1;
+    const away = fittingDistance(rest.map(([lo, hi]) => (hi - lo) / 2), aspect);
     const named = ([x, y, z]) => ({ x, y, z });
-    return { center: named(middle), eye: named(eye), up: { x: 0, y: 0, z: 1 } };
+    return { center: named(middle), eye: named(EYE.map((part, i) => middle[i] + away * part)), up: { x: 0, y: 0, z: 1 } };
   }
   async draw(state, scale, room) {
     const config = { displayModeBar: false, responsive: true, scrollZoom: true };
@@ -123,7 +134,7 @@ class View {
   }
   // What is under the pointer, in words. Plotly names a face, or a point where points are coloured.
   describe(index, onPoints) {
-    const { a, b, c, owner } = this.faces;
+    const { a, b, c, owner, origin } = this.faces;
     const touches = (_, f) => a[f] === index || b[f] === index || c[f] === index;
     const face = onPoints ? owner.findIndex(touches) : index;
     const tet = owner[face];
@@ -133,7 +144,7 @@ class View {
       said.push(`${name === "von_mises" ? "stress" : MAPS[name].label} ${words(values[tet], MAPS[name])}`);
     }
     const corners = onPoints ? [index] : [a[face], b[face], c[face]];
-    const moved = corners.reduce((sum, point) => sum + this.length(point), 0) / corners.length;
+    const moved = corners.reduce((sum, point) => sum + this.length(origin[point]), 0) / corners.length;
     if (this.moved) said.push(`moved ${words(moved, MAPS.moved)}`);
     return said.join("  ·  ");
   }
