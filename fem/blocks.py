@@ -63,6 +63,14 @@ class BlockMatrix:
             k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
         )
 
+    def times(self, x: np.ndarray) -> np.ndarray:
+        """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
+        wp = start_warp()
+        given = wp.array(x, dtype=wp.vec3d, device=self.values.device)
+        out = wp.empty_like(given)
+        self.multiply(given, out)
+        return out.numpy()
+
     def to_scipy(self) -> Any:
         """Return the same matrix as ``scipy.sparse.bsr_array``."""
         from scipy.sparse import bsr_array

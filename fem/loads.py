@@ -50,9 +50,17 @@ def shape_functions(order: int, barycentric: np.ndarray) -> np.ndarray:
 
 def scatter(space: Space, local: Float[np.ndarray, "tets k 3"]) -> Float[np.ndarray, "nodes 3"]:
     """Sum of element vectors (tets, nodes of an element, 3) at the nodes."""
-    ids, count = space.elements.ravel(), len(space.nodes)
-    flat = local.reshape(-1, 3)
-    return np.stack([np.bincount(ids, flat[:, k], minlength=count) for k in range(3)], axis=1)
+    return sum_at_nodes(space, lambda i: local[:, i])
+
+
+def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:
+    """Sum ``local(i)`` (tets, 3) of the i-th node of every tet; little memory on large meshes."""
+    total = np.zeros((len(space.nodes), 3))
+    for i, ids in enumerate(space.elements.T):
+        part = local(i)
+        for k in range(3):
+            total[:, k] += np.bincount(ids, part[:, k], minlength=len(total))
+    return total
 
 
 def body_force(
@@ -65,8 +73,9 @@ def body_force(
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
         return scatter(space, np.einsum("t,tqd,qi->tid", volumes / 4, f, N))
-    f = np.broadcast_to(density, (len(mesh.tets), 3)) * volumes[:, None]
-    return scatter(space, f[:, None, :] * N.mean(axis=0)[:, None])
+    force = np.broadcast_to(density, (len(mesh.tets), 3)) * volumes[:, None]
+    share = N.mean(axis=0)
+    return sum_at_nodes(space, lambda i: force * share[i])
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:

@@ -15,13 +15,14 @@ from .blocks import (
     displacement_gradients,
     stiffness,
 )
-from .device import checked_device
+from .device import checked_device, start_warp
+from .elastic import ElasticBody, Law
 from .errors import ConvergenceError, InputError
 from .loads import Traction, body_force, traction_force
 from .material import ElementMaterial
 from .mesh import TetMesh
 from .pieces import free_pieces
-from .solver import check, solve
+from .solver import Solution, solve
 from .space import Space
 from .supports import Supports
 
@@ -135,17 +136,39 @@ def solve_static(
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
     load = load_vector(mesh, grid.space, gravity, body, traction, forces)
-    matrix = stiffness(grid, *material.lame)
     prescribed = np.where(held.fixed, held.values, 0.0)
-    rhs = load - (apply(matrix, prescribed) if prescribed.any() else 0.0)
+    matrix = stiffness(grid, *material.lame)
+    rhs = reduced_load(matrix, load, held, prescribed)
+    nodes = grid.space.nodes
+    solution = solve(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
+    check_solution(mesh, held, solution, tolerance)
+    u = np.where(held.fixed, prescribed, solution.x)
+    return static_result(ElasticBody(grid, material, Law.LINEAR), u, load, held, solution)
+
+
+def reduced_load(
+    matrix: BlockMatrix, load: np.ndarray, held: Supports, prescribed: np.ndarray
+) -> np.ndarray:
+    """Right-hand side (nodes, 3) once prescribed components are dropped from ``matrix``, in place.
+
+    Prescribed unknowns of the reduced system are zero: they are known, and put back afterwards.
+    """
+    rhs = load - (matrix.times(prescribed) if prescribed.any() else 0.0)
+    rhs[held.fixed] = 0.0
     apply_supports(matrix, held.fixed, held.springs)
-    diagonal = matrix.to_scipy().diagonal().reshape(-1, 3)
-    rhs[held.fixed] = (diagonal * prescribed)[held.fixed]
-    solution = solve(matrix, rhs)
+    return rhs
+
+
+def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance: float) -> None:
+    """Raise if the linear solve failed, naming the pieces that nothing holds."""
     if solution.suspect:
         _check_held(mesh, held)
-    check(matrix.to_scipy(), solution, rhs.reshape(-1), tolerance)
-    return _result(grid, material, solution, load, held)
+    if not solution.residual <= max(tolerance, solution.floor):
+        raise ConvergenceError(
+            f"linear solve ended with relative residual {solution.residual:.3g} after "
+            f"{solution.iterations} iterations: wanted <= {tolerance:g}; check that every piece "
+            "is held, that no tet is nearly flat, and that E and nu are sane"
+        )
 
 
 def _check_held(mesh: TetMesh, held: Supports) -> None:
@@ -158,29 +181,30 @@ def _check_held(mesh: TetMesh, held: Supports) -> None:
         )
 
 
-def _result(grid, material, solution, load, held) -> StaticResult:
-    mesh, u = grid.mesh, solution.x
+def static_result(
+    body: ElasticBody, u: np.ndarray, load: np.ndarray, held: Supports, solution: Solution
+) -> StaticResult:
+    """Strain, stress, reaction and energy of the nodal displacement ``u`` (nodes, 3) [m]."""
+    wp = start_warp()
+    grid = body.grid
     centre = np.full((1, 4), 0.25)  # P2 strain is linear: its mean is its value at the centroid
     H = displacement_gradients(grid, u, centre)[:, 0]
+    field = wp.array(u, dtype=wp.vec3d, device=grid.device)
+    force = wp.zeros_like(field)
+    body.add_force(field, force)
     strain = (H + H.transpose(0, 2, 1)) / 2
-    internal = apply(stiffness(grid, *material.lame), u)
     return StaticResult(
-        mesh,
+        grid.mesh,
         grid.space,
         u[: grid.space.points],
         u,
         strain,
-        hooke(strain, material),
-        np.where(held.fixed, internal - load, 0.0) - held.springs * u,
-        float((u * internal).sum() / 2),
+        hooke(strain, material_of(grid.mesh)),
+        np.where(held.fixed, force.numpy() - load, 0.0) - held.springs * u,
+        body.energy(field),
         solution.residual,
         solution.iterations,
     )
-
-
-def apply(matrix: BlockMatrix, x: np.ndarray) -> np.ndarray:
-    """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
-    return (matrix.to_scipy() @ x.reshape(-1)).reshape(-1, 3)
 
 
 def material_of(mesh: TetMesh) -> ElementMaterial:

@@ -1,0 +1,212 @@
+"""Two-level preconditioner: Chebyshev smoothing and a coarse space of rigid aggregates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .aggregation import boxes, rigid_basis, split_weak
+from .blocks import BlockMatrix
+from .device import start_warp
+
+# Chebyshev polynomials of degree 3 damp the upper part [largest / SPREAD, largest] of the spectrum.
+DEGREE = 3
+SPREAD = 25.0
+# The largest eigenvalue comes from a few Lanczos steps, which stay a little below it.
+LANCZOS_STEPS = 12
+LANCZOS_MARGIN = 1.08
+# Boxes of the coarse space: six unknowns each, a dense factor of 1536 takes 50 ms.
+BOXES = 256
+NODES_PER_BOX = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """The system with unit diagonal blocks: ``matrix`` = inv(L) A inv(L)^T, L block diagonal."""
+
+    matrix: BlockMatrix
+    lower: Any
+    inverse: Any
+
+
+def scale(matrix: BlockMatrix) -> Scaled:
+    """Scale ``matrix`` in place with the Cholesky factors of its diagonal blocks."""
+    from . import kernels_solver as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    lower = wp.empty(matrix.nodes, dtype=wp.mat33d, device=device)
+    inverse = wp.empty(matrix.nodes, dtype=wp.mat33d, device=device)
+    arrays = [matrix.rows, matrix.columns]
+    inputs = [*arrays, matrix.values, lower, inverse]
+    wp.launch(k.factor_diagonal, matrix.nodes, inputs=inputs, device=device)
+    inputs = [*arrays, inverse, matrix.values]
+    wp.launch(k.scale_blocks, matrix.nodes, inputs=inputs, device=device)
+    return Scaled(matrix, lower, inverse)
+
+
+def largest_eigenvalue(A: Any) -> float:
+    """Largest eigenvalue of a symmetric ``A`` by Lanczos, with a margin."""
+    v = np.random.default_rng(0).normal(size=A.shape[0])
+    v /= np.linalg.norm(v)
+    old, beta = np.zeros_like(v), 0.0
+    diagonal, off = [], []
+    for _ in range(min(LANCZOS_STEPS, A.shape[0])):
+        w = A @ v - beta * old
+        alpha = float(w @ v)
+        w -= alpha * v
+        beta = float(np.linalg.norm(w))
+        diagonal.append(alpha)
+        off.append(beta)
+        if beta < 1e-12:
+            break
+        old, v = v, w / beta
+    T = np.diag(diagonal) + np.diag(off[:-1], 1) + np.diag(off[:-1], -1)
+    return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """Prolongation P (block CSR of 3 x 6) on the device and the factored coarse matrix."""
+
+    start: Any
+    aggregates: Any
+    transfer: Any
+    count: int
+    factor: tuple | None
+    inverse: Any
+
+
+def aggregate(A: Any, points: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Aggregate of every node of the scaled matrix ``A``; nodes not ``moving`` join any."""
+    count = min(BOXES, max(1, len(points) // NODES_PER_BOX))
+    rows = np.repeat(np.arange(len(points)), np.diff(A.indptr))
+    strength = np.sqrt(np.einsum("bij,bij->b", A.data, A.data) / 3)
+    strength[~(moving[rows] & moving[A.indices])] = 1.0
+    return split_weak(boxes(points, count), rows, A.indices, strength)
+
+
+def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: float) -> Coarse:
+    """Smoothed aggregation with rigid-body modes, for nodes at ``points`` (nodes, 3) [m]."""
+    from scipy.linalg import cho_factor
+    from scipy.sparse import bsr_array
+
+    from . import kernels_solver as k
+
+    wp = start_warp()
+    A, device = scaled.matrix.to_scipy(), scaled.matrix.values.device
+    free = ~fixed
+    label = aggregate(A, points, np.asarray(free.any(axis=1)))
+    count, nodes = int(label.max()) + 1, len(points)
+    scaling = scaled.lower.numpy().transpose(0, 2, 1) * free[:, None, :]
+    basis = rigid_basis(points, label, scaling)
+    P = bsr_array((basis, label, np.arange(nodes + 1)), shape=(3 * nodes, 6 * count))
+    smoothing = A @ P
+    smoothing.data *= -4 / (3 * largest)
+    P = (P + smoothing).tobsr(blocksize=(3, 6))
+    del smoothing
+    matrix = (P.T @ (A @ P)).toarray()
+    empty = matrix.diagonal() <= 0
+    matrix[empty, empty] = 1.0
+    factor, inverse = cho_factor(matrix, lower=True, overwrite_a=True), None
+    if device.is_cuda:
+        from scipy.linalg import cho_solve
+
+        inverse = wp.array(cho_solve(factor, np.eye(6 * count)), dtype=wp.float64, device=device)
+    return Coarse(
+        wp.array(P.indptr, dtype=wp.int32, device=device),
+        wp.array(P.indices, dtype=wp.int32, device=device),
+        wp.array(P.data, dtype=k.mat36d, device=device, copy=False),
+        count,
+        factor,
+        inverse,
+    )
+
+
+class TwoLevel:
+    """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed."""
+
+    def __init__(self, scaled: Scaled, coarse: Coarse, largest: float, r: Any, z: Any) -> None:
+        from . import kernels_solver as k
+
+        wp = start_warp()
+        self.coarse, self.device = coarse, r.device
+        self.residual = wp.zeros(coarse.count, dtype=k.vec6d, device=self.device)
+        self.correction = wp.zeros(coarse.count, dtype=k.vec6d, device=self.device)
+        work = [wp.empty_like(r) for _ in range(3)]
+        matrix = scaled.matrix
+        A = [matrix.rows, matrix.columns, matrix.values]
+        P = [coarse.start, coarse.aggregates, coarse.transfer]
+        res, d = work[0], work[1:]
+        theta, steps = chebyshev(largest, DEGREE)
+        launch = Recorder(wp, matrix.nodes, self.device)
+        self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z])]
+        smooth = [
+            launch(k.chebyshev_step, [*A, d[i % 2], keep, gain, res, d[1 - i % 2], z])
+            for i, (keep, gain) in enumerate(steps)
+        ]
+        last = d[len(steps) % 2]
+        self.before += smooth
+        self.before.append(launch(k.restrict_residual, [*A, res, last, *P, self.residual]))
+        self.after = [launch(k.prolong, [*P, self.correction, z])]
+        self.after.append(launch(k.chebyshev_restart, [*A, r, z, 1 / theta, res, d[0]]))
+        self.after.append(launch(k.add, [z, d[0]]))
+        self.after += smooth
+
+    def apply(self) -> None:
+        """Compute z from r, the arrays given at construction."""
+        self.residual.zero_()
+        for command in self.before:
+            command.launch()
+        self._solve_coarse()
+        for command in self.after:
+            command.launch()
+
+    def _solve_coarse(self) -> None:
+        from . import kernels_solver as k
+
+        wp = start_warp()
+        if self.coarse.inverse is None:
+            from scipy.linalg import cho_solve
+
+            r = self.residual.numpy().reshape(-1)
+            self.correction.numpy()[:] = cho_solve(
+                self.coarse.factor, r, check_finite=False
+            ).reshape(-1, 6)
+            return
+        self.correction.zero_()
+        size, width = 6 * self.coarse.count, 64
+        flat = [v.view(wp.float64).flatten() for v in (self.residual, self.correction)]
+        wp.launch(
+            k.dense_multiply,
+            (-(-size // width), size),
+            inputs=[self.coarse.inverse, flat[0], width, flat[1]],
+            device=self.device,
+        )
+
+
+class Recorder:
+    """Records launches of ``size`` threads, so that a replay costs little."""
+
+    def __init__(self, wp: Any, size: int, device: Any) -> None:
+        self.wp, self.size, self.device = wp, size, device
+
+    def __call__(self, kernel: Any, inputs: list, size: int | None = None) -> Any:
+        """Return a launch command of ``kernel``."""
+        dim = self.size if size is None else size
+        return self.wp.launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
+
+
+def chebyshev(largest: float, degree: int) -> tuple[float, list[tuple[float, float]]]:
+    """Centre theta of the interval and the (keep, gain) factors of the steps after the first."""
+    low = largest / SPREAD
+    theta, delta = (largest + low) / 2, (largest - low) / 2
+    sigma = theta / delta
+    rho, steps = 1 / sigma, []
+    for _ in range(degree - 1):
+        new = 1 / (2 * sigma - rho)
+        steps.append((new * rho, 2 * new / delta))
+        rho = new
+    return theta, steps
