@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,13 +12,13 @@ from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from ..predictors.sampling import ANY_PART, sample_field
 from ..predictors.voxels import PartVoxels
+from .boxes import cell_boxes
 
 Mode = Literal["centroid", "quadrature"]
 
 # Four-point rule of degree 2 on a tet: barycentric coordinates (5 -+ sqrt 5) / 20.
 _NEAR, _FAR = (5 + 3 * 5**0.5) / 20, (5 - 5**0.5) / 20
 _QUADRATURE = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
-_CANDIDATES = 1 << 21  # cell-tet pairs tested at a time: about 200 MB of temporaries
 _ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
 
 
@@ -77,29 +76,14 @@ def rasterize(mesh: TetMesh, grid: Grid) -> np.ndarray:
 def containing_tets(mesh: TetMesh, grid: Grid) -> np.ndarray:
     """Tet around each cell centre (the first, on a common face), -1 outside, shape of the grid."""
     corners = grid.to_index(mesh.points[mesh.tets])  # in cells, so that centres are integers
-    lo = np.maximum(np.ceil(corners.min(axis=1) - _ON_FACE), 0).astype(np.int64)
-    hi = np.minimum(np.floor(corners.max(axis=1) + _ON_FACE), np.array(grid.shape) - 1)
-    counts = np.maximum(hi.astype(np.int64) - lo + 1, 0)
     inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     owner = np.full(grid.shape, len(mesh.tets), dtype=np.int64)
-    for tet, cell in _candidates(lo, counts):
+    lower, upper = corners.min(axis=1) - _ON_FACE, corners.max(axis=1) + _ON_FACE
+    for tet, cell in cell_boxes(lower, upper, grid.shape):
         local = np.einsum("nij,nj->ni", inverse[tet], cell - corners[tet, 0])
         inside = (local >= -_ON_FACE).all(axis=1) & (local.sum(axis=1) <= 1 + _ON_FACE)
         np.minimum.at(owner, tuple(cell[inside].T), tet[inside])
     return np.where(owner < len(mesh.tets), owner, -1)
-
-
-def _candidates(lo: np.ndarray, counts: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (tet, cell in its bounding box), in bounded portions."""
-    sizes = counts.prod(axis=1)
-    ends = np.cumsum(sizes)
-    for start in range(0, int(ends[-1]), _CANDIDATES):
-        pair = np.arange(start, min(start + _CANDIDATES, int(ends[-1])))
-        tet = np.searchsorted(ends, pair, side="right")
-        rest = pair - (ends - sizes)[tet]
-        ny, nz = counts[tet, 1], counts[tet, 2]
-        offset = np.stack([rest // (ny * nz), rest // nz % ny, rest % nz], axis=1)
-        yield tet, lo[tet] + offset
 
 
 def _stamp_missing(mesh: TetMesh, grid: Grid, label: np.ndarray) -> np.ndarray:

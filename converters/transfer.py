@@ -1,0 +1,154 @@
+"""Transfer: E, nu, rho of a field or a mesh onto splats, point clouds and density grids."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..fem.errors import InputError
+from ..fem.mesh import TetMesh
+from ..predictors.field import MaterialField
+from ..predictors.sampling import FieldSample, sample_field
+from . import density, npz, points
+from .fields import field_from_tets
+from .files import writing
+from .splats import gaussians
+
+UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}
+
+
+@dataclass(frozen=True)
+class Transferred:
+    """What a transfer did.
+
+    ``points`` are the splats, points or cells; ``n_fallback`` of them found no voxel around them
+    and took the nearest, at most ``max_fallback_distance`` [m] away; ``n_invalid`` have no finite
+    position and got NaN. ``volume`` [m^3] and ``mass`` [kg] of splats are weighted by opacity.
+    """
+
+    files: tuple[Path, ...]
+    points: int
+    n_fallback: int
+    max_fallback_distance: float
+    n_invalid: int = 0
+    volume: float | None = None
+    mass: float | None = None
+
+
+def transfer(
+    source: MaterialField | TetMesh,
+    target_path: str | os.PathLike,
+    out_path: str | os.PathLike,
+    *,
+    cells: int = 64,
+) -> Transferred:
+    """Write the target again with E, nu, rho (and part, material where known) appended.
+
+    Every property of the target and its order is kept. A target without room for more columns
+    (.splat, .spz, .ksplat, .xyz) is copied to an ``out_path`` of its own suffix, with the values
+    in ``STEM.npz`` beside it in the same order; it may also be written as .ply or .npz.
+
+    Parameters
+    ----------
+    source
+        The field; a mesh is first turned into one of ``cells`` voxels along its longest side.
+    target_path
+        Splats, a point cloud or a density grid, in the metres and axes of the source.
+    out_path
+        Where to write.
+    """
+    field = field_from_tets(source, cells=cells) if isinstance(source, TetMesh) else source
+    target_path, out_path = Path(target_path), Path(out_path)
+    if is_density(target_path):
+        return _onto_density(field, target_path, out_path)
+    return _onto_points(field, target_path, out_path)
+
+
+def is_density(path: Path) -> bool:
+    """Whether a path is a density grid; an .npz is one when it says so."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return "aabb_min" in npz.load_npz(path)
+    if suffix in density.FORMATS:
+        return True
+    if suffix in points.FORMATS:
+        return False
+    known = ", ".join(sorted({*density.FORMATS, *points.FORMATS}))
+    raise InputError(f"{path}: cannot transfer onto {suffix!r}; known are {known}")
+
+
+def sample_columns(field: MaterialField, sample: FieldSample, *, real: str) -> dict:
+    """Columns E, nu, rho of type ``real``, and part, material as int32 where they are known."""
+    columns = {name: getattr(sample, name).astype(real) for name in UNITS}
+    for name in ("part", "material"):
+        if getattr(sample, name) is not None:
+            columns[name] = getattr(sample, name).astype(np.int32)
+    return columns
+
+
+def _remark(field: MaterialField) -> str:
+    """One line of ASCII that says what the columns mean."""
+    names = {"part": field.part_names, "material": field.material_names}
+    return json.dumps({**UNITS, **{key: value for key, value in names.items() if value}})
+
+
+def _onto_points(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
+    same_suffix = target_path.suffix.lower() == out_path.suffix.lower()
+    roomless = points.point_format(out_path).write is None
+    if roomless and not same_suffix:
+        raise InputError(f"{out_path}: {target_path.suffix} is not converted to {out_path.suffix}")
+    table = points.read_points(target_path)
+    positions = table.positions
+    valid = np.asarray(np.isfinite(positions).all(axis=1))
+    sample = sample_field(field, positions[valid])
+    real = "f4" if table.is_splat else "f8"
+    columns = {name: _spread(v, valid) for name, v in
+               sample_columns(field, sample, real=real).items()}  # fmt: skip
+    files = [out_path]
+    if roomless:
+        files.append(out_path.with_suffix(".npz"))
+        npz.save_npz(files[1], **columns, comments=np.array(_remark(field)))
+        with writing(out_path) as copy:
+            copy.write_bytes(target_path.read_bytes())
+    else:
+        points.write_points(out_path, table.with_columns(columns, comment=_remark(field)))
+    volume = mass = None
+    if table.is_splat:
+        volumes = gaussians(table).volumes[valid]
+        volume, mass = float(volumes.sum()), float(volumes @ sample.rho)
+    return Transferred(
+        tuple(files), len(table), sample.n_fallback, sample.max_fallback_distance,
+        int((~valid).sum()), volume, mass,
+    )  # fmt: skip
+
+
+def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Values on all points; NaN or -1 where a point is not valid."""
+    if valid.all():
+        return values
+    result = np.full(len(valid), -1 if values.dtype.kind == "i" else np.nan, dtype=values.dtype)
+    result[valid] = values
+    return result
+
+
+def _onto_density(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
+    """Values in the cells above the threshold; 0 in empty ones, where there is no material."""
+    grid = density.read_density(target_path)
+    full = grid.density.ravel() > grid.threshold
+    sample = sample_field(field, grid.centers()[full])
+    arrays = {}
+    for name, values in sample_columns(field, sample, real="f4").items():
+        array = np.full(grid.density.size, -1 if values.dtype.kind == "i" else 0, values.dtype)
+        array[full] = values
+        arrays[name] = array.reshape(grid.density.shape)
+    written = density.DensityGrid(
+        grid.lo, grid.hi, grid.density, grid.threshold, {**grid.fields, **arrays}
+    )
+    files = density.write_density(out_path, written)
+    return Transferred(
+        tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance
+    )
