@@ -35,3 +35,49 @@ def faces_at(mesh, axis, value):
 def random_rotation(seed=0):
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return q * np.sign(np.linalg.det(q))
+
+
+def mapped(mesh, position) -> TetMesh:
+    """The same tets with points moved to ``position(points)``."""
+    return TetMesh.oriented(position(mesh.points), mesh.tets)
+
+
+def merged(*meshes) -> TetMesh:
+    """One mesh of several; points at one place become one."""
+    starts = np.cumsum([0, *[len(m.points) for m in meshes]])
+    points = np.concatenate([m.points for m in meshes])
+    tets = np.concatenate([m.tets + s for m, s in zip(meshes, starts, strict=False)])
+    _, first, index = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    return TetMesh.oriented(points[first], index.reshape(-1)[tets])
+
+
+def quarter_tube(a, b, height, cells) -> TetMesh:
+    """Quarter of a tube around z, a <= r <= b; ``cells`` in r, angle, z."""
+    box = box_mesh((b - a, np.pi / 2, height), cells, lo=(a, 0.0, 0.0))
+    turn = lambda x: np.stack(  # noqa: E731
+        [x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1
+    )
+    mesh = mapped(box, turn)
+    points = np.where(np.abs(mesh.points) < 1e-12, 0.0, mesh.points)
+    return TetMesh(points, mesh.tets, mesh.region)
+
+
+def octant_ball(radius, cells) -> TetMesh:
+    """Octant of a ball: the cube [0, 1]^3 with max-norm spheres moved to round ones."""
+
+    def round_off(x):
+        norm = np.linalg.norm(x, axis=1)
+        return radius * x * (x.max(axis=1) / np.where(norm > 0, norm, 1.0))[:, None]
+
+    return mapped(box_mesh((1, 1, 1), (cells,) * 3), round_off)
+
+
+def outer_faces(mesh, radius, axes=(0, 1, 2)):
+    """Boundary faces whose corners lie at ``radius`` from the origin, measured in ``axes``."""
+    faces = mesh.boundary.faces
+    r = np.linalg.norm(mesh.points[:, list(axes)], axis=1)
+    return faces[np.isclose(r[faces], radius, rtol=1e-6).all(axis=1)]
+
+
+def with_uniform(mesh, *, E, nu, rho=1.0) -> TetMesh:
+    return mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=E, nu=nu, rho=rho))
