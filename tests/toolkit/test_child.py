@@ -1,0 +1,87 @@
+"""The guarded child: results come back, and no way of failing reaches us or leaves anything."""
+
+import os
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from autophyx_tet.toolkit.child import ChildFailure, run_guarded
+
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) - 0.5
+CUBE_FACES = np.array([
+    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+])  # fmt: skip
+OPTIONS = {"edge_length_rel": 0.3, "epsilon_rel": 1e-2, "stop_energy": 10.0}
+SLOW = {"edge_length_rel": 0.005, "epsilon_rel": 1e-4, "stop_energy": 3.0}
+
+
+def _run(options=OPTIONS, *, points=CUBE, faces=CUBE_FACES, time_limit=60.0, **more):
+    arrays = {"points": points, "faces": faces}
+    return run_guarded("tetwild", arrays, options, time_limit=time_limit, **more)
+
+
+@pytest.fixture(autouse=True)
+def nothing_left(tmp_path, monkeypatch):
+    """No child process of ours and no temporary folder survives a test."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
+    before = set(children.read_text().split())
+    yield
+    assert set(children.read_text().split()) <= before
+    assert not list(tmp_path.glob("autophyx-tet-*"))
+
+
+def test_arrays_come_back_and_progress_is_told():
+    told = []
+    result = _run(progress=lambda stage, seconds: told.append((stage, seconds)))
+    assert set(result) == {"points", "tets"}
+    assert result["tets"].shape[1] == 4
+    assert told
+    assert told == sorted(told, key=lambda item: item[1])
+
+
+def test_time_limit_kills():
+    started = time.monotonic()
+    with pytest.raises(ChildFailure, match="within 1 s") as failure:
+        _run(SLOW, time_limit=1.0)
+    assert failure.value.kind == "time"
+    assert time.monotonic() - started < 3
+
+
+def test_crash_is_told_apart_from_an_error():
+    """Indices out of range make the engine crash with a signal; an unknown option is an error."""
+    with pytest.raises(ChildFailure, match="SIG") as failure:
+        _run(faces=CUBE_FACES + 1_000_000)
+    assert failure.value.kind == "crash"
+    with pytest.raises(ChildFailure, match="sharpness") as failure:
+        _run({**OPTIONS, "sharpness": 1})
+    assert failure.value.kind == "error"
+
+
+def test_memory_limit_holds():
+    """300 MiB do not hold the engine's libraries: it ends at once, and not by the time limit."""
+    with pytest.raises(ChildFailure) as failure:
+        _run(memory_limit=300 * 2**20)
+    assert failure.value.kind != "time"
+
+
+def test_interrupt_leaves_nothing():
+    """Ctrl-C while the child works: the interrupt goes on, the child is gone."""
+
+    def interrupt(stage, seconds):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _run(SLOW, progress=interrupt)
+
+
+def test_works_from_a_thread():
+    results = []
+    thread = threading.Thread(target=lambda: results.append(_run()))
+    thread.start()
+    thread.join()
+    assert len(results[0]["tets"]) > 0

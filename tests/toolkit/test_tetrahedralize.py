@@ -1,0 +1,139 @@
+"""Conversions of analytic bodies, clean and dirty: volumes, regions, guarantees, clear ends."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.fem.errors import NoVolumeError, UsageError
+from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.toolkit import ladder
+from autophyx_tet.toolkit.child import ChildFailure
+from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+
+# Coarse and quick: the laws below do not depend on resolution.
+QUICK = {"edge_length_rel": 0.2, "epsilon_rel": 5e-3, "stop_energy": 20.0}
+
+
+def _asset(**meshes):
+    return Asset("test", tuple(Part(name, mesh) for name, mesh in meshes.items()))
+
+
+def _convert(options=QUICK, **meshes):
+    mesh, report = tetrahedralize(_asset(**meshes), **options)
+    assert report.ok, report.failed
+    assert report.quality.boundary.bad_edges == 0
+    assert (mesh.volumes > 0).all()
+    return mesh, report
+
+
+def test_cube():
+    """A flat boundary inside the envelope: volume a^3 far better than area times epsilon."""
+    mesh, report = _convert(cube=trimesh.creation.box((0.1, 0.1, 0.1)))
+    assert mesh.volume == pytest.approx(1e-3, rel=1e-3)
+    assert mesh.region_names == ("cube",)
+    assert report.quality.components == 1
+    json.dumps(report.as_dict())
+
+
+def test_nested_balls():
+    """Inner ball and shell keep their volumes within what epsilon allows: area times epsilon."""
+    inner, outer = trimesh.creation.icosphere(2, radius=0.5), trimesh.creation.icosphere(2)
+    mesh, report = _convert(outer=outer, inner=inner)
+    volume = dict(zip(mesh.region_names, mesh.region_volumes(), strict=True))
+    assert volume["inner"] == pytest.approx(inner.volume, abs=inner.area * report.epsilon)
+    shell = outer.volume - inner.volume
+    assert volume["outer"] == pytest.approx(shell, abs=(inner.area + outer.area) * report.epsilon)
+
+
+def test_touching_cubes_share_their_wall():
+    """Two parts face to face: exact volumes, one connected mesh, no node doubled."""
+    a = trimesh.creation.box((1, 1, 1))
+    b = trimesh.creation.box((1, 1, 1))
+    b.apply_translation((1, 0, 0))
+    mesh, report = _convert(left=a, right=b)
+    assert dict(zip(mesh.region_names, mesh.region_volumes(), strict=True)) == pytest.approx(
+        {"left": 1, "right": 1}, rel=1e-2
+    )
+    assert report.quality.components == 1
+    assert report.doubled_points == 0
+
+
+def _dirty_ball():
+    """Torn, with random windings, a hole, repeated faces and a fin: a ball all the same."""
+    rng = np.random.default_rng(3)
+    ball = trimesh.creation.icosphere(2)
+    corners = ball.vertices[ball.faces[4:]]
+    turned = rng.random(len(corners)) < 0.5
+    corners[turned] = corners[turned][:, ::-1]
+    fin = np.array([[corners[50, 0], corners[50, 1], 1.5 * corners[50].mean(axis=0)]])
+    soup = np.concatenate([corners, corners[:7], fin]).reshape(-1, 3)
+    return ball, trimesh.Trimesh(soup, np.arange(len(soup)).reshape(-1, 3), process=False)
+
+
+def test_dirty_ball():
+    ball, dirty = _dirty_ball()
+    mesh, report = tetrahedralize(_asset(ball=dirty), **QUICK)
+    assert mesh.volume == pytest.approx(ball.volume, rel=0.05)
+    assert report.repair.merged_vertices > 0
+    assert report.repair.closed_holes > 0
+    assert report.repair.flipped_faces > 0
+    assert report.quality.boundary.bad_edges == 0
+
+
+def test_sheet_among_solids_is_named():
+    sheet = trimesh.Trimesh([[2, 0, 0], [3, 0, 0], [3, 1, 0], [2, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    mesh, report = _convert(cube=trimesh.creation.box((1, 1, 1)), label=sheet)
+    assert mesh.region_names == ("cube",)
+    assert report.sheets == ("label",)
+    assert any("'label'" in w and "--thicken" in w for w in report.warnings)
+
+
+def test_flat_sheet_has_no_volume():
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    with pytest.raises(NoVolumeError, match="--thicken") as error:
+        tetrahedralize(_asset(sheet=sheet))
+    assert error.value.exit_code == 4
+
+
+@pytest.mark.parametrize("option", [{"edge_length_rel": 0.0}, {"epsilon_rel": np.nan}])
+def test_wrong_options_are_usage_errors(option):
+    with pytest.raises(UsageError, match="--"):
+        tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **option)
+
+
+def test_far_away_and_tiny_bodies_convert():
+    """Bare fTetWild crashes at 1e-9 and hangs at +1e9: position and unit do not matter here."""
+    for size, place in ((1e-9, 0.0), (1.0, 1e6)):
+        cube = trimesh.creation.box((size,) * 3)
+        cube.apply_translation((place,) * 3)
+        mesh, _ = tetrahedralize(_asset(cube=cube), **QUICK)
+        assert mesh.volume == pytest.approx(size**3, rel=1e-3)
+
+
+def test_ladder_goes_coarser_after_a_time_out_and_records_it(monkeypatch):
+    """The first rung runs out of time: the next one doubles edge and epsilon, and says so."""
+    real, calls = ladder.run_guarded, []
+
+    def slow_at_first(task, arrays, options, **limits):
+        calls.append(options)
+        if len(calls) == 1:
+            raise ChildFailure("time", "no result within 1 s", 1.0)
+        return real(task, arrays, options, **limits)
+
+    monkeypatch.setattr(ladder, "run_guarded", slow_at_first)
+    _, report = tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    first, second = report.attempts
+    assert first.outcome.startswith("time")
+    assert second.epsilon == pytest.approx(2 * first.epsilon)
+    assert report.epsilon == second.epsilon
+    assert any("attempt 2" in w for w in report.warnings)
+
+
+def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
+    def crash(*_, **__):
+        raise ChildFailure("crash", "the engine crashed (SIGSEGV)", 0.1)
+
+    monkeypatch.setattr(ladder, "run_guarded", crash)
+    with pytest.raises(NoVolumeError, match=r"5 attempts.*SIGSEGV.*--time-limit"):
+        tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)

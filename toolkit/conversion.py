@@ -1,0 +1,176 @@
+"""What a conversion promises and how it proves it: the report of a tet mesh."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ..fem.mesh import TetMesh
+from .quality import Quality
+from .regions import Solids
+from .repair import RepairReport
+from .sampling import interface_faces, sample, stratified
+from .triangles import closest
+
+Engine = Literal["tetwild", "alpha wrap + tetwild"]
+CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
+# fTetWild keeps sampled points of its surface in the envelope; between them it may bulge a little.
+ENVELOPE_SLACK = 1.1
+PROBE = 2.0  # epsilons off a surface at which it is asked whether that side is outside
+
+
+@dataclass(frozen=True)
+class Guarantee:
+    """One promise: the measured ``value`` must not exceed ``threshold`` (both in ``unit``)."""
+
+    name: str
+    value: float
+    threshold: float
+    unit: str = "1"
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is kept."""
+        return self.value <= self.threshold
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One run of an engine: what it was asked [m], how long it took [s], how it ended."""
+
+    engine: Engine
+    edge_length: float
+    epsilon: float
+    seconds: float
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Region:
+    """One part in the mesh: tets and volume [m^3], and the volume its surface encloses [m^3]."""
+
+    name: str
+    tets: int
+    volume: float
+    input_volume: float
+
+
+@dataclass(frozen=True)
+class Distances:
+    """One-sided sampled Hausdorff distances [m].
+
+    ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
+    ``from_input`` that from the outer visible input to the boundary or an interface of regions;
+    ``hidden_share`` is the share of the input's area inside the solid, which the latter leaves out.
+    """
+
+    to_input: float
+    from_input: float
+    hidden_share: float
+
+
+@dataclass(frozen=True)
+class ConversionReport:
+    """Everything measured about one conversion; lengths [m], volumes [m^3].
+
+    ``sheets`` are parts that enclose nothing and are not meshed, ``lost`` parts that enclose a
+    volume but got no tet.
+    """
+
+    repair: RepairReport
+    attempts: tuple[Attempt, ...]
+    guarantees: tuple[Guarantee, ...]
+    quality: Quality
+    regions: tuple[Region, ...]
+    diagonal: float
+    edge_length: float
+    epsilon: float
+    input_volume: float
+    distances: Distances
+    split_edges: int
+    doubled_points: int
+    sheets: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    seed: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether every guarantee is kept."""
+        return all(guarantee.ok for guarantee in self.guarantees)
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Sentences about the guarantees that are not kept."""
+        return tuple(
+            f"{g.name} is {g.value:.3g} {g.unit}, wanted at most {g.threshold:.3g}"
+            for g in self.guarantees
+            if not g.ok
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, with the verdict of every guarantee."""
+        return {
+            **asdict(self),
+            "ok": self.ok,
+            "guarantees": [{**asdict(g), "ok": g.ok} for g in self.guarantees],
+        }
+
+
+class InputVolume(NamedTuple):
+    """Sampled volume [m^3] that each part claims, and the standard error of their sum [m^3]."""
+
+    by_part: np.ndarray
+    error: float
+
+
+def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -> InputVolume:
+    """Volume that each part's surface encloses, overlaps counted once: stratified sampling."""
+    where, cell = stratified(solids.bounds, rng=rng)
+    label = solids.label(where, np.full(len(where), cell))
+    volume = cell * np.bincount(label[label >= 0], minlength=part_count)
+    share = (label >= 0).mean()
+    error = cell * np.sqrt(len(where) * share * (1 - share))  # an upper bound: strata vary less
+    return InputVolume(volume, float(error))
+
+
+def measure_distances(
+    mesh: TetMesh, solids: Solids, *, epsilon: float, rng: np.random.Generator
+) -> Distances:
+    """Sampled distances between the boundary of a mesh and the surfaces it was made from."""
+    boundary = mesh.boundary.faces.astype(np.int64)
+    points, faces = solids.surface.points, solids.surface.faces
+    there = sample(mesh.points, boundary, rng=rng).where
+    back = sample(points, faces, rng=rng)
+    step = PROBE * epsilon * back.normal
+    sides = np.concatenate([back.where - step, back.where + step])
+    outside = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1).any(axis=0)
+    target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
+    home = closest(back.where[outside], mesh.points, target).distance
+    return Distances(
+        to_input=float(closest(there, points, faces).distance.max()),
+        from_input=float(home.max(initial=0)),
+        hidden_share=float(1 - outside.mean()),
+    )
+
+
+def guarantees(
+    mesh: TetMesh, measured: Quality, volume: InputVolume, gaps: Distances, epsilon: float
+) -> tuple[Guarantee, ...]:
+    """Every promise of a conversion with the number that shows it."""
+    enclosed = float(volume.by_part.sum())
+    a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    # A surface that moves by epsilon everywhere changes the volume by area times epsilon.
+    slack = (area * epsilon + CONFIDENCE * volume.error) / enclosed
+    return (
+        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
+        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        Guarantee("distance from boundary to input", gaps.to_input, ENVELOPE_SLACK * epsilon, "m"),
+        Guarantee(
+            "distance from input to boundary", gaps.from_input, ENVELOPE_SLACK * epsilon, "m"
+        ),
+        Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
+    )

@@ -1,0 +1,145 @@
+"""Which part a point lies in: winding numbers per part, nearest surface where parts share one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .repair import Surface, component_volumes, open_components
+from .triangles import Triangles, closest, winding_numbers
+
+INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
+# A sheet has |winding number| 1/2 on both sides; where an open surface encloses something, more.
+SHEET = 0.7
+SHEET_SHARE = 0.2  # of an open component's area that must enclose something for it to be a solid
+SHEET_DEPTH = 2e-3  # share of the diagonal at which that is looked at
+PAD = 1e-9  # share of the box by which it is widened, for points on it
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """Closed or nearly closed triangles of one part, or of several parts that share one skin.
+
+    ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,) of every face.
+    """
+
+    points: np.ndarray
+    faces: np.ndarray
+    part: np.ndarray
+
+    def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points [m] lie inside, by the fast winding number."""
+        corners = self.points[self.faces].reshape(-1, 3)
+        lo, hi = corners.min(axis=0), corners.max(axis=0)
+        pad = PAD * (hi - lo).max()
+        near = np.flatnonzero(((where >= lo - pad) & (where <= hi + pad)).all(axis=1))
+        inside = np.zeros(len(where), dtype=bool)
+        if near.size:
+            winding = winding_numbers(self.points, self.faces, where[near])
+            inside[near] = np.abs(winding) > INSIDE
+        return inside
+
+    def nearest_part(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        """Part of the nearest face."""
+        if (self.part == self.part[0]).all() or not len(where):
+            return np.full(len(where), self.part[0], dtype=np.int64)
+        return self.part[closest(where, self.points, self.faces).face]
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The shells that enclose something, and the parts that are nothing but sheets.
+
+    ``surface`` holds all faces of the shells; ``sheets`` the ids of parts without any.
+    """
+
+    shells: tuple[Shell, ...]
+    surface: Surface
+    sheets: tuple[int, ...]
+
+    @classmethod
+    def of(cls, surface: Surface, part_count: int) -> Solids:
+        """Sort the components of a repaired surface into shells and sheets."""
+        solid = _encloses(surface)[surface.component]
+        kept = surface._replace(
+            faces=surface.faces[solid],
+            part=surface.part[solid],
+            component=surface.component[solid],
+        )
+        sheets = tuple(p for p in range(part_count) if p not in set(kept.part.tolist()))
+        return cls(tuple(_shells(kept)), kept, sheets)
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner [m] of the box around all shells."""
+        corners = self.surface.points[self.surface.faces].reshape(-1, 3)
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def clean_triangles(self) -> Triangles:
+        """Return all faces that have an area, on the points that they use."""
+        a, b, c = (self.surface.points[self.surface.faces[:, i]] for i in range(3))
+        proper = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0
+        used, faces = np.unique(self.surface.faces[proper], return_inverse=True)
+        return Triangles(self.surface.points[used], faces.reshape(-1, 3))
+
+    def label(
+        self, where: Float[np.ndarray, "n 3"], weight: Float[np.ndarray, "n"]
+    ) -> Int[np.ndarray, "n"]:
+        """Part that each point [m] lies in, -1 outside.
+
+        ``weight`` is the volume that each point stands for: where parts overlap the one with the
+        smallest volume wins, so that what is nested stays what it is.
+        """
+        claims = []
+        for shell in self.shells:
+            inside = np.flatnonzero(shell.contains(where))
+            part = shell.nearest_part(where[inside])
+            claims += [(inside[part == p], int(p)) for p in np.unique(part)]
+        label = np.full(len(where), -1, dtype=np.int64)
+        for inside, part in sorted(claims, key=lambda claim: -weight[claim[0]].sum()):
+            label[inside] = part
+        return label
+
+
+def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
+    """Whether each component encloses a volume: it is closed, or open but more than a sheet."""
+    is_open = open_components(surface)
+    encloses = ~is_open & (component_volumes(surface) != 0)
+    mine = is_open[surface.component]
+    if not mine.any():
+        return encloses
+    faces, component = surface.faces[mine], surface.component[mine]
+    a, b, c = (surface.points[faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    area = np.linalg.norm(normal, axis=1)
+    step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
+    middle = (a + b + c) / 3
+    winding = winding_numbers(surface.points, faces, np.concatenate([middle - step, middle + step]))
+    bounds = np.abs(winding).reshape(2, -1).max(axis=0) > SHEET
+    count = len(is_open)
+    total = np.bincount(component, weights=area, minlength=count)
+    share = np.bincount(component, weights=area * bounds, minlength=count) / np.maximum(
+        total, 1e-300
+    )
+    return np.where(is_open, share >= SHEET_SHARE, encloses)
+
+
+def _shells(surface: Surface) -> Iterator[Shell]:
+    """One shell per part of its own components, one per component that parts share, one of rims.
+
+    Open components are taken together: a table top and its underside enclose the top only jointly.
+    """
+    first = np.full(surface.component.max(initial=-1) + 1, -1)
+    first[surface.component] = surface.part
+    shared = np.zeros(len(first), dtype=bool)
+    shared[surface.component[surface.part != first[surface.component]]] = True
+    is_open = open_components(surface)[surface.component]
+    own = ~shared[surface.component] & ~is_open
+    groups = [own & (surface.part == part) for part in np.unique(surface.part[own])]
+    groups += [surface.component == c for c in np.unique(surface.component[~own & ~is_open])]
+    groups += [is_open] if is_open.any() else []
+    for group in groups:
+        yield Shell(surface.points, surface.faces[group], surface.part[group])

@@ -1,0 +1,304 @@
+"""Repair a surface before it is tetrahedralised: weld, clean, orient, close; every change counted.
+
+Non-manifold edges are left alone: the tetrahedraliser copes with them, and filters that remove them
+delete faces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..predictors.asset import Part
+from .triangles import coherent_patches, edge_components, winding_numbers
+
+WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: float32 round-off
+# Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
+TWO_SIDED_SHARE = 0.9
+# A boundary loop spanning more than this share of its component's area is the rim of a sheet (1 for
+# a flat one, 0.5 for a half sphere, 0.2 for a box without its lid).
+HOLE_SHARE = 0.6
+# Depth, relative to a component's size, of the point that decides whether it is a cavity.
+CAVITY_DEPTH = 1e-4
+
+
+@dataclass(frozen=True)
+class RepairReport:
+    """How many things repair changed; 0 means that the input was clean in that respect."""
+
+    merged_vertices: int = 0
+    null_faces: int = 0
+    duplicate_faces: int = 0
+    flipped_faces: int = 0
+    closed_holes: int = 0
+    added_faces: int = 0
+    open_edges: int = 0
+    non_manifold_edges: int = 0
+
+    def __add__(self, other: RepairReport) -> RepairReport:
+        return RepairReport(
+            **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
+        )
+
+
+class Surface(NamedTuple):
+    """Triangles with the part that each belongs to and their edge-connected component.
+
+    ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,), ``component`` (m,) from 0 on.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    faces: Int[np.ndarray, "faces 3"]
+    part: Int[np.ndarray, "faces"]
+    component: Int[np.ndarray, "faces"]
+
+
+def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surface, RepairReport]:
+    """Weld, clean, orient and close the surfaces of all parts.
+
+    Components that stay open within their part are welded to those of the other parts: a closed
+    surface cut up by material becomes one component again, and every face keeps its part.
+
+    Parameters
+    ----------
+    parts
+        The parts of an asset, in metres.
+    weld_rel
+        Vertices closer than this share of the diagonal are merged.
+    """
+    surface = _stacked(parts)
+    tolerance = weld_rel * float(np.linalg.norm(np.ptp(surface.points, axis=0)))
+    surface, welded = _weld(surface, tolerance, within_parts=True)
+    surface, removed = _clean(surface)
+    is_open = open_components(surface)[surface.component]
+    closed, pool = _subset(surface, ~is_open), _subset(surface, is_open)
+    pool, seams = _weld(pool, tolerance, within_parts=False)
+    surface, turned = _orient(_concatenated(closed, pool))
+    surface, filled = _close_holes(surface)
+    return surface, welded + removed + seams + turned + filled + _left_over(surface)
+
+
+def _stacked(parts: Sequence[Part]) -> Surface:
+    offsets = np.cumsum([0, *(len(part.mesh.vertices) for part in parts)])
+    faces = [np.asarray(p.mesh.faces, np.int64) + o for p, o in zip(parts, offsets, strict=False)]
+    return Surface(
+        np.concatenate([np.asarray(part.mesh.vertices, np.float64) for part in parts]),
+        np.concatenate(faces),
+        np.repeat(np.arange(len(parts)), [len(f) for f in faces]),
+        np.zeros(sum(map(len, faces)), np.int64),
+    )
+
+
+def _weld(
+    surface: Surface, tolerance: float, *, within_parts: bool
+) -> tuple[Surface, RepairReport]:
+    """Merge vertices that lie in one cell of a grid of size ``tolerance`` [m]."""
+    faces = surface.faces.reshape(-1)
+    used, faces = np.unique(faces, return_inverse=True)
+    points = surface.points[used]
+    cell = np.round((points - points.min(axis=0, initial=np.inf)) / tolerance)
+    owner = np.zeros((len(used), 1))
+    if within_parts:
+        owner[faces, 0] = np.repeat(surface.part, 3)
+    _, first, merged = np.unique(
+        np.hstack([cell, owner]), axis=0, return_index=True, return_inverse=True
+    )
+    faces = merged.reshape(-1)[faces].reshape(-1, 3)
+    welded = surface._replace(points=points[first], faces=faces, component=edge_components(faces))
+    return welded, RepairReport(merged_vertices=len(used) - len(first))
+
+
+def _clean(surface: Surface) -> tuple[Surface, RepairReport]:
+    """Drop faces without area and repeated faces; keep one side of a surface exported twice."""
+    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = max(np.linalg.norm(e, axis=1).max(initial=0) for e in (b - a, c - b, a - c))
+    solid = area > (WELD_REL * longest) ** 2
+    kept = _subset(surface, solid)
+    unique = _subset(kept, _first_of_duplicates(kept))
+    return unique, RepairReport(
+        null_faces=int((~solid).sum()), duplicate_faces=len(kept.faces) - len(unique.faces)
+    )
+
+
+def _first_of_duplicates(surface: Surface) -> Bool[np.ndarray, "faces"]:
+    """Keep one of equal faces, and both of a back-to-back pair unless all faces come in pairs.
+
+    Such a pair is the common wall of two touching solids; where a whole component consists of
+    pairs, it is one surface exported with its back faces.
+    """
+    if not len(surface.faces):
+        return np.zeros(0, dtype=bool)
+    side = _parity(surface.faces).astype(int)
+    key = np.column_stack([surface.part, np.sort(surface.faces, axis=1)])
+    group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
+    has_side = np.zeros((group.max() + 1, 2), dtype=bool)
+    has_side[group, side] = True
+    paired = (has_side[:, 0] & has_side[:, 1])[group]
+    share = np.bincount(surface.component, weights=paired) / np.bincount(surface.component)
+    two_sided = share[surface.component] >= TWO_SIDED_SHARE
+    first = np.zeros(len(group), dtype=bool)
+    first[np.unique(2 * group + np.where(two_sided, 0, side), return_index=True)[1]] = True
+    return first
+
+
+def _subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
+    faces = surface.faces[keep]
+    return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
+
+
+def _concatenated(a: Surface, b: Surface) -> Surface:
+    faces = np.concatenate([a.faces, b.faces + len(a.points)])
+    points = np.concatenate([a.points, b.points])
+    return Surface(points, faces, np.concatenate([a.part, b.part]), edge_components(faces))
+
+
+def _boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Directed edges (n, 2) that lie on one face only, and that face."""
+    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, inverse, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    single = np.flatnonzero(count[inverse.reshape(-1)] == 1)
+    return edges[single], single // 3
+
+
+def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
+    """Whether each component has an edge on one face only."""
+    is_open = np.zeros(surface.component.max(initial=-1) + 1, dtype=bool)
+    is_open[surface.component[_boundary_edges(surface)[1]]] = True
+    return is_open
+
+
+def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
+    """Signed volume [m^3] of every component, about its own centre so that open ones make sense."""
+    count = surface.component.max(initial=-1) + 1
+    corners = surface.points[surface.faces]
+    size = np.maximum(np.bincount(surface.component, minlength=count), 1)
+    centre = np.stack(
+        [
+            np.bincount(surface.component, weights=corners[:, :, k].mean(axis=1), minlength=count)
+            for k in range(3)
+        ],
+        axis=1,
+    )
+    a, b, c = np.moveaxis(corners - (centre / size[:, None])[surface.component][:, None], 1, 0)
+    six = np.einsum("fi,fi->f", np.cross(a, b), c)
+    return np.bincount(surface.component, weights=six / 6, minlength=count)
+
+
+def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
+    """Orient every component coherently, and outward unless it is a cavity of its part."""
+    if not len(surface.faces):
+        return surface, RepairReport()
+    faces = _majority(surface.faces, *coherent_patches(surface.faces))
+    volumes = component_volumes(surface._replace(faces=faces))
+    first = np.unique(surface.component, return_index=True)[1]
+    inside_out = np.bincount(surface.part[first], weights=volumes) < 0
+    faces = _turned(faces, inside_out[surface.part[first]][surface.component])
+    volumes = component_volumes(surface._replace(faces=faces))
+    inverted = (volumes < 0) & ~_cavities(surface._replace(faces=faces), volumes < 0)
+    faces = _turned(faces, inverted[surface.component])
+    flipped = _parity(faces) != _parity(surface.faces)
+    return surface._replace(faces=faces), RepairReport(flipped_faces=int(flipped.sum()))
+
+
+def _parity(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
+    """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
+    a, b, c = faces.T
+    return ((a > b).astype(int) + (b > c) + (c > a)) == 2
+
+
+def _turned(faces: np.ndarray, which: Bool[np.ndarray, "faces"]) -> np.ndarray:
+    return np.where(which[:, None], faces[:, ::-1], faces)
+
+
+def _majority(before: np.ndarray, coherent: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    """Of the two coherent orientations of a patch, the one most of its faces had."""
+    changed = _parity(coherent) != _parity(before)
+    share = np.bincount(patch, weights=changed) / np.maximum(np.bincount(patch), 1)
+    return _turned(coherent, share[patch] > 0.5)
+
+
+def _cavities(surface: Surface, inverted: Bool[np.ndarray, "components"]) -> np.ndarray:
+    """Which inverted components lie inside the rest of their part: they are holes in its solid.
+
+    Just inside such a shell the whole part has winding number 0; inside a stray inverted one -1.
+    """
+    cavity = np.zeros(len(inverted), dtype=bool)
+    for part in np.unique(surface.part[inverted[surface.component]]):
+        mine = surface.part == part
+        faces = surface.faces[mine]
+        component = surface.component[mine]
+        candidates = np.unique(component[inverted[component]])
+        probes = np.array([_inside(surface.points, faces[component == c]) for c in candidates])
+        winding = winding_numbers(surface.points, faces, probes)
+        cavity[candidates] = winding > -0.5
+    return cavity
+
+
+def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
+    """Point just below the largest face of an inverted shell, on the side it encloses."""
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    best = length.argmax()
+    size = np.ptp(points[faces].reshape(-1, 3), axis=0).max()
+    return (a + b + c)[best] / 3 + CAVITY_DEPTH * size * normal[best] / length[best]
+
+
+def _close_holes(surface: Surface) -> tuple[Surface, RepairReport]:
+    """Close boundary loops with a fan around their centre, except the rims of sheets."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    edges, owner = _boundary_edges(surface)
+    if not len(edges):
+        return surface, RepairReport()
+    size = len(surface.points)
+    graph = coo_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
+    _, loop = np.unique(label[edges[:, 0]], return_inverse=True)
+    count = np.bincount(loop)
+    centre = np.stack(
+        [np.bincount(loop, weights=surface.points[edges[:, 0], k]) / count for k in range(3)],
+        axis=1,
+    )
+    fill = _hole_share(surface, edges, owner, loop, centre) <= HOLE_SHARE
+    edge = fill[loop]
+    number = np.cumsum(fill) - 1
+    fan = np.column_stack([edges[edge][:, ::-1], size + number[loop[edge]]])
+    faces = np.concatenate([surface.faces, fan])
+    closed = Surface(
+        np.concatenate([surface.points, centre[fill]]),
+        faces,
+        np.concatenate([surface.part, surface.part[owner[edge]]]),
+        edge_components(faces),
+    )
+    return closed, RepairReport(closed_holes=int(fill.sum()), added_faces=len(fan))
+
+
+def _hole_share(surface: Surface, edges, owner, loop, centre) -> Float[np.ndarray, "loops"]:
+    """Area that each boundary loop spans, as a share of the area of its component."""
+    a, b = (surface.points[edges[:, i]] - centre[loop] for i in (0, 1))
+    vector = np.cross(a, b) / 2
+    spanned = np.stack([np.bincount(loop, weights=vector[:, k]) for k in range(3)], axis=1)
+    p, q, r = (surface.points[surface.faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
+    per_component = np.bincount(surface.component, weights=area)
+    mine = np.zeros(len(centre))
+    mine[loop] = per_component[surface.component[owner]]
+    return np.linalg.norm(spanned, axis=1) / mine
+
+
+def _left_over(surface: Surface) -> RepairReport:
+    """What stays open or non-manifold after repair."""
+    edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    count = np.unique(edges, axis=0, return_counts=True)[1]
+    return RepairReport(
+        open_edges=int((count == 1).sum()), non_manifold_edges=int((count > 2).sum())
+    )

@@ -1,0 +1,185 @@
+"""An asset's surfaces to one watertight tet mesh with a region for each part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..fem.errors import NoVolumeError
+from ..fem.mesh import TetMesh
+from ..predictors.asset import Asset
+from .child import Progress
+from .conversion import (
+    Attempt,
+    ConversionReport,
+    InputVolume,
+    Region,
+    guarantees,
+    input_volume,
+    measure_distances,
+)
+from .ladder import Filling, Target, climb
+from .quality import quality
+from .regions import Solids
+from .repair import RepairReport, repair
+
+
+def tetrahedralize(
+    asset: Asset,
+    *,
+    edge_length_rel: float = 0.05,
+    epsilon_rel: float = 1e-3,
+    edge_length: float | None = None,
+    stop_energy: float = 10.0,
+    time_limit: float = 300.0,
+    memory_limit: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[TetMesh, ConversionReport]:
+    """Fill an asset with tets; every part that encloses a volume becomes a region of its name.
+
+    Parameters
+    ----------
+    asset
+        Surface parts in metres.
+    edge_length_rel, epsilon_rel
+        Wanted edge, and largest distance of the boundary from the input, as shares of the diagonal
+        of the bounding box.
+    edge_length
+        Wanted edge [m]; replaces ``edge_length_rel``.
+    stop_energy
+        AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
+    time_limit, memory_limit
+        Seconds and bytes that one attempt of the engine may take.
+    seed
+        Of the samples that check the result; the engine itself is not deterministic.
+    progress
+        Called with (stage, seconds) while the engine works.
+
+    Returns
+    -------
+    The mesh [m] and the report that shows its guarantees.
+
+    Raises
+    ------
+    NoVolumeError
+        Where no part encloses a volume, or no attempt gave a mesh.
+    """
+    diagonal = float(np.linalg.norm(asset.size))
+    if edge_length is not None:
+        edge_length_rel = edge_length / diagonal
+    target = Target(
+        diagonal, edge_length_rel, epsilon_rel, stop_energy, time_limit, memory_limit
+    ).checked()
+    rng = np.random.default_rng(seed)
+    surface, repaired = repair(asset.parts)
+    solids = Solids.of(surface, len(asset.parts))
+    if not solids.shells:
+        raise NoVolumeError(_no_volume(asset))
+    volume = input_volume(solids, len(asset.parts), rng=rng)
+    enclosed = float(volume.by_part.sum())
+    filling, attempts = climb(asset.parts, solids, target, enclosed, progress=progress)
+    if filling is None:
+        raise NoVolumeError(_no_mesh(asset, attempts))
+    mesh = _mesh(filling, asset.part_names)
+    return mesh, _report(asset, solids, volume, filling, mesh, repaired, attempts, seed, rng)
+
+
+def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
+    """Tets with a region for each part that has any."""
+    present, region = np.unique(filling.part, return_inverse=True)
+    return TetMesh(
+        filling.mesh.points,
+        filling.mesh.tets,
+        region.reshape(-1).astype(np.int32),
+        region_names=tuple(names[i] for i in present),
+    )
+
+
+def _report(
+    asset: Asset,
+    solids: Solids,
+    volume: InputVolume,
+    filling: Filling,
+    mesh: TetMesh,
+    repaired: RepairReport,
+    attempts: tuple[Attempt, ...],
+    seed: int,
+    rng: np.random.Generator,
+) -> ConversionReport:
+    """Measure everything that the conversion promises."""
+    epsilon, names = filling.target.epsilon, asset.part_names
+    gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
+    measured = quality(mesh)
+    missing = [name for name in names if name not in mesh.region_names]
+    sheets = tuple(names[i] for i in solids.sheets)
+    report = ConversionReport(
+        repair=repaired,
+        attempts=attempts,
+        guarantees=guarantees(mesh, measured, volume, gaps, epsilon),
+        quality=measured,
+        regions=_regions(mesh, names, volume),
+        diagonal=filling.target.diagonal,
+        edge_length=filling.target.edge_length,
+        epsilon=epsilon,
+        input_volume=float(volume.by_part.sum()),
+        distances=gaps,
+        split_edges=filling.mesh.split_edges,
+        doubled_points=filling.mesh.doubled_points,
+        sheets=sheets,
+        lost=tuple(name for name in missing if name not in sheets),
+        seed=seed,
+    )
+    return replace(report, warnings=_warnings(report))
+
+
+def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:
+    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
+    return tuple(
+        Region(name, int(count), float(filled), float(volume.by_part[list(names).index(name)]))
+        for name, count, filled in zip(mesh.region_names, tets, mesh.region_volumes(), strict=True)
+    )
+
+
+def _warnings(report: ConversionReport) -> tuple[str, ...]:
+    """Sentences about whatever a user would not expect."""
+    sentences = list(report.failed)
+    if report.sheets:
+        sentences.append(
+            f"{_listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
+        )
+    if report.lost:
+        sentences.append(
+            f"{_listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
+            "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
+        )
+    last = report.attempts[-1]
+    if len(report.attempts) > 1:
+        sentences.append(
+            f"attempt {len(report.attempts)} ({last.engine}, epsilon {last.epsilon:.3g} m, edge "
+            f"{last.edge_length:.3g} m) succeeded; before: "
+            + "; ".join(attempt.outcome for attempt in report.attempts[:-1])
+        )
+    return tuple(sentences)
+
+
+def _listed(names: Sequence[str], most: int = 5) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(repr(name) for name in names[:most]) + more
+
+
+def _no_volume(asset: Asset) -> str:
+    return (
+        f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume "
+        f"({_listed(asset.part_names)} are sheets); --thicken METRES gives sheets a thickness"
+    )
+
+
+def _no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
+    tried = "; ".join(f"{a.engine} at epsilon {a.epsilon:.3g} m: {a.outcome}" for a in attempts)
+    return (
+        f"{asset.name}: no tet mesh after {len(attempts)} attempts ({tried}); "
+        "a longer --time-limit or a larger --epsilon-rel may help"
+    )

@@ -1,0 +1,73 @@
+"""Questions about triangle soups that libigl answers, with plain arrays on both sides."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+class Triangles(NamedTuple):
+    """Triangle surface: ``points`` (n, 3) [m], ``faces`` (m, 3)."""
+
+    points: np.ndarray
+    faces: np.ndarray
+
+
+class Closest(NamedTuple):
+    """``distance`` (n,) [m] to the nearest point of a surface and the ``face`` (n,) it lies on."""
+
+    distance: np.ndarray
+    face: np.ndarray
+
+
+class Patches(NamedTuple):
+    """``faces`` (m, 3) wound coherently within each orientable ``patch`` (m,)."""
+
+    faces: np.ndarray
+    patch: np.ndarray
+
+
+def winding_numbers(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    where: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n"]:
+    """Generalised winding number at ``where`` [m]: 1 inside a closed outward surface, 0 outside."""
+    import igl
+
+    return np.asarray(igl.fast_winding_number(points, _int64(faces), where), dtype=np.float64)
+
+
+def closest(
+    where: Float[np.ndarray, "n 3"],
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+) -> Closest:
+    """Nearest point of a surface for each of ``where`` [m]."""
+    import igl
+
+    squared, face, _ = igl.point_mesh_squared_distance(where, points, _int64(faces))
+    return Closest(np.sqrt(np.maximum(squared, 0)), np.asarray(face, dtype=np.int64))
+
+
+def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces"]:
+    """Label from 0 on of the edge-connected component of every face."""
+    import igl
+
+    if not len(faces):
+        return np.zeros(0, np.int64)
+    return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
+
+
+def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:
+    """Wind the faces of every orientable patch the same way round."""
+    import igl
+
+    coherent, patch = igl.bfs_orient(_int64(faces))
+    return Patches(np.asarray(coherent, np.int64), np.asarray(patch, np.int64))
+
+
+def _int64(faces: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(faces, dtype=np.int64)
