@@ -8,6 +8,7 @@ import json
 import numpy as np
 
 from .report_content import Case, ReportContent
+from .scale import PALETTES, PARTS
 
 # Motion is thinned to this many numbers (frames x points x 3), 4.8 MB as base64 of int16: with 5 MB
 # of plotly, a page of 20k tets stays below 12 MB.
@@ -30,7 +31,13 @@ def payload(content: ReportContent) -> str:
         cases.append(
             {"geometry": index, **_values(case), **_motion(case, frames_shown(case, content))}
         )
-    document = {"up": content.up, "geometries": geometries, "cases": cases}
+    document = {
+        "up": content.up,
+        "palettes": PALETTES,
+        "parts": PARTS,
+        "geometries": geometries,
+        "cases": cases,
+    }
     return json.dumps(document, allow_nan=False).translate(_ESCAPES)
 
 

@@ -1,6 +1,5 @@
 // State, controls and keyboard of the page.
 
-const DATA = JSON.parse(document.getElementById("data").textContent);
 const SHARE_SHOWN = 0.15; // the largest exaggerated displacement, as a share of the diagonal
 const MOST_IS_TRUE = 1.05; // motions this large need no exaggeration: the slider only weakens them
 const FRAME_PAUSE = 40; // milliseconds between drawn frames: plotly's own limit is about 25 a second

@@ -1,20 +1,16 @@
 // What can be shown on the mesh: label, unit, colours, and the scale under the view.
 
-const VIRIDIS = ["#472d7b", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
-const CIVIDIS = ["#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
-const MAKO = ["#35264c", "#403a75", "#3d5296", "#366da0", "#3487a6", "#35a1ab", "#43bbad", "#6cd3ad", "#ade3c0", "#def5e5"];
-const PLASMA = ["#46039f", "#7201a8", "#9c179e", "#bd3786", "#d8576b", "#ed7953", "#fb9f3a", "#fdca26", "#f0f921"];
-const INFERNO = ["#420a68", "#6a176e", "#932667", "#bc3754", "#dd513a", "#f37819", "#fca50a", "#f6d746", "#fcffa4"];
-const PARTS = ["#5b8db8", "#d19a55", "#6fa86a", "#b7656c", "#8d7fb5", "#5fb0ac", "#c2a847", "#a0785f", "#8a9099", "#d08fb4"];
+const DATA = JSON.parse(document.getElementById("data").textContent);
+const PALETTES = DATA.palettes, PARTS = DATA.parts;
 
 // `log`: decades on the scale; `shared`: several cases share one scale, so that they can be compared.
 const MAPS = {
   part: { label: "Part" },
-  E: { label: "E", long: "Young's modulus E", unit: "Pa", log: true, colors: VIRIDIS },
-  nu: { label: "ν", long: "Poisson's ratio ν", unit: "", colors: CIVIDIS },
-  rho: { label: "ρ", long: "Density ρ", unit: "kg/m³", log: true, plain: true, colors: MAKO },
-  moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PLASMA, onPoints: true },
-  von_mises: { label: "Stress", long: "Von Mises stress under load", unit: "Pa", log: true, colors: INFERNO },
+  E: { label: "E", long: "Young's modulus E", unit: "Pa", log: true, colors: PALETTES.E },
+  nu: { label: "ν", long: "Poisson's ratio ν", unit: "", colors: PALETTES.nu },
+  rho: { label: "ρ", long: "Density ρ", unit: "kg/m³", log: true, plain: true, colors: PALETTES.rho },
+  moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PALETTES.displacement, onPoints: true },
+  von_mises: { label: "Stress", long: "Von Mises stress under load", unit: "Pa", log: true, colors: PALETTES.von_mises },
 };
 const STRESS_DECADES = 4; // stresses further below the largest look alike: nobody reads them
 
