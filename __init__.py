@@ -12,6 +12,11 @@ __version__ = "0.1.0"
 
 # Public name -> module that owns it.
 _HOME = {
+    "convert": ".toolkit.pipeline",
+    "assign": ".toolkit.pipeline",
+    "simulate": ".toolkit.pipeline",
+    "run": ".toolkit.pipeline",
+    "load_asset": ".toolkit.load",
     "AutophyxError": ".fem.errors",
     "TetMesh": ".fem.mesh",
     "ElementMaterial": ".fem.material",

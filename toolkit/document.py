@@ -20,8 +20,8 @@ def plain(value: Any) -> Any:
     """Turn dataclasses, numpy values and paths into what JSON knows; not-a-number becomes null."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if hasattr(value, "_asdict"):
-        return plain(value._asdict())
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = dict(zip(value._fields, value, strict=True))  # type: ignore[attr-defined]
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

@@ -13,6 +13,8 @@ from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..predictors.asset import UpAxis
 
+Mark = Literal["good", "note", "warning", "bad"]
+
 
 class Band(NamedTuple):
     """Smallest and largest value that the material may take."""
@@ -46,7 +48,7 @@ class PartRow:
 class Verdict:
     """One finding in plain words, with its number or reason in ``detail``."""
 
-    mark: Literal["good", "note", "warning", "bad"]
+    mark: Mark
     sentence: str
     detail: str = ""
 

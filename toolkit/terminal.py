@@ -58,7 +58,7 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
     if document.get("sag"):
         sag = document["sag"]
-        yield from (f"{verdict['sentence']}" for verdict in sag["verdicts"])
+        yield from (verdict.sentence for verdict in sag["verdicts"])
         yield (
             f"largest displacement {sag['max_displacement']:.3g} m "
             f"({100 * sag['sag_ratio']:.2g} % of its height), "

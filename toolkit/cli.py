@@ -1,0 +1,240 @@
+"""The command line: parses, calls the pipeline, prints; loads nothing heavy before that."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import traceback
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ..fem.errors import AutophyxError
+from .options import AssignOptions, Common, ConvertOptions, Repeated, SimulateOptions, UpAxis
+
+EXIT_BUG = 1
+EXIT_INTERRUPTED = 130
+
+Flat = tyro.conf.OmitArgPrefixes
+Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
+
+
+@dataclass(frozen=True)
+class Convert:
+    """Make a watertight tetrahedral mesh of an asset, one region per part.
+
+    Example: autophyx-tet convert chair.glb -o chair.msh --size 0.9
+    """
+
+    asset: tyro.conf.Positional[Path]
+    """Surface to convert: obj, ply, stl, off, glb, gltf ..."""
+    output: Output
+    """Mesh to write: .msh, .vtu or .vtk."""
+    options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .pipeline import convert
+
+        return convert(self.asset, output=self.output, options=self.options).document()
+
+
+@dataclass(frozen=True)
+class Assign:
+    """Give every tet E, nu and rho from a sentence.
+
+    Example: autophyx-tet assign chair.msh --text "the legs are oak, the seat is soft foam" -o m.msh
+    """
+
+    mesh: tyro.conf.Positional[Path]
+    """Mesh made by `convert`: .msh, .vtu or .vtk."""
+    output: Output
+    """Mesh to write: .msh, .vtu or .vtk."""
+    text: str = ""
+    """What the object is made of, in plain words; at most 4,000 characters."""
+    asset: Path | None = None
+    """The asset the mesh came from: its node and material names are read again."""
+    field_output: Annotated[Path | None, tyro.conf.arg(name="field")] = None
+    """Also write the voxel field, as .npz."""
+    options: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .pipeline import assign
+
+        result = assign(
+            self.mesh,
+            self.text,
+            asset=self.asset,
+            output=self.output,
+            field_output=self.field_output,
+            options=self.options,
+        )
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Load the mesh and solve: displacement, stress, verdicts.
+
+    Example: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu
+    """
+
+    mesh: tyro.conf.Positional[Path]
+    """Mesh with E, nu and rho, made by `assign`."""
+    output: Output
+    """Result to write: .vtu."""
+    up: UpAxis | None = None
+    """Axis that points up; by default what the mesh's sidecar says, else z."""
+    options: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .pipeline import simulate
+
+        result = simulate(self.mesh, up=self.up, output=self.output, options=self.options)
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Run:
+    """Convert, assign, simulate and report, in one go.
+
+    Example: autophyx-tet run bonsai.glb --text "the pot is ceramic, the trunk is oak" -o out/bonsai
+    """
+
+    asset: tyro.conf.Positional[Path]
+    """Surface to convert: obj, ply, stl, off, glb, gltf ..."""
+    output: Output
+    """Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json."""
+    text: Annotated[tuple[str, ...], Repeated] = ()
+    """What the object is made of; repeat it to compare two sentences under the same loads."""
+    convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    assign: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    simulate: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .pipeline import run
+
+        result = run(
+            self.asset,
+            self.text or ("",),
+            output=self.output,
+            convert_options=self.convert,
+            assign_options=self.assign,
+            simulate_options=self.simulate,
+        )
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Materials:
+    """List the material table, or the rows that match a query.
+
+    Example: autophyx-tet materials oak
+    """
+
+    query: tyro.conf.Positional[str] = ""
+    """Words to look for in names, aliases and categories."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .listing import materials
+
+        return materials(self.query)
+
+
+@dataclass(frozen=True)
+class Info:
+    """Say what a mesh file holds: size, regions, volume, mass, quality.
+
+    Example: autophyx-tet info chair.msh
+    """
+
+    file: tyro.conf.Positional[Path]
+    """Mesh to look at: .msh, .vtu or .vtk."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .listing import info
+
+        return info(self.file)
+
+
+COMMANDS = {
+    "convert": Convert,
+    "assign": Assign,
+    "simulate": Simulate,
+    "run": Run,
+    "materials": Materials,
+    "info": Info,
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; the exit code is 0, or the one of the error (see docs)."""
+    command = tyro.extras.subcommand_cli_from_dict(
+        COMMANDS,
+        prog="autophyx-tet",
+        description="From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.",
+        args=arguments,
+    )
+    common: Common = command.common
+    _configure_logging(common)
+    try:
+        document = command()
+    except AutophyxError as error:
+        if common.traceback:
+            traceback.print_exc()
+        _say(f"autophyx-tet: {_one_line(error)}")
+        return error.exit_code
+    except KeyboardInterrupt:
+        _say("autophyx-tet: interrupted; nothing half-written was left")
+        return EXIT_INTERRUPTED
+    except Exception as error:
+        if common.traceback:
+            traceback.print_exc()
+        _say(
+            f"autophyx-tet: a bug: {type(error).__name__}: {_one_line(error)} "
+            "(run again with --traceback and report it)"
+        )
+        return EXIT_BUG
+    _show(document, common)
+    return 0
+
+
+def _configure_logging(common: Common) -> None:
+    level = logging.INFO if common.verbose else logging.ERROR
+    logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(line + "\n")
+
+
+def _show(document: dict[str, Any], common: Common) -> None:
+    from .document import SCHEMA, dumps
+
+    if common.json:
+        sys.stdout.write(dumps({"schema": SCHEMA, **document}) + "\n")
+    elif not common.quiet:
+        from .terminal import show
+
+        show(document)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

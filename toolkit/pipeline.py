@@ -1,0 +1,258 @@
+"""The verbs: convert, assign, simulate, run; the CLI and Python users call the same ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..fem.errors import InputError, UsageError
+from ..fem.mesh import TetMesh
+from ..predictors.asset import Asset, UpAxis
+from .options import AssignOptions, ConvertOptions, SimulateOptions
+from .outputs import check_file, check_folder, mesh_suffixes
+from .results import Assignment, Conversion, RunCase, RunResult, Simulation
+from .sidecar import Sidecar
+
+if TYPE_CHECKING:
+    from ..converters.tets import Assigned
+    from ..predictors.choice import PartChoice
+
+# Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
+# nearest of about 200 rows without one gives .1 to .25.
+GUESS = 0.3
+
+
+def convert(
+    asset: str | Path | Asset,
+    *,
+    output: Path | None = None,
+    options: ConvertOptions | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Conversion:
+    """Make a watertight tetrahedral mesh [m] of an asset, one region per part.
+
+    Parameters
+    ----------
+    asset
+        File to load, or an asset already loaded.
+    output
+        Mesh to write (.msh, .vtu, .vtk), with its sidecar .json beside it.
+    progress
+        Called with (stage, seconds) while the engine works.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or the output not be written.
+    NoVolumeError
+        Where the asset encloses no volume.
+    """
+    from ..converters.table import write_mesh
+    from .load import load_asset
+    from .tetrahedralize import tetrahedralize
+
+    options = options or ConvertOptions()
+    if output is not None:
+        check_file(output, mesh_suffixes())
+    if not isinstance(asset, Asset):
+        asset = load_asset(asset, size=options.size, units=options.units, up=options.up)
+    mesh, report = tetrahedralize(asset, **options.engine(), progress=progress)
+    result = Conversion(asset=asset, mesh=mesh, report=report)
+    if output is not None:
+        write_mesh(output, mesh)
+        result.described().write(output)
+        result = replace(result, files=(output, Sidecar.path(output)))
+    return result
+
+
+def assign(
+    mesh: str | Path | TetMesh,
+    text: str,
+    *,
+    asset: str | Path | Asset | None = None,
+    output: Path | None = None,
+    field_output: Path | None = None,
+    options: AssignOptions | None = None,
+) -> Assignment:
+    """Give every tet E [Pa], nu [1], rho [kg/m^3] from a sentence.
+
+    Raises
+    ------
+    UsageError
+        Where a part or a material is unknown or the text is too long.
+    BandError
+        Under ``options.strict``, where a value leaves the band of its category.
+    """
+    from ..converters import npz, tets
+    from ..converters.table import write_mesh
+    from ..predictors.choice import fill
+    from ..predictors.retrieval import RetrievalPredictor
+
+    options = options or AssignOptions()
+    if output is not None:
+        check_file(output, mesh_suffixes())
+    if field_output is not None:
+        check_file(field_output, (".npz",))
+    mesh, sidecar, warnings = _read(mesh, asset)
+    labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
+    voxels = replace(tets.voxelize(mesh, cells=options.cells), labels=labels)
+    choices = RetrievalPredictor().choose(
+        voxels.part_labels,
+        text,
+        overrides=_pairs(options.part, "--part"),
+        materials=_pairs(options.material, "--material"),
+        alpha=options.alpha,
+        part_volumes=mesh.region_volumes().tolist(),
+    )
+    field = fill(voxels, choices, alpha=options.alpha)
+    sampled = tets.assign(mesh, field)
+    result = Assignment(
+        mesh=sampled.mesh,
+        text=text,
+        field=field,
+        choices=tuple(choices),
+        sampling=sampled,
+        sidecar=sidecar,
+        warnings=(*warnings, *_doubts(choices, sampled)),
+    )
+    if options.strict:
+        result.check_bands()
+    if output is not None:
+        write_mesh(output, result.mesh)
+        result.described().write(output)
+        result = replace(result, files=(output, Sidecar.path(output)))
+    if field_output is not None:
+        npz.save(field_output, result.field)
+        result = replace(result, files=(*result.files, field_output))
+    return result
+
+
+def simulate(
+    mesh: str | Path | TetMesh,
+    *,
+    up: UpAxis | None = None,
+    output: Path | None = None,
+    options: SimulateOptions | None = None,
+) -> Simulation:
+    """Load a mesh with materials and solve: displacement [m], von Mises stress [Pa], sag ratio.
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material.
+    ConvergenceError
+        Where the solver does not reach its tolerance.
+    """
+    from ..converters.table import write_mesh
+    from ..fem.scenarios import sag
+
+    options = options or SimulateOptions()
+    if output is not None:
+        check_file(output, (".vtu", ".vtk"))
+    mesh, sidecar, _ = _read(mesh, None)
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    started = time.perf_counter()
+    solved = sag(
+        mesh,
+        up=up or sidecar.up,
+        order=options.order,
+        supports=options.supports,
+        gravity=options.gravity,
+    )
+    result = Simulation(mesh=mesh, solved=solved, seconds=time.perf_counter() - started)
+    if output is not None:
+        write_mesh(output, mesh, point_data=result.point_data, cell_data=result.cell_data)
+        result = replace(result, files=(output,))
+    return result
+
+
+def run(
+    asset: str | Path | Asset,
+    texts: Sequence[str],
+    *,
+    output: Path,
+    convert_options: ConvertOptions | None = None,
+    assign_options: AssignOptions | None = None,
+    simulate_options: SimulateOptions | None = None,
+) -> RunResult:
+    """Convert once, assign and simulate every sentence under the same loads, write a folder.
+
+    Nothing is written before everything is computed. Raises what the single verbs raise.
+    """
+    from .folder import write_folder
+
+    check_folder(output)
+    clock = Stopwatch()
+    solid = convert(asset, options=convert_options)
+    clock.lap("convert")
+    cases = []
+    for text in texts:
+        body = assign(solid.mesh, text, asset=solid.asset, options=assign_options)
+        clock.lap("assign")
+        cases.append(
+            RunCase(body, simulate(body.mesh, up=solid.asset.up, options=simulate_options))
+        )
+        clock.lap("simulate")
+    return write_folder(output, RunResult(solid, tuple(cases), clock.seconds))
+
+
+class Stopwatch:
+    """Seconds of every stage, by name; laps of one name add up."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Add the time since the last lap to ``name``."""
+        now = time.perf_counter()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
+
+
+def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
+    """Return the mesh, what is known about its regions, and what the user should know."""
+    from ..converters.table import read_mesh
+
+    found = None
+    if not isinstance(mesh, TetMesh):
+        mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
+    if asset is not None:
+        if not isinstance(asset, Asset):
+            from .load import load_asset
+
+            asset = load_asset(asset)
+        found = Sidecar.of_asset(asset)
+    if found is None:
+        found = Sidecar(up="z")
+        return mesh, found, ["no asset and no sidecar: regions have only their names, up is z"]
+    lost = [name for name in mesh.region_names if name not in found.labels]
+    warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
+    return mesh, found, warnings if lost else []
+
+
+def _doubts(choices: Sequence[PartChoice], sampled: Assigned) -> Iterator[str]:
+    """Sentences about what was guessed rather than known."""
+    for choice in choices:
+        if choice.weight < GUESS:
+            yield (
+                f"nothing says what part {choice.part!r} is made of: taken as {choice.material}; "
+                f'say it in the text or with --part {choice.part}="..."'
+            )
+    if sampled.unmatched:
+        yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
+
+
+def _pairs(options: Sequence[str], flag: str) -> dict[str, str]:
+    """Split NAME=VALUE options."""
+    pairs = {}
+    for option in options:
+        name, found, value = option.partition("=")
+        if not (found and name.strip() and value.strip()):
+            raise UsageError(f'{flag} wants NAME="VALUE", got {option!r}')
+        pairs[name.strip()] = value.strip().strip('"')
+    return pairs

@@ -1,0 +1,234 @@
+"""What the verbs return: data, the files written, and one JSON document each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..fem.errors import BandError, InputError
+from ..fem.mesh import TetMesh
+from ..fem.table import FIELDS, outside_band
+from ..predictors.asset import Asset
+from ..predictors.field import MaterialField
+from .report_content import Mark, Verdict
+from .sidecar import Sidecar
+
+if TYPE_CHECKING:
+    from ..converters.tets import Assigned
+    from ..fem.scenarios import SagResult
+    from ..predictors.choice import PartChoice
+    from .conversion import ConversionReport
+
+# A displacement of 1 % of the height is about what the eye notices; past 20 % small-strain
+# elasticity no longer says how far it goes, only that it goes far.
+HOLDS, COLLAPSES = 0.01, 0.2
+_SHAPE: tuple[tuple[float, Mark, str], ...] = (
+    (HOLDS, "good", "It holds its shape under its own weight."),
+    (COLLAPSES, "note", "It visibly gives way under its own weight."),
+    (np.inf, "bad", "It collapses under its own weight."),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A tet mesh [m] of an asset and the report that proves its guarantees."""
+
+    asset: Asset
+    mesh: TetMesh
+    report: ConversionReport
+    files: tuple[Path, ...] = ()
+
+    def described(self) -> Sidecar:
+        """Return the sidecar of the mesh."""
+        return Sidecar.of_asset(self.asset).with_record(convert=self.document())
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``convert --json`` prints."""
+        return {
+            "files": self.files,
+            **mesh_document(self.mesh),
+            "quality": self.report.quality,
+            "report": self.report.as_dict(),
+            "warnings": [*self.asset.warnings, *self.report.warnings],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """A mesh with E, nu, rho on every tet, their field, and the choice made for every part."""
+
+    mesh: TetMesh
+    text: str
+    field: MaterialField
+    choices: tuple[PartChoice, ...]
+    sampling: Assigned
+    sidecar: Sidecar
+    warnings: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+    def part_rows(self) -> list[dict[str, Any]]:
+        """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg]."""
+        volumes = self.mesh.region_volumes()
+        masses = np.bincount(
+            self.mesh.region,
+            weights=_material(self.mesh).rho * self.mesh.volumes,
+            minlength=len(volumes),
+        )
+        return [
+            {
+                "name": choice.part,
+                "material": choice.material,
+                **choice.value._asdict(),
+                "ranges": {name: getattr(choice.row, name) for name in FIELDS},
+                "source": choice.source,
+                "estimated": choice.row.estimated,
+                "why": choice.why,
+                "weight": choice.weight,
+                "volume": volume,
+                "mass": mass,
+            }
+            for choice, volume, mass in zip(self.choices, volumes, masses, strict=True)
+        ]
+
+    def check_bands(self) -> None:
+        """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
+        for choice in self.choices:
+            complaints = outside_band(choice.row.category, *choice.value)
+            if complaints:
+                raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
+
+    def described(self) -> Sidecar:
+        """Return the sidecar of the mesh, with the choices on record."""
+        return self.sidecar.with_record(assign=self.document())
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``assign --json`` prints."""
+        return {
+            "files": self.files,
+            "text": self.text,
+            **mesh_document(self.mesh),
+            "parts": self.part_rows(),
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """The static answer of a mesh under a scenario."""
+
+    mesh: TetMesh
+    solved: SagResult
+    seconds: float
+    files: tuple[Path, ...] = ()
+
+    @property
+    def point_data(self) -> Mapping[str, np.ndarray]:
+        """Fields of the result at the points: displacement [m]."""
+        return {"displacement": self.solved.displacement}
+
+    @property
+    def cell_data(self) -> Mapping[str, np.ndarray]:
+        """Fields of the result on the tets: von Mises stress [Pa]."""
+        return {"von_mises": self.solved.von_mises}
+
+    def sag(self) -> dict[str, Any]:
+        """Return the numbers of the answer: displacement [m], ratio, stress [Pa], residual."""
+        static = self.solved.static
+        return {
+            "max_displacement": self.solved.max_displacement,
+            "sag_ratio": self.solved.sag_ratio,
+            "height": self.solved.height,
+            "max_von_mises": float(self.solved.von_mises.max()),
+            "order": static.order,
+            "residual": static.residual,
+            "iterations": static.iterations,
+            "verdicts": self.verdicts(),
+        }
+
+    def verdicts(self) -> list[Verdict]:
+        """Findings in plain words, each with its number and threshold."""
+        ratio = self.solved.sag_ratio
+        mark, sentence = next(row[1:] for row in _SHAPE if ratio < row[0])
+        return [
+            Verdict(mark, sentence, f"moves {ratio:.2g} of its height; it holds below {HOLDS:g}")
+        ]
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``simulate --json`` prints."""
+        return {
+            "files": self.files,
+            **mesh_document(self.mesh),
+            "sag": self.sag(),
+            "seconds": self.seconds,
+            "warnings": self.solved.warnings,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class RunCase:
+    """One sentence and what became of the mesh under it."""
+
+    assignment: Assignment
+    simulation: Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """One conversion, and one case for every sentence, under identical loads."""
+
+    conversion: Conversion
+    cases: tuple[RunCase, ...]
+    seconds: dict[str, float] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``run --json`` prints: the first sentence on top, all in ``cases``."""
+        cases = [
+            {**case.assignment.document(), "sag": case.simulation.document()["sag"]}
+            for case in self.cases
+        ]
+        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "sag")
+        warnings = [
+            *self.conversion.document()["warnings"],
+            *(
+                w
+                for c in self.cases
+                for w in (*c.assignment.warnings, *c.simulation.solved.warnings)
+            ),
+        ]
+        return {
+            "files": self.files,
+            **{key: cases[0][key] for key in keys},
+            "quality": self.conversion.report.quality,
+            "report": self.conversion.report.as_dict(),
+            "cases": cases,
+            "seconds": self.seconds,
+            "warnings": list(dict.fromkeys(warnings)),
+        }
+
+
+def mesh_document(mesh: TetMesh) -> dict[str, Any]:
+    """Size, volume [m^3], mass [kg] and regions of a mesh."""
+    return {
+        "points": len(mesh.points),
+        "tets": len(mesh.tets),
+        "volume": mesh.volume,
+        "mass": mesh.mass if mesh.material else None,
+        "bounds": mesh.bounds,
+        "regions": [
+            {"name": name, "volume": volume, "tets": int((mesh.region == i).sum())}
+            for i, (name, volume) in enumerate(
+                zip(mesh.region_names, mesh.region_volumes(), strict=True)
+            )
+        ],
+    }
+
+
+def _material(mesh: TetMesh):
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    return mesh.material
