@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .errors import InputError
+from .elastic import Law
+from .errors import ConvergenceError, InputError
+from .gap import Gap, discretisation_gap
 from .mesh import TetMesh
+from .nonlinear import solve_nonlinear
 from .pieces import face_connected_pieces, spans_plane
 from .statics import StaticResult, solve_static
 from .supports import Supports
@@ -22,6 +26,8 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
 # meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
 BASE_SHARE = 0.02
+# Beyond this strain the linear law is not enough.
+LINEAR_LIMIT = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,8 @@ class SagResult:
         Largest displacement of a point [m].
     sag_ratio
         ``max_displacement / height``.
+    gap
+        Discretisation error of the largest displacement, and how it was found.
     supported
         Points that are held, shape (points,).
     warnings
@@ -48,6 +56,7 @@ class SagResult:
     height: float
     max_displacement: float
     sag_ratio: float
+    gap: Gap
     supported: Bool[np.ndarray, "points"]
     warnings: tuple[str, ...]
 
@@ -69,6 +78,7 @@ def sag(
     order: int = 1,
     supports: Literal["base", "three-point"] = "base",
     gravity: float = 9.81,
+    law: Law | None = None,
     device: str = "cpu",
 ) -> SagResult:
     """Let ``mesh`` settle under its weight.
@@ -86,6 +96,9 @@ def sag(
         them, free to expand sideways.
     gravity
         Acceleration [m/s^2], downwards.
+    law
+        None: the linear law, and neo-Hookean where the linear answer strains more than 5 %.
+        ``Law.LINEAR``: never repeat.
     device
         'cpu' or 'cuda'.
 
@@ -97,14 +110,31 @@ def sag(
     axis = up_axis(up)
     height = float(np.ptp(mesh.bounds[:, axis]))
     held, warnings = rest(mesh, axis, three_point=supports == "three-point")
-    for warning in warnings:
-        logger.warning(warning)
     weight = np.zeros(3)
     weight[axis] = -gravity
-    static = solve_static(mesh, held, gravity=weight, order=order, device=device)
+    solve = partial(solve_static, mesh, held, gravity=weight, device=device)
+    static = solve(order=order)
+    gap = discretisation_gap(static, solve, warnings)
+    if static.max_strain > LINEAR_LIMIT and law is not Law.LINEAR:
+        static = _large(mesh, held, weight, static, device, warnings)
+    for warning in warnings:
+        logger.warning(warning)
     largest = float(np.linalg.norm(static.displacement, axis=1).max())
     supported = np.asarray(held.fixed.any(axis=1))
-    return SagResult(static, height, largest, largest / height, supported, tuple(warnings))
+    ratio = largest / height
+    return SagResult(static, height, largest, ratio, gap, supported, tuple(warnings))
+
+
+def _large(mesh, held, weight, linear: StaticResult, device: str, warnings: list[str]):
+    """Repeat a sag with the neo-Hookean law; the linear answer stays where that fails."""
+    said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+    try:
+        static = solve_nonlinear(mesh, held, gravity=weight, order=linear.order, device=device)
+    except ConvergenceError as error:
+        warnings.append(f"{said}it is not to be trusted, and no neo-Hookean rest exists ({error})")
+        return linear
+    warnings.append(said + "repeated with the neo-Hookean law")
+    return static
 
 
 def up_axis(up: str) -> int:

@@ -40,8 +40,11 @@ class StaticResult:
         Displacement of the mesh points [m], shape (points, 3).
     node_displacement
         Displacement of all nodes of the space [m], shape (nodes, 3); edges follow the points in P2.
+    law
+        Elastic law of the solution.
     strain, stress
-        Small-strain tensor [1] and Cauchy stress [Pa], means over every tet, shape (tets, 3, 3).
+        Strain tensor [1] (small strain, or Green's under a nonlinear law) and Cauchy stress [Pa],
+        means over every tet, shape (tets, 3, 3).
     reaction
         Force of the supports on the body [N], shape (nodes, 3).
     energy
@@ -54,6 +57,7 @@ class StaticResult:
     space: Space
     displacement: Float[np.ndarray, "points 3"]
     node_displacement: Float[np.ndarray, "nodes 3"]
+    law: Law
     strain: Float[np.ndarray, "tets 3 3"]
     stress: Float[np.ndarray, "tets 3 3"]
     reaction: Float[np.ndarray, "nodes 3"]
@@ -70,6 +74,11 @@ class StaticResult:
     def von_mises(self) -> Float[np.ndarray, "tets"]:
         """Von Mises stress [Pa] of every tet."""
         return von_mises(self.stress)
+
+    @property
+    def max_strain(self) -> float:
+        """Largest principal strain of any tet, in size [1]."""
+        return float(np.abs(np.linalg.eigvalsh(self.strain)).max())
 
 
 def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
@@ -143,7 +152,8 @@ def solve_static(
     solution = solve(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
     check_solution(mesh, held, solution, tolerance)
     u = np.where(held.fixed, prescribed, solution.x)
-    return static_result(ElasticBody(grid, material, Law.LINEAR), u, load, held, solution)
+    body_law = ElasticBody(grid, material, Law.LINEAR)
+    return static_result(body_law, u, load, held, solution.residual, solution.iterations)
 
 
 def reduced_load(
@@ -182,7 +192,12 @@ def _check_held(mesh: TetMesh, held: Supports) -> None:
 
 
 def static_result(
-    body: ElasticBody, u: np.ndarray, load: np.ndarray, held: Supports, solution: Solution
+    body: ElasticBody,
+    u: np.ndarray,
+    load: np.ndarray,
+    held: Supports,
+    residual: float,
+    iterations: int,
 ) -> StaticResult:
     """Strain, stress, reaction and energy of the nodal displacement ``u`` (nodes, 3) [m]."""
     wp = start_warp()
@@ -192,19 +207,52 @@ def static_result(
     field = wp.array(u, dtype=wp.vec3d, device=grid.device)
     force = wp.zeros_like(field)
     body.add_force(field, force)
-    strain = (H + H.transpose(0, 2, 1)) / 2
+    strain, stress = strain_and_stress(body.law, H, material_of(grid.mesh))
     return StaticResult(
         grid.mesh,
         grid.space,
         u[: grid.space.points],
         u,
+        body.law,
         strain,
-        hooke(strain, material_of(grid.mesh)),
+        stress,
         np.where(held.fixed, force.numpy() - load, 0.0) - held.springs * u,
         body.energy(field),
-        solution.residual,
-        solution.iterations,
+        residual,
+        iterations,
     )
+
+
+def strain_and_stress(
+    law: Law, H: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
+) -> tuple[np.ndarray, np.ndarray]:
+    """Strain [1] and Cauchy stress [Pa] of the displacement gradient ``H``, each (tets, 3, 3).
+
+    Small strain under the linear law, Green's strain (F^T F - I) / 2 under the others.
+    """
+    small = (H + H.transpose(0, 2, 1)) / 2
+    if law is Law.LINEAR:
+        return small, hooke(small, material)
+    F = H + np.eye(3)
+    J = np.linalg.det(F)[:, None, None]
+    stress = first_piola(law, F, material) @ F.transpose(0, 2, 1) / J
+    return small + H.transpose(0, 2, 1) @ H / 2, stress
+
+
+def first_piola(
+    law: Law, F: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
+) -> Float[np.ndarray, "tets 3 3"]:
+    """First Piola stress [Pa] of the deformation gradient ``F`` under a nonlinear law."""
+    lam, mu = (m[:, None, None] for m in material.lame)
+    if law is Law.COROTATED:
+        U, _, Vt = np.linalg.svd(F)
+        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+        R = U @ Vt
+        trace = np.einsum("tij,tij->t", R, F)[:, None, None] - 3
+        return 2 * mu * (F - R) + lam * trace * R
+    columns = [np.cross(F[:, :, (i + 1) % 3], F[:, :, (i + 2) % 3]) for i in range(3)]
+    J = np.linalg.det(F)[:, None, None]
+    return mu * F + ((lam + mu) * (J - 1) - mu) * np.stack(columns, axis=2)
 
 
 def material_of(mesh: TetMesh) -> ElementMaterial:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.elastic import Law
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.scenarios import sag
@@ -84,3 +85,38 @@ def test_tet_on_its_corner():
     material = ElementMaterial.uniform(1, E=1e6, nu=0.3, rho=1000)
     result = sag(TetMesh.oriented(points, [[0, 1, 2, 3]], material=material))
     assert np.isfinite(result.max_displacement)
+
+
+def test_gap_is_the_difference_of_the_orders():
+    """The reported gap of a P1 answer is its distance from the P2 answer, and shrinks with h."""
+    gaps = []
+    for n in (2, 4):
+        mesh = shaken_box((1.0, 0.25, 0.25), (4 * n, n, n), E=1e7, rho=1000, amount=0)
+        one, two = (sag(mesh, up="x", order=order) for order in (1, 2))
+        distance = abs(one.max_displacement - two.max_displacement) / two.max_displacement
+        assert one.gap == two.gap
+        assert one.gap.kind == "P1/P2"
+        assert one.gap.value == pytest.approx(distance, rel=1e-9)
+        gaps.append(one.gap.value)
+    assert gaps[1] < gaps[0]
+
+
+def test_recovery_estimate_follows_the_gap(monkeypatch):
+    """Above the P2 limit the gap is an estimate, and says so; it has the size of the gap."""
+    mesh = shaken_box((1.0, 0.2, 0.2), (20, 4, 4), E=1e7, rho=1000, amount=0)
+    exact = sag(mesh, up="z").gap
+    monkeypatch.setattr("autophyx_tet.fem.gap.LARGEST_P2", 0)
+    estimate = sag(mesh, up="z").gap
+    assert estimate.kind == "stress recovery"
+    assert 0.1 < estimate.value / exact.value < 10
+
+
+def test_soft_body_is_repeated_nonlinearly():
+    """Strains above 5 % are computed with the neo-Hookean law, and that is said."""
+    mesh = shaken_box((0.2, 0.2, 1.0), (2, 2, 10), E=5e4, nu=0.3, rho=1000, amount=0)
+    result = sag(mesh, up="z")
+    assert result.static.law is Law.NEO_HOOKEAN
+    assert any("neo-Hookean" in w for w in result.warnings)
+    linear = sag(mesh, up="z", law=Law.LINEAR)
+    assert linear.static.law is Law.LINEAR
+    assert linear.static.max_strain > 0.05
