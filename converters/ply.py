@@ -78,7 +78,8 @@ def write_ply(path: str | os.PathLike, ply: Ply) -> None:
             if ply.encoding == "ascii":
                 file.writelines(_ascii_lines(table))
             else:
-                file.write(table.astype(table.dtype.newbyteorder(_ORDERS[ply.encoding])).tobytes())
+                order = table.dtype.newbyteorder(_ORDERS[ply.encoding])
+                file.write(np.ascontiguousarray(table.astype(order, copy=False)).data)
         file.write(rest)
 
 
@@ -137,8 +138,8 @@ def _binary_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
         raise InputError(
             f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} bytes more"
         )
-    rows = np.frombuffer(file.read(count * dtype.itemsize), dtype=dtype)
-    return rows.astype(dtype.newbyteorder("="))
+    rows = np.fromfile(file, dtype=dtype, count=count)
+    return rows.astype(dtype.newbyteorder("="), copy=False)
 
 
 def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:

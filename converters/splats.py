@@ -13,7 +13,6 @@ import numpy as np
 
 from ..fem.errors import InputError
 from ..predictors.grid import Grid
-from .boxes import cell_boxes
 from .files import reading
 from .ply import Ply
 from .points import PointTable
@@ -166,19 +165,33 @@ def opacity_grid(splats: Gaussians, grid: Grid) -> np.ndarray:
     Each Gaussian is widened by half a cell, so that none falls between centres, and ends at three
     standard deviations or ``MAX_CELLS`` cells.
     """
-    density = np.zeros(grid.shape)
-    sigmas = np.clip(np.hypot(splats.sigmas, grid.h / 2), None, MAX_CELLS * grid.h / REACH)
+    import warp
+
+    from .kernels_volume import add_gaussians
+
+    sigmas = np.clip(np.hypot(splats.sigmas / grid.h, 0.5), None, MAX_CELLS / REACH)  # in cells
     axes = _rotation_matrices(splats.rotations)
-    reach = REACH * np.sqrt(np.einsum("nij,nj->ni", axes**2, sigmas**2))  # of each box [m]
-    lower, upper = grid.to_index(splats.means - reach), grid.to_index(splats.means + reach)
-    for splat, cell in cell_boxes(lower, upper, grid.shape):
-        offset = grid.to_world(cell) - splats.means[splat]
-        local = np.einsum("nij,ni->nj", axes[splat], offset) / sigmas[splat]
-        squared = (local**2).sum(axis=1)
-        weight = np.where(squared < REACH**2, splats.opacity[splat] * np.exp(-squared / 2), 0)
-        flat = np.ravel_multi_index(tuple(cell.T), grid.shape)
-        density += np.bincount(flat, weight, density.size).reshape(grid.shape)
-    return density
+    means = grid.to_index(splats.means)
+    reach = REACH * np.sqrt(np.einsum("nij,nj->ni", axes**2, sigmas**2))  # of the box around each
+    lower = np.clip(np.ceil(means - reach), 0, grid.shape)
+    upper = np.clip(np.floor(means + reach), -1, np.array(grid.shape) - 1)
+    whiten = axes.transpose(0, 2, 1) / sigmas[:, :, None]
+    density = warp.zeros(grid.shape, dtype=warp.float64, device="cpu")
+    warp.launch(
+        add_gaussians,
+        len(means),
+        [
+            warp.array(means, dtype=warp.vec3d, device="cpu"),
+            warp.array(whiten, dtype=warp.mat33d, device="cpu"),
+            warp.array(splats.opacity, dtype=warp.float64, device="cpu"),
+            warp.array(lower.astype(np.int32), dtype=warp.vec3i, device="cpu"),
+            warp.array(upper.astype(np.int32), dtype=warp.vec3i, device="cpu"),
+            warp.float64(REACH),
+        ],
+        [density],
+        device="cpu",
+    )
+    return density.numpy()
 
 
 def _rotation_matrices(q: np.ndarray) -> np.ndarray:

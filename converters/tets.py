@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,13 +13,13 @@ from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from ..predictors.sampling import ANY_PART, sample_field
 from ..predictors.voxels import PartVoxels
-from .boxes import cell_boxes
 
 Mode = Literal["centroid", "quadrature"]
 
 # Four-point rule of degree 2 on a tet: barycentric coordinates (5 -+ sqrt 5) / 20.
 _NEAR, _FAR = (5 + 3 * 5**0.5) / 20, (5 - 5**0.5) / 20
 _QUADRATURE = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
+_PAIRS = 1 << 21  # pairs of a box and a cell at a time: about 200 MB of temporaries
 _ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
 
 
@@ -79,11 +80,33 @@ def containing_tets(mesh: TetMesh, grid: Grid) -> np.ndarray:
     inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     owner = np.full(grid.shape, len(mesh.tets), dtype=np.int64)
     lower, upper = corners.min(axis=1) - _ON_FACE, corners.max(axis=1) + _ON_FACE
-    for tet, cell in cell_boxes(lower, upper, grid.shape):
+    for tet, cell in _cell_boxes(lower, upper, grid.shape):
         local = np.einsum("nij,nj->ni", inverse[tet], cell - corners[tet, 0])
         inside = (local >= -_ON_FACE).all(axis=1) & (local.sum(axis=1) <= 1 + _ON_FACE)
         np.minimum.at(owner, tuple(cell[inside].T), tet[inside])
     return np.where(owner < len(mesh.tets), owner, -1)
+
+
+def _cell_boxes(
+    lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int, int]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Pairs (box, cell) of every cell whose centre lies in a box, in bounded portions.
+
+    ``lower`` and ``upper`` (n, 3) are fractional cell indices, centres are whole numbers; cells
+    outside the grid of ``shape`` are left out.
+    """
+    lo = np.maximum(np.ceil(lower), 0).astype(np.int64)
+    hi = np.minimum(np.floor(upper), np.array(shape) - 1).astype(np.int64)
+    counts = np.maximum(hi - lo + 1, 0)
+    sizes = counts.prod(axis=1)
+    ends = np.cumsum(sizes)
+    total = int(ends[-1]) if len(ends) else 0
+    for start in range(0, total, _PAIRS):
+        pair = np.arange(start, min(start + _PAIRS, total))
+        box = np.searchsorted(ends, pair, side="right")
+        rest = pair - (ends - sizes)[box]
+        ny, nz = counts[box, 1], counts[box, 2]
+        yield box, lo[box] + np.stack([rest // (ny * nz), rest // nz % ny, rest % nz], axis=1)
 
 
 def _stamp_missing(mesh: TetMesh, grid: Grid, label: np.ndarray) -> np.ndarray:
