@@ -16,8 +16,9 @@ from .triangles import closest
 
 Engine = Literal["tetwild", "alpha wrap + tetwild"]
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
-# fTetWild keeps sampled points of its surface in the envelope; between them it may bulge a little.
-ENVELOPE_SLACK = 1.1
+# fTetWild keeps sampled points of its surface within epsilon of the input: between them it bulges,
+# and where three faces meet in a right angle the corner is sqrt(3) epsilon away.
+ENVELOPE_SLACK = 2.0
 PROBE = 2.0  # epsilons off a surface at which it is asked whether that side is outside
 
 
@@ -75,7 +76,8 @@ class Distances:
 class ConversionReport:
     """Everything measured about one conversion; lengths [m], volumes [m^3].
 
-    ``sheets`` are parts that enclose nothing and are not meshed, ``lost`` parts that enclose a
+    ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
+    thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
     volume but got no tet.
     """
 
@@ -92,6 +94,7 @@ class ConversionReport:
     split_edges: int
     doubled_points: int
     sheets: tuple[str, ...] = ()
+    thin: int = 0
     lost: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seed: int = 0

@@ -50,6 +50,11 @@ class Target:
         """Largest distance from the input [m]."""
         return self.epsilon_rel * self.diagonal
 
+    @property
+    def thinnest(self) -> float:
+        """Thickness [m] below which the envelope swallows a plate whole."""
+        return self.epsilon
+
     def checked(self) -> Target:
         """Return itself, or say what is out of range."""
         for option, value, most in (
@@ -119,17 +124,17 @@ def _rungs(
 ) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
     """What to try one after the other; solids are prepared only when their turn comes."""
     yield "tetwild", target, lambda: solids
-    yield "tetwild", target, lambda: repaired_harder(parts)
+    yield "tetwild", target, lambda: repaired_harder(parts, target)
     for factor in COARSER:
         yield "tetwild", target.coarser(factor), lambda: solids
     coarsest = target.coarser(COARSER[0])
     yield "alpha wrap + tetwild", coarsest, lambda: wrapped(solids, coarsest, enclosed)
 
 
-def repaired_harder(parts: Sequence[Part]) -> Solids:
+def repaired_harder(parts: Sequence[Part], target: Target) -> Solids:
     """Weld over larger gaps before sorting into solids and sheets."""
     surface, _ = repair(parts, weld_rel=HARDER_WELD_REL)
-    return Solids.of(surface, len(parts))
+    return Solids.of(surface, len(parts), thinnest=target.thinnest)
 
 
 def wrapped(solids: Solids, target: Target, enclosed: float) -> Solids:

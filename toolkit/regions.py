@@ -53,24 +53,30 @@ class Shell:
 class Solids:
     """The shells that enclose something, and the parts that are nothing but sheets.
 
-    ``surface`` holds all faces of the shells; ``sheets`` the ids of parts without any.
+    ``surface`` holds all faces of the shells; ``sheets`` the ids of parts without any; ``thin``
+    counts the closed components left out because they are thinner than asked for.
     """
 
     shells: tuple[Shell, ...]
     surface: Surface
     sheets: tuple[int, ...]
+    thin: int = 0
 
     @classmethod
-    def of(cls, surface: Surface, part_count: int) -> Solids:
-        """Sort the components of a repaired surface into shells and sheets."""
-        solid = _encloses(surface)[surface.component]
+    def of(cls, surface: Surface, part_count: int, *, thinnest: float) -> Solids:
+        """Sort the components of a repaired surface into shells and sheets.
+
+        A closed component whose mean thickness is below ``thinnest`` [m] counts as a sheet.
+        """
+        thin = ~open_components(surface) & (_thickness(surface) < thinnest)
+        solid = (_encloses(surface) & ~thin)[surface.component]
         kept = surface._replace(
             faces=surface.faces[solid],
             part=surface.part[solid],
             component=surface.component[solid],
         )
         sheets = tuple(p for p in range(part_count) if p not in set(kept.part.tolist()))
-        return cls(tuple(_shells(kept)), kept, sheets)
+        return cls(tuple(_shells(kept)), kept, sheets, int(thin.sum()))
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -102,6 +108,14 @@ class Solids:
         for inside, part in sorted(claims, key=lambda claim: -weight[claim[0]].sum()):
             label[inside] = part
         return label
+
+
+def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
+    """Twice volume by area [m] of each component: the thickness of a plate."""
+    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    total = np.bincount(surface.component, weights=area)
+    return 2 * np.abs(component_volumes(surface)) / np.maximum(total, np.finfo(float).tiny)
 
 
 def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..fem.mesh import FACES
+
 SAMPLES = 20_000  # points on a surface: the distances of a smooth field to 3 digits
 
 
@@ -42,16 +44,29 @@ def sample(
     )
 
 
+class Facets(NamedTuple):
+    """Triangles between two tets: ``faces`` (n, 3) sorted, the tets ``left``, ``right``."""
+
+    faces: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+
+
+def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
+    """All inner faces of a tet mesh, once each."""
+    faces = np.sort(tets[:, FACES].reshape(-1, 3), axis=1)
+    order = np.lexsort(faces.T[::-1])
+    inner = np.flatnonzero((faces[order][1:] == faces[order][:-1]).all(axis=1))
+    left, right = order[inner], order[inner + 1]
+    return Facets(faces[left], left // 4, right // 4)
+
+
 def interface_faces(
     tets: Int[np.ndarray, "tets 4"], region: Int[np.ndarray, "tets"]
 ) -> Int[np.ndarray, "faces 3"]:
     """Faces between two tets of different regions, once each."""
-    faces = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
-    owner = np.repeat(region, 4)
-    order = np.lexsort(faces.T[::-1])
-    faces, owner = faces[order], owner[order]
-    wall = (faces[1:] == faces[:-1]).all(axis=1) & (owner[1:] != owner[:-1])
-    return faces[1:][wall]
+    faces, left, right = facets(tets)
+    return faces[region[left] != region[right]]
 
 
 def stratified(

@@ -32,7 +32,7 @@ def tetrahedralize(
     edge_length_rel: float = 0.05,
     epsilon_rel: float = 1e-3,
     edge_length: float | None = None,
-    stop_energy: float = 10.0,
+    stop_energy: float = 20.0,
     time_limit: float = 300.0,
     memory_limit: int | None = None,
     seed: int = 0,
@@ -75,9 +75,9 @@ def tetrahedralize(
     ).checked()
     rng = np.random.default_rng(seed)
     surface, repaired = repair(asset.parts)
-    solids = Solids.of(surface, len(asset.parts))
+    solids = Solids.of(surface, len(asset.parts), thinnest=target.thinnest)
     if not solids.shells:
-        raise NoVolumeError(_no_volume(asset))
+        raise NoVolumeError(_no_volume(asset, target.thinnest))
     volume = input_volume(solids, len(asset.parts), rng=rng)
     enclosed = float(volume.by_part.sum())
     filling, attempts = climb(asset.parts, solids, target, enclosed, progress=progress)
@@ -129,6 +129,7 @@ def _report(
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
         sheets=sheets,
+        thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
         seed=seed,
     )
@@ -150,6 +151,11 @@ def _warnings(report: ConversionReport) -> tuple[str, ...]:
         sentences.append(
             f"{_listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
         )
+    if report.thin:
+        sentences.append(
+            f"{report.thin} closed pieces thinner than epsilon ({report.epsilon:.3g} m) are left "
+            "out; a smaller --epsilon-rel keeps them"
+        )
     if report.lost:
         sentences.append(
             f"{_listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
@@ -170,10 +176,11 @@ def _listed(names: Sequence[str], most: int = 5) -> str:
     return ", ".join(repr(name) for name in names[:most]) + more
 
 
-def _no_volume(asset: Asset) -> str:
+def _no_volume(asset: Asset, thinnest: float) -> str:
     return (
-        f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume "
-        f"({_listed(asset.part_names)} are sheets); --thicken METRES gives sheets a thickness"
+        f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume thicker than "
+        f"{thinnest:.3g} m ({_listed(asset.part_names)}); --thicken METRES gives sheets a "
+        "thickness, a smaller --epsilon-rel keeps thin plates"
     )
 
 

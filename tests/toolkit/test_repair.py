@@ -74,7 +74,7 @@ def test_sheets_are_not_closed():
         faces = np.concatenate([np.stack([i, i + 1, i + 8], 1), np.stack([i + 1, i + 9, i + 8], 1)])
         surface, report = repair([_part(grid, faces)])
         assert report.closed_holes == 0
-        solids = Solids.of(surface, 1)
+        solids = Solids.of(surface, 1, thinnest=1e-6)
         assert not solids.shells
         assert solids.sheets == (0,)
 
@@ -117,7 +117,7 @@ def test_skin_cut_up_by_material_is_one_solid():
     sides = [_part(cube.vertices, cube.faces[i : i + 2], f"side {i}") for i in range(0, 12, 2)]
     surface, report = repair(sides)
     assert report.open_edges == 0
-    solids = Solids.of(surface, 6)
+    solids = Solids.of(surface, 6, thinnest=1e-6)
     assert len(solids.shells) == 1
     where = np.array([[0.5, 0.5, 0.9], [0.5, 0.5, 0.1], [2.0, 0.5, 0.5]])
     label = solids.label(where, np.ones(3))
@@ -132,6 +132,6 @@ def test_nested_part_wins():
     where = rng.random((2000, 3))
     inside = (np.abs(where - 0.5) < 0.25).all(axis=1)
     for parts, name in (((large, small), 1), ((small, large), 0)):
-        label = Solids.of(repair(parts)[0], 2).label(where, np.ones(2000))
+        label = Solids.of(repair(parts)[0], 2, thinnest=1e-6).label(where, np.ones(2000))
         assert ((label == name) == inside).all()
         assert (label >= 0).all()
