@@ -1,0 +1,161 @@
+"""The colour of a surface: texture, vertex and face colours, base-colour factors, alpha."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+if TYPE_CHECKING:
+    import trimesh
+
+GREY = np.array([0.6, 0.6, 0.6, 1.0], dtype=np.float32)  # of a surface that says nothing
+# Colour (n, 4), sRGB and opacity in [0, 1], of points on faces (n,) at corner weights (n, 3).
+Skin = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 4"]]
+
+
+class Finish(NamedTuple):
+    """How a surface shines; textures of these three are not read, only the factors.
+
+    ``metallic`` in [0, 1] as in glTF; ``reflectance`` of the part that is no metal, in [0, 1], at
+    normal incidence; ``roughness`` in [0, 1].
+    """
+
+    metallic: float = 0.0
+    reflectance: float = 0.04
+    roughness: float = 0.6
+
+
+def finish_of(mesh: trimesh.Trimesh) -> Finish:
+    """Return the finish of a mesh's material; the default where it has none."""
+    material: Any = getattr(mesh.visual, "material", None)
+    if hasattr(material, "metallicFactor"):
+        metallic, roughness = material.metallicFactor, material.roughnessFactor
+        # glTF 2.0: a factor that is not given is 1.
+        return Finish(
+            1.0 if metallic is None else float(metallic),
+            Finish().reflectance,
+            1.0 if roughness is None else float(roughness),
+        )
+    if material is None or not hasattr(material, "specular"):
+        return Finish()
+    exponent = max(float(np.mean(material.glossiness or 0.0)), 0.0)
+    reflectance = float(np.mean(_unit(np.asarray(material.specular))[:3]))
+    # Phong's exponent n as a roughness: alpha^2 = 2 / (n + 2).
+    return Finish(0.0, min(reflectance, 1.0), (2 / (exponent + 2)) ** 0.25)
+
+
+def skin_of(mesh: trimesh.Trimesh) -> Skin:
+    """Return the function that colours points of a mesh from its ``visual``."""
+    visual: Any = mesh.visual
+    if visual.kind == "texture":
+        return _material_skin(mesh, visual)
+    if visual.kind == "face":
+        colours = _unit(visual.face_colors)
+        return lambda faces, weights: colours[faces]
+    if visual.kind == "vertex":
+        corners = _unit(visual.vertex_colors)[mesh.faces]
+        return lambda faces, weights: np.einsum("nc,nck->nk", weights, corners[faces])
+    return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
+
+
+def material_name(mesh: trimesh.Trimesh) -> str | None:
+    """Name of the material of a mesh, where it has one."""
+    return getattr(getattr(mesh.visual, "material", None), "name", None)
+
+
+def to_linear(srgb: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Light intensity of an sRGB value in [0, 1] (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(linear: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """SRGB value of a light intensity in [0, 1] (IEC 61966-2-1)."""
+    root = np.maximum(linear, 0.0031308) ** (1 / 2.4)
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * root - 0.055)
+
+
+def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
+    """Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour."""
+    material = visual.material
+    simple = not hasattr(material, "baseColorFactor")
+    factor = _obj_factor(material) if simple else _gltf_factor(material)
+    image = material.image if simple else material.baseColorTexture
+    texture = (
+        None if image is None or visual.uv is None else _unit(np.asarray(image.convert("RGBA")))
+    )
+    if texture is not None and simple:
+        factor[:3] = 1.0
+    tint = visual.vertex_attributes.get("color")
+    corners = None if tint is None else _unit(np.asarray(tint))[mesh.faces]
+    opacity = _opacity_rule(material)
+
+    def colour(faces: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n 3"]) -> np.ndarray:
+        result = np.tile(factor, (len(faces), 1))
+        if texture is not None:
+            uv = np.einsum("nc,nck->nk", weights, visual.uv[mesh.faces[faces]])
+            texel = _bilinear(texture, uv)
+            result *= np.concatenate([to_linear(texel[:, :3]), texel[:, 3:]], axis=1)
+        if corners is not None:
+            vertex = np.einsum("nc,nck->nk", weights, corners[faces])
+            result[:, : vertex.shape[1]] *= vertex
+        result[:, :3] = to_srgb(result[:, :3])
+        result[:, 3] = opacity(result[:, 3])
+        return result.astype(np.float32)
+
+    return colour
+
+
+def _gltf_factor(material: Any) -> Float[np.ndarray, "4"]:
+    """Linear base-colour factor; trimesh keeps it as bytes."""
+    factor = material.baseColorFactor
+    return np.ones(4) if factor is None else _unit(np.asarray(factor)).astype(np.float64)
+
+
+def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
+    """Kd, an sRGB value by custom, as linear, with the opacity ``d`` or 1 - ``Tr``."""
+    factor = _unit(np.asarray(material.diffuse)).astype(np.float64)
+    factor[:3] = to_linear(factor[:3])
+    given = {key.lower(): value for key, value in material.kwargs.items()}
+    for key, opacity in (("d", lambda x: x), ("tr", lambda x: 1 - x)):
+        words = given.get(key) or []
+        if words and _is_number(words[-1]):
+            # Some exporters write 0 for "not transparent": nothing would be left to see.
+            value = opacity(float(words[-1]))
+            factor[3] = value if 0 < value <= 1 else 1.0
+            break
+    return factor
+
+
+def _is_number(word: str) -> bool:
+    return word.replace(".", "", 1).replace("-", "", 1).replace("e", "", 1).isdigit()
+
+
+def _opacity_rule(material: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """How glTF's ``alphaMode`` reads alpha; other formats blend."""
+    mode = getattr(material, "alphaMode", "BLEND") or "OPAQUE"
+    if mode == "MASK":
+        cutoff = material.alphaCutoff if material.alphaCutoff is not None else 0.5
+        return lambda alpha: (alpha >= cutoff).astype(np.float64)
+    return np.ones_like if mode == "OPAQUE" else lambda alpha: alpha
+
+
+def _bilinear(texture: np.ndarray, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 4"]:
+    """Texture (h, w, 4) at repeating coordinates, v upwards from the lower left corner."""
+    size = np.array(texture.shape[1::-1])
+    at = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) % 1.0 * size - 0.5
+    low = np.floor(at)
+    share = (at - low).astype(np.float32)
+    (x0, y0), (x1, y1) = (low % size).astype(np.int64).T, ((low + 1) % size).astype(np.int64).T
+    fx, fy = share[:, :1], share[:, 1:]
+    top = texture[y0, x0] * (1 - fx) + texture[y0, x1] * fx
+    bottom = texture[y1, x0] * (1 - fx) + texture[y1, x1] * fx
+    return top * (1 - fy) + bottom * fy
+
+
+def _unit(colours: np.ndarray) -> Float[np.ndarray, "*n"]:
+    """Bytes, shorts or floats as float32 in [0, 1]."""
+    scale = np.iinfo(colours.dtype).max if colours.dtype.kind in "ui" else 1
+    return np.asarray(colours, dtype=np.float32) / np.float32(scale)
