@@ -15,14 +15,12 @@ if TYPE_CHECKING:
 
 # All lengths in metres; y is up and the pot stands on y = 0.
 POT_HALF = (0.110, 0.080)  # half extents of the outline along x and z
-# (inset from the outline, height) once around the wall: outside up, over the lip, inside down.
-POT_WALL = (
-    (0.030, 0.008), (0.024, 0.010), (0.012, 0.034), (0.005, 0.062), (0.006, 0.068),
-    (0.000, 0.070), (-0.001, 0.074), (0.000, 0.078), (0.010, 0.078), (0.011, 0.074),
-    (0.016, 0.050), (0.024, 0.028), (0.034, 0.019),
+# (inset from the outline, height) around the wall: outside up to the lip, then inside down.
+POT_OUTSIDE = (
+    (0.034, 0.008), (0.026, 0.010), (0.014, 0.034), (0.007, 0.062), (0.000, 0.067), (0.000, 0.078),
 )  # fmt: skip
-SOIL_WALL = ((0.032, 0.022), (0.021, 0.034), (0.0145, 0.050), (0.0105, 0.068))
-SOIL_DOME = 0.010  # height of the dome above the soil's edge
+POT_INSIDE = ((0.011, 0.078), (0.013, 0.068), (0.017, 0.050), (0.025, 0.028), (0.034, 0.020))
+SOIL_DOME = 0.010  # height of the dome above the soil's edge, which is the second ring inside
 FOOT_AT, FOOT_RADIUS, FOOT_HEIGHT = (0.060, 0.036), 0.011, 0.014
 TRUNK = (
     (-0.012, 0.058, 0.000), (-0.008, 0.085, 0.000), (0.018, 0.130, 0.006), (0.026, 0.175, -0.004),
@@ -53,26 +51,26 @@ PADS = (
 
 
 class Finish(NamedTuple):
-    """How a part looks: its material name, base colour (sRGB) and roughness."""
+    """How a part looks: its material name, base colour (linear, as glTF has it) and roughness."""
 
     material: str
-    color: tuple[int, int, int]
+    color: tuple[float, float, float]
     roughness: float
 
 
 FINISHES = {
-    "pot": Finish("glazed ceramic", (38, 92, 110), 0.25),
-    "soil": Finish("potting soil", (66, 47, 36), 1.0),
-    "trunk": Finish("juniper wood", (126, 88, 60), 0.85),
-    "foliage": Finish("juniper leaves", (74, 122, 58), 0.9),
+    "pot": Finish("glazed ceramic", (0.019, 0.107, 0.156), 0.25),
+    "soil": Finish("potting soil", (0.054, 0.028, 0.018), 1.0),
+    "trunk": Finish("juniper wood", (0.209, 0.098, 0.045), 0.85),
+    "foliage": Finish("juniper leaves", (0.068, 0.195, 0.042), 0.9),
 }
 
 
 def bonsai(*, seed: int = 7) -> trimesh.Scene:
     """Return the bonsai: a scene of closed surfaces [m] named pot, soil, trunk and foliage.
 
-    The parts reach a few millimetres into each other, so that the tet mesh is one piece. ``seed``
-    shapes the bark and the lumps of the leaves.
+    The parts reach into each other, soil and pot share a wall, so that the tet mesh is one piece.
+    ``seed`` shapes the bark and the lumps of the leaves.
     """
     import trimesh
 
@@ -81,8 +79,8 @@ def bonsai(*, seed: int = 7) -> trimesh.Scene:
         "pot": [_bowl(), *_feet()],
         "soil": [_soil()],
         "trunk": [
-            _tube(TRUNK, TRUNK_RADIUS, sides=18, rings=24, rng=rng),
-            *(_tube(path, BRANCH_RADIUS, sides=10, rings=10, rng=rng) for path in BRANCHES),
+            _tube(TRUNK, TRUNK_RADIUS, sides=12, rings=16, rng=rng),
+            *(_tube(path, BRANCH_RADIUS, sides=8, rings=7, rng=rng) for path in BRANCHES),
         ],
         "foliage": [_leaves(pad, rng) for pad in PADS],
     }
@@ -124,14 +122,14 @@ def _look(finish: Finish):
     return TextureVisuals(
         material=PBRMaterial(
             name=finish.material,
-            baseColorFactor=[*finish.color, 255],
+            baseColorFactor=[*finish.color, 1.0],
             roughnessFactor=finish.roughness,
             metallicFactor=0.0,
         )
     )
 
 
-def _outline(inset: float, height: float, *, sides: int = 44) -> Float[np.ndarray, "sides 3"]:
+def _outline(inset: float, height: float, *, sides: int = 36) -> Float[np.ndarray, "sides 3"]:
     """Rounded rectangle (superellipse of degree 4) at ``height``, ``inset`` from the pot's."""
     angle = 2 * np.pi * np.arange(sides) / sides
     cos, sin = np.cos(angle), np.sin(angle)
@@ -165,30 +163,34 @@ def _closed(rings: Float[np.ndarray, "rings sides 3"], first_pole, last_pole):
 
 def _bowl():
     """Hollow pot with a lip: the outline swept around the wall's profile."""
-    rings = np.stack([_outline(inset, height) for inset, height in POT_WALL])
-    return _closed(rings, (0, POT_WALL[0][1], 0), (0, POT_WALL[-1][1], 0))
+    rings = np.stack([_outline(*step) for step in (*POT_OUTSIDE, *POT_INSIDE)])
+    return _closed(rings, (0, POT_OUTSIDE[0][1], 0), (0, POT_INSIDE[-1][1], 0))
 
 
 def _feet():
     """Four short posts that reach from the ground into the floor of the pot."""
     for x, z in ((sx * FOOT_AT[0], sz * FOOT_AT[1]) for sx in (-1, 1) for sz in (-1, 1)):
-        angle = 2 * np.pi * np.arange(12) / 12
-        circle = np.stack([np.cos(angle), np.zeros(12), np.sin(angle)], axis=1)
+        angle = 2 * np.pi * np.arange(10) / 10
+        circle = np.stack([np.cos(angle), np.zeros(10), np.sin(angle)], axis=1)
         heights, radii = (0.0, FOOT_HEIGHT), (0.8 * FOOT_RADIUS, FOOT_RADIUS)
         rings = [r * circle + (x, y, z) for y, r in zip(heights, radii, strict=True)]
         yield _closed(np.stack(rings), (x, 0.0, z), (x, FOOT_HEIGHT, z))
 
 
 def _soil():
-    """Earth that fills the pot, a millimetre or two into its wall, with a slight dome."""
-    top = SOIL_WALL[-1]
-    rings = [_outline(inset, height) for inset, height in SOIL_WALL]
-    center = np.array([0.0, top[1], 0.0])
-    for share in (0.75, 0.5, 0.25):
-        ring = center + share * (_outline(*top) - center)
+    """Earth that fills the pot, with a slight dome.
+
+    Its wall has the very triangles of the pot's inside: a gap or a sliver would cost many tets.
+    """
+    edge = POT_INSIDE[1][1]
+    center = np.array([0.0, edge, 0.0])
+    rings = []
+    for share in (1 / 3, 2 / 3):
+        ring = center + share * (_outline(*POT_INSIDE[1]) - center)
         ring[:, 1] += SOIL_DOME * (1 - share**2)
         rings.append(ring)
-    return _closed(np.stack(rings), (0, SOIL_WALL[0][1], 0), (0, top[1] + SOIL_DOME, 0))
+    rings += [_outline(*step) for step in POT_INSIDE[1:]]
+    return _closed(np.stack(rings), (0, edge + SOIL_DOME, 0), (0, POT_INSIDE[-1][1], 0))
 
 
 def _tube(path, radius, *, sides: int, rings: int, rng: np.random.Generator):
@@ -217,12 +219,12 @@ def _leaves(pad: Pad, rng: np.random.Generator):
     """Flattened ball with lumps: bumps at random places, fewer and flatter underneath."""
     import trimesh
 
-    ball = trimesh.creation.icosphere(subdivisions=3)
+    ball = trimesh.creation.icosphere(subdivisions=2)
     out = np.asarray(ball.vertices)
-    bumps = rng.normal(size=(40, 3))
+    bumps = rng.normal(size=(24, 3))
     bumps /= np.linalg.norm(bumps, axis=1, keepdims=True)
-    near = np.exp((out @ bumps.T - 1) / 0.05)  # a bump is about 18 degrees wide
+    near = np.exp((out @ bumps.T - 1) / 0.06)  # a bump is about 20 degrees wide
     top = np.clip(1.5 * out[:, 1] + 0.8, 0.25, 1)
-    lumpy = out * (0.84 + 0.26 * top * near.max(axis=1))[:, None]
+    lumpy = out * (0.80 + 0.36 * top * near.max(axis=1))[:, None]
     lumpy[:, 1] *= 0.6 + 0.4 * top
     return trimesh.Trimesh(lumpy * pad.half + np.array(pad.center), ball.faces, process=False)
