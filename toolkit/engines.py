@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 from collections.abc import Callable
 from typing import Any
@@ -71,4 +72,37 @@ def alpha_wrap(arrays: Arrays, *, alpha_rel: float, offset_rel: float) -> Arrays
     }
 
 
-TASKS: dict[str, Callable[..., Arrays]] = {"tetwild": tetwild, "alpha_wrap": alpha_wrap}
+def poisson(arrays: Arrays, *, depth: int, neighbours: int, trim: float) -> Arrays:
+    """Closed surface through ``points`` (n, 3) by screened Poisson reconstruction.
+
+    Normals come from ``neighbours`` points and are oriented along a spanning tree; vertices in the
+    ``trim`` share of lowest point density, where the surface is a guess, are cut away.
+    """
+    open3d = import_open3d()
+
+    _stage("estimating normals")
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(arrays["points"]))
+    cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
+    cloud.orient_normals_consistent_tangent_plane(neighbours)
+    _stage("reconstructing")
+    mesh, density = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth)
+    density = np.asarray(density)
+    mesh.remove_vertices_by_mask(density < np.quantile(density, trim))
+    return {
+        "points": np.asarray(mesh.vertices, np.float64),
+        "faces": np.asarray(mesh.triangles, np.int64),
+    }
+
+
+def import_open3d() -> Any:
+    """Import open3d, with the libusb that it links against but does not bring."""
+    libusb = importlib.import_module("libusb_package")
+    ctypes.CDLL(str(libusb.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+    return importlib.import_module("open3d")
+
+
+TASKS: dict[str, Callable[..., Arrays]] = {
+    "tetwild": tetwild,
+    "alpha_wrap": alpha_wrap,
+    "poisson": poisson,
+}

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..fem.errors import InputError, UsageError
 from ..predictors.asset import Asset, Part, UpAxis
+from .clouds import reconstructed
 from .options import METRES, Unit
-from .references import References, used_materials
+from .readers import READERS, Surface, read
+from .references import References
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,14 +32,6 @@ SMALLEST, LARGEST = 1e-3, 100.0  # longest side [m] outside which a forgotten un
 MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
 
-class Surface(NamedTuple):
-    """One piece of a file: a triangle surface and the names around it."""
-
-    mesh: trimesh.Trimesh
-    node: tuple[str, ...] = ()
-    material: str | None = None
-
-
 def load_asset(
     path: str | Path,
     *,
@@ -46,7 +39,7 @@ def load_asset(
     units: Unit | None = None,
     up: UpAxis | None = None,
 ) -> Asset:
-    """Load a surface file; every named node, group or material becomes a part, in metres.
+    """Load a surface or a point cloud; every named node, group or material becomes a part [m].
 
     Parameters
     ----------
@@ -69,23 +62,24 @@ def load_asset(
     """
     path = Path(path)
     _check_scale(size, units)
-    suffix = _check_path(path)
+    _check_path(path)
     data = path.read_bytes()
-    references = References(path.parent, materials=_materials(suffix, data))
-    surfaces = READERS[suffix](path, data, references)
-    surfaces, warnings = _with_extent(path, [_checked(path, surface) for surface in surfaces])
+    references = References(path.parent)
+    content = read(path, data, references)
+    if not content.surfaces and content.cloud is not None:
+        content = reconstructed(path, content)
+    surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
     warnings = [*references.warnings, *warnings]
-    parts = _parts(surfaces, path.stem, warnings)
     asset = Asset(
         name=path.stem,
-        parts=parts,
-        up=up or ("y" if suffix in Y_UP else "z"),
+        parts=_parts(surfaces, path.stem, warnings),
+        up=up or content.up or content.up_guess,
         source=str(path),
         source_hash=references.digest(data),
     )
-    if up is None and suffix not in METRIC:
+    if up is None and content.up is None:
         warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
-    return _in_metres(asset, size, units, suffix in METRIC, warnings)
+    return _in_metres(asset, _metres(asset, size, units, content.metres, warnings), warnings)
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:
@@ -97,8 +91,8 @@ def _check_scale(size: float | None, units: Unit | None) -> None:
         raise UsageError(f"--units must be one of {', '.join(METRES)}, got {units!r}")
 
 
-def _check_path(path: Path) -> str:
-    """Suffix of a readable, non-empty file that there is a reader for."""
+def _check_path(path: Path) -> None:
+    """Make sure of a readable, non-empty file that there is a reader for."""
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file")
@@ -113,126 +107,16 @@ def _check_path(path: Path) -> str:
         raise InputError(
             f"{path}: {bytes_} bytes, the limit is {MAX_FILE_BYTES}: simplify it first"
         )
-    return suffix
-
-
-def _materials(suffix: str, data: bytes) -> tuple[str, ...]:
-    return used_materials(data.decode(errors="replace")) if suffix == ".obj" else ()
-
-
-def _scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
-    """Parse with trimesh; whatever a parser stumbles over becomes one sentence."""
-    import trimesh
-
-    kind = path.suffix[1:].lower()
-    try:
-        return trimesh.load_scene(
-            io.BytesIO(data),
-            file_type=kind,
-            resolver=references,  # type: ignore[arg-type]
-            process=False,
-            **options,
-        )
-    except Exception as error:  # a parser of untrusted bytes may raise anything
-        reason = f"{type(error).__name__}: {error}"[:300]
-        raise InputError(
-            f"{path}: is not a valid {kind} file ({reason}): export it again"
-        ) from error
-
-
-def _read_plain(path: Path, data: bytes, references: References) -> list[Surface]:
-    """Formats with one surface, or several named solids, and no tree of nodes."""
-    scene = _scene(path, data, references)
-    named = len(scene.geometry) > 1
-    return [Surface(mesh, (name,) if named else ()) for name, mesh in _meshes(scene)]
-
-
-def _read_obj(path: Path, data: bytes, references: References) -> list[Surface]:
-    """OBJ: one surface per object (or group, where there are no objects) and material."""
-    text = absolute_indices(data.decode(errors="replace"))
-    objects = re.search(r"^o[ \t]+\S", text, flags=re.MULTILINE) is not None
-    scene = _scene(
-        path,
-        text.encode(),
-        references,
-        group_material=True,
-        split_objects=objects,
-        split_groups=not objects,
-    )
-    surfaces = []
-    for name, mesh in _meshes(scene):
-        material = _material_name(mesh)
-        node = name.removesuffix(f"_{material}")
-        surfaces.append(Surface(mesh, (node,), material))
-    return surfaces
-
-
-def _read_gltf(path: Path, data: bytes, references: References) -> list[Surface]:
-    """GLTF and GLB: one surface per node and material, in world coordinates, metres."""
-    scene = _scene(path, data, references)
-    surfaces = []
-    for node in sorted(scene.graph.nodes_geometry):
-        transform, geometry = scene.graph[node]
-        mesh = scene.geometry[geometry]
-        if not _is_surface(mesh):
-            continue
-        mesh = mesh.copy()
-        mesh.apply_transform(transform)
-        surfaces.append(Surface(mesh, _ancestry(scene, node, str(geometry)), _material_name(mesh)))
-    if not surfaces and references.warnings:
-        raise InputError(f"{path}: {references.warnings[0]}")
-    return surfaces
-
-
-def _meshes(scene: trimesh.Scene) -> Iterable[tuple[str, trimesh.Trimesh]]:
-    return [(name, mesh) for name, mesh in scene.geometry.items() if _is_surface(mesh)]
-
-
-def _is_surface(geometry: Any) -> bool:
-    return getattr(geometry, "faces", None) is not None and len(geometry.faces) > 0
-
-
-def _material_name(mesh: trimesh.Trimesh) -> str | None:
-    return getattr(getattr(mesh.visual, "material", None), "name", None)
-
-
-def _ancestry(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, ...]:
-    """Names of a node, of its mesh and of the nodes above it, nearest first."""
-    parents = scene.graph.transforms.parents
-    names = [node, geometry]
-    while node in parents:
-        node = parents[node]
-        names.append(node)
-    return tuple(names)
-
-
-_FACE_LINE = re.compile(r"^(?:v|vt|vn|f)[ \t].*$", flags=re.MULTILINE)
-
-
-def absolute_indices(text: str) -> str:
-    """Rewrite an OBJ text's relative (negative) indices, which count back from their own line."""
-    if not re.search(r"^f[ \t].*-\d", text, flags=re.MULTILINE):
-        return text
-    count = {"v": 0, "vt": 0, "vn": 0}
-
-    def absolute(match: re.Match[str]) -> str:
-        kind, *rest = match.group().split()
-        if kind != "f":
-            count[kind] += 1
-            return match.group()
-        return " ".join(["f", *(_absolute_corner(corner, count) for corner in rest)])
-
-    return _FACE_LINE.sub(absolute, text)
-
-
-def _absolute_corner(corner: str, count: dict[str, int]) -> str:
-    pairs = zip(corner.split("/"), count.values(), strict=False)
-    return "/".join(str(n + 1 + int(i)) if i.startswith("-") else i for i, n in pairs)
 
 
 def _checked(path: Path, surface: Surface) -> Surface:
     """Refuse what no later step could make sense of: indices, numbers, counts."""
     points, faces = surface.mesh.vertices, surface.mesh.faces
+    if points.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(
+            f"{path}: has points of {points.shape[-1]} coordinates and faces of {faces.shape[-1]} "
+            "corners, wanted 3 and 3: export it again"
+        )
     if len(faces) > MAX_TRIANGLES:
         raise InputError(
             f"{path}: {len(faces)} triangles, the limit is {MAX_TRIANGLES}: simplify it"
@@ -321,36 +205,31 @@ def _first_name(names: Sequence[str | None]) -> str | None:
     return next((name for name in names if _is_name(name)), None)
 
 
-def _in_metres(
-    asset: Asset, size: float | None, units: Unit | None, metric: bool, warnings: list[str]
-) -> Asset:
-    """Scale to metres and say what was assumed."""
+def _metres(
+    asset: Asset, size: float | None, units: Unit | None, stated: float | None, warnings: list[str]
+) -> float:
+    """Metres per unit of the file: what the user says, what the file says, else one."""
     longest = float(asset.size.max())
-    factor = METRES[units or "m"] if size is None else size / longest
-    if size is None and units is None and not metric:
+    if size is not None:
+        return size / longest
+    if units is not None:
+        return METRES[units]
+    if stated is None:
         warnings.append(
             f"the file has no unit: taken as metres (longest side {longest:.4g} m); "
             "--size or --units sets it"
         )
-    if not SMALLEST <= longest * factor <= LARGEST:
-        warnings.append(
-            f"a longest side of {longest * factor:.4g} m is unusual: --size or --units sets it"
-        )
+    return 1.0 if stated is None else stated
+
+
+def _in_metres(asset: Asset, factor: float, warnings: list[str]) -> Asset:
+    """Scale to metres and say what was assumed."""
+    longest = float(asset.size.max()) * factor
+    if not SMALLEST <= longest <= LARGEST:
+        warnings.append(f"a longest side of {longest:.4g} m is unusual: --size or --units sets it")
     if factor != 1:
         for part in asset.parts:
             part.mesh.vertices = part.mesh.vertices * factor
     for sentence in warnings:
         log.info("%s: %s", asset.source, sentence)
     return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
-
-
-METRIC = (".glb", ".gltf")  # the standard says metres and +Y up
-Y_UP = (*METRIC, ".obj")  # OBJ says nothing, but nearly all exporters write +Y
-READERS = {
-    ".obj": _read_obj,
-    ".ply": _read_plain,
-    ".stl": _read_plain,
-    ".off": _read_plain,
-    ".glb": _read_gltf,
-    ".gltf": _read_gltf,
-}

@@ -1,6 +1,7 @@
 """Loading: what a file says survives (metres, names, places), what it lacks is said."""
 
 import json
+import re
 import struct
 
 import numpy as np
@@ -8,8 +9,12 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.bonsai import write_bonsai
-from autophyx_tet.toolkit.load import absolute_indices, load_asset
+from autophyx_tet.toolkit.load import load_asset
 from autophyx_tet.toolkit.options import METRES
+from autophyx_tet.toolkit.readers import READERS, absolute_indices
+from autophyx_tet.toolkit.repair import component_volumes, repair
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY = (
@@ -200,3 +205,111 @@ def test_bonsai_parts(tmp_path):
     assert {"pot", "soil", "trunk", "foliage"} <= set(asset.part_names)
     assert asset.up == "y"
     assert not asset.warnings
+
+
+@pytest.mark.parametrize(
+    ("suffix", "polygon"), [(".off", "4 0 1 2 3\n3 0 1 4\n"), (".OFF", "5 0 1 2 3 4 255 0 0\n")]
+)
+def test_off_polygons(tmp_path, suffix, polygon):
+    """A polygon of n corners gives n - 2 triangles; colours after the corners are no corners."""
+    path = tmp_path / f"house{suffix}"
+    faces = polygon.count("\n")
+    points = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0.5 0\n"
+    path.write_text(f"COFF # colours\n5 {faces} 0\n{points}{polygon}")
+    assert len(load_asset(path).parts[0].mesh.faces) == 3
+
+
+def test_ply_triangle_strips(tmp_path):
+    """Strips of n vertices give n - 2 triangles, wound alternately; -1 ends a strip."""
+    path = tmp_path / "strips.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+        "property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n9 0 1 2 3 4 -1 0 1 2\n"
+    )
+    mesh = load_asset(path).parts[0].mesh
+    assert len(mesh.faces) == 4
+    assert np.cross(
+        mesh.triangles[:, 1] - mesh.triangles[:, 0], mesh.triangles[:, 2] - mesh.triangles[:, 0]
+    )[:, 2] == pytest.approx(1)
+
+
+def test_3mf_keeps_its_unit(tmp_path):
+    """A 3MF box of 40 says millimetres by itself: 0.04 m."""
+    path = tmp_path / "box.3mf"
+    trimesh.creation.box((10, 20, 40)).export(path)
+    asset = load_asset(path)
+    assert asset.size == pytest.approx((0.01, 0.02, 0.04))
+    assert asset.up == "z"
+
+
+def test_dae_keeps_its_unit_and_up_axis(tmp_path):
+    path = tmp_path / "box.dae"
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((10, 20, 40))).decode()
+    header = '<asset><unit name="cm" meter="0.01"/><up_axis>X_UP</up_axis>'
+    path.write_text(re.sub(r"<asset>(.*?)(<unit[^>]*>)?(<up_axis>.*?</up_axis>)?(?=</asset>)",
+                           header, text, flags=re.DOTALL))  # fmt: skip
+    asset = load_asset(path)
+    assert asset.size.max() == pytest.approx(0.4)
+    assert asset.up == "x"
+
+
+def test_xml_entities_are_refused(tmp_path):
+    path = tmp_path / "evil.dae"
+    path.write_text(
+        '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]><a/>'
+    )
+    with pytest.raises(InputError, match="entities"):
+        load_asset(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".ply", ".xyz"])
+def test_point_cloud_of_a_ball(tmp_path, suffix):
+    """5,000 points on a sphere of radius 2 m enclose 4/3 pi r^3 within 2 %."""
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(5000, 3))
+    points *= 2 / np.linalg.norm(points, axis=1, keepdims=True)
+    path = tmp_path / f"ball{suffix}"
+    trimesh.PointCloud(points).export(path)
+    asset = load_asset(path)
+    surface, _ = repair(asset.parts)
+    assert component_volumes(surface).sum() == pytest.approx(4 / 3 * np.pi * 8, rel=0.02)
+
+
+def _valid_files():
+    """A small scene in every format, as bytes by suffix."""
+    box = trimesh.creation.box((1, 2, 3))
+    files = {
+        suffix: trimesh.exchange.export.export_mesh(box, None, file_type=suffix[1:])
+        for suffix in READERS
+        if suffix not in (".gltf", ".xyz")
+    }
+    return {k: v.encode() if isinstance(v, str) else bytes(v) for k, v in files.items()}
+
+
+FILES = _valid_files()
+NUMBERS = (b"1e308", b"nan", b"-1", b"4294967295", b"99999999999", b"\xff\xff\xff\x7f", b"\0" * 8)
+
+
+@given(
+    st.sampled_from(sorted(FILES)),
+    st.floats(0, 1),
+    st.lists(st.tuples(st.floats(0, 1), st.sampled_from(NUMBERS)), max_size=4),
+)
+@settings(max_examples=150, deadline=None)
+def test_corrupted_files_load_or_end_in_an_input_error(tmp_path_factory, suffix, keep, strikes):
+    """Truncated and overwritten files of every format: an asset or one sentence, nothing else."""
+    data = bytearray(FILES[suffix][: int((0.3 + 0.7 * keep) * len(FILES[suffix]))])
+    for place, number in strikes:
+        at = int(place * len(data))
+        data[at : at + len(number)] = number
+    path = tmp_path_factory.getbasetemp() / f"fuzz{suffix}"
+    path.write_bytes(data)
+    try:
+        asset = load_asset(path)
+    except InputError:
+        return
+    for part in asset.parts:
+        assert np.isfinite(part.mesh.vertices).all()
+        assert part.mesh.faces.max() < len(part.mesh.vertices)
