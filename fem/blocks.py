@@ -63,6 +63,14 @@ class BlockMatrix:
             k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
         )
 
+    def add(self, other: BlockMatrix, factor: float) -> None:
+        """Add ``factor`` times ``other``, a matrix of the same pattern, in place."""
+        from . import kernels_linear as k
+
+        size, device = self.values.shape[0], self.values.device
+        inputs = [factor, other.values, self.values]
+        start_warp().launch(k.add_scaled, size, inputs=inputs, device=device)
+
     def times(self, x: np.ndarray) -> np.ndarray:
         """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
         wp = start_warp()
@@ -147,20 +155,30 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
-def apply_supports(matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray) -> None:
+def add_diagonal(matrix: BlockMatrix, blocks: np.ndarray) -> None:
+    """Add 3 x 3 ``blocks`` (nodes, 3, 3) [N/m] to the diagonal, in place."""
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    added = wp.array(blocks, dtype=wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, added, matrix.values]
+    wp.launch(k.add_diagonal, matrix.nodes, inputs=inputs, device=device)
+
+
+def apply_supports(
+    matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray | None = None
+) -> None:
     """Add ``springs`` [N/m] (nodes, 3) and drop the ``fixed`` (nodes, 3) rows, in place."""
     from . import kernels_linear as k
 
     wp = start_warp()
     device = matrix.values.device
-    arrays = [matrix.rows, matrix.columns]
-    if springs.any():
-        stiff = wp.array(springs, dtype=wp.vec3d, device=device)
-        wp.launch(
-            k.add_springs, matrix.nodes, inputs=[*arrays, stiff, matrix.values], device=device
-        )
+    if springs is not None and springs.any():
+        add_diagonal(matrix, springs[:, :, None] * np.eye(3))
     free = wp.array(~fixed, dtype=wp.vec3d, device=device)
-    wp.launch(k.fix_rows, matrix.nodes, inputs=[*arrays, free, matrix.values], device=device)
+    inputs = [matrix.rows, matrix.columns, free, matrix.values]
+    wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
 
 
 @lru_cache(maxsize=8)

@@ -108,6 +108,16 @@ def gradient_at(
     return H
 
 
+@wp.func
+def gradient_p1(
+    g: mat43d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
+) -> wp.mat33d:
+    H = wp.mat33d()
+    for a in range(4):
+        H += wp.outer(u[elements[t, a]], row3(g, a))
+    return H
+
+
 @wp.kernel
 def element_energy(
     points: wp.array(dtype=wp.vec3d),
@@ -125,9 +135,12 @@ def element_energy(
     g = gradients(points, elements, t) * (wp.float64(1.0) / six)
     w = six / wp.float64(6 * quadrature.shape[0])
     total = wp.float64(0.0)
-    for q in range(quadrature.shape[0]):
-        H = gradient_at(shape_gradients(g, elements, quadrature[q]), elements, u, t)
-        total += w * energy_density(law, H, lam[t], mu[t])
+    if elements.shape[1] == 4:
+        total = w * energy_density(law, gradient_p1(g, elements, u, t), lam[t], mu[t])
+    else:
+        for q in range(quadrature.shape[0]):
+            H = gradient_at(gradients_p2(g, quadrature[q]), elements, u, t)
+            total += w * energy_density(law, H, lam[t], mu[t])
     energy[t] = total
 
 
@@ -148,10 +161,7 @@ def internal_force(
     g = gradients(points, elements, t) * (wp.float64(1.0) / six)
     w = six / wp.float64(6 * quadrature.shape[0])
     if elements.shape[1] == 4:
-        H = wp.mat33d()
-        for a in range(4):
-            H += wp.outer(u[elements[t, a]], row3(g, a))
-        P = w * first_piola(law, H, lam[t], mu[t])
+        P = w * first_piola(law, gradient_p1(g, elements, u, t), lam[t], mu[t])
         for a in range(4):
             wp.atomic_add(force, elements[t, a], P * row3(g, a))
     else:
@@ -196,6 +206,19 @@ def tangent(
     g = gradients(points, elements, t) * (wp.float64(1.0) / six)
     w = six / wp.float64(6 * quadrature.shape[0])
     size = elements.shape[1]
+    if law == NEO_HOOKEAN and size == 4:  # the common case, with nothing of P2 in its way
+        H = gradient_p1(g, elements, u, t)
+        F = H + wp.identity(n=3, dtype=wp.float64)
+        C = cofactor(F)
+        k = w * ((lam[t] + mu[t]) * volume_change(H) - mu[t])
+        for a in range(4):
+            p = row3(g, a)
+            for b in range(a, 4):
+                block = neo_hookean_block(p, row3(g, b), F, C, k, w * lam[t], w * mu[t])
+                wp.atomic_add(values, slots[t, 4 * a + b], block)
+                if b > a:
+                    wp.atomic_add(values, slots[t, 4 * b + a], wp.transpose(block))
+        return
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
         H = gradient_at(d, elements, u, t)

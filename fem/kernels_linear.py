@@ -222,15 +222,25 @@ def assemble_p2(
 
 
 @wp.kernel
-def add_springs(
+def add_diagonal(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
-    springs: wp.array(dtype=wp.vec3d),
+    blocks: wp.array(dtype=wp.mat33d),
     values: wp.array(dtype=wp.mat33d),
 ):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
-    values[s] = values[s] + wp.diag(springs[i])
+    values[s] = values[s] + blocks[i]
+
+
+@wp.kernel
+def add_scaled(
+    factor: wp.float64,
+    other: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    s = wp.tid()
+    values[s] = values[s] + factor * other[s]
 
 
 @wp.kernel

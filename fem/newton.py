@@ -42,7 +42,8 @@ class Objective(Protocol):
         ...
 
 
-LinearSolve = Callable[[BlockMatrix, np.ndarray], np.ndarray]
+# Solves H step = b so that |b - H step| is well below the goal [N] of Newton.
+LinearSolve = Callable[[BlockMatrix, np.ndarray, float], np.ndarray]
 
 
 class Minimum(NamedTuple):
@@ -58,13 +59,13 @@ def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target:
 
     The exact Hessian is used where it gives a descent direction, the projected one elsewhere.
     """
-    g = objective.gradient(u)
+    g, value = objective.gradient(u), objective.value(u)
     size = float(np.linalg.norm(g))
     projected = False
     for iteration in range(MAX_ITERATIONS):
         if size <= target:
             return Minimum(u, size, iteration)
-        step = solve(objective.hessian(u, projected=projected), -g)
+        step = solve(objective.hessian(u, projected=projected), -g, target)
         slope = float((g * step).sum())
         if not (np.isfinite(step).all() and slope < 0):
             if projected:
@@ -73,13 +74,14 @@ def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target:
                 )
             projected = True
             continue
-        moved = _backtrack(objective, u, step, slope, size)
+        moved = _backtrack(objective, u, step, slope, size, value)
         if moved is None:
             if projected:
                 raise ConvergenceError(f"Newton's line search failed at residual {size:.3g} N")
             projected = True
             continue
-        u, g, projected = *moved, False
+        u, g, value = moved
+        projected = False
         size = float(np.linalg.norm(g))
         logger.debug("Newton %d: residual %.3e N", iteration, size)
     raise ConvergenceError(
@@ -89,19 +91,18 @@ def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target:
 
 
 def _backtrack(
-    objective: Objective, u: np.ndarray, step: np.ndarray, slope: float, size: float
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """First of the halved steps that lowers the energy, with the gradient there."""
-    here = objective.value(u)
+    objective: Objective, u: np.ndarray, step: np.ndarray, slope: float, size: float, here: float
+) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """First of the halved steps that lowers the energy; gradient and energy there."""
     share = min(1.0, objective.longest_step(u, step))
     for _ in range(HALVINGS):
         trial = u + share * step
         there = objective.value(trial)
         if there <= here + SUFFICIENT * share * slope:
-            return trial, objective.gradient(trial)
+            return trial, objective.gradient(trial), there
         if abs(there - here) <= ENERGY_NOISE * max(abs(here), -slope):
             g = objective.gradient(trial)
             if np.linalg.norm(g) < size:
-                return trial, g
+                return trial, g, there
         share /= 2
     return None

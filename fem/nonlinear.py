@@ -90,7 +90,7 @@ def solve_nonlinear(
     potential = Potential(elastic, load, held)
     nodes = grid.space.nodes
 
-    def linear(matrix: BlockMatrix, b: np.ndarray) -> np.ndarray:
+    def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
         return solve(matrix, b, points=nodes, fixed=held.fixed, tolerance=LINEAR_TOLERANCE).x
 
     u = np.zeros_like(load) if start is None else start.copy()

@@ -109,7 +109,7 @@ def solve_iterative(
     x, z, y = wp.zeros_like(r), wp.zeros_like(r), wp.zeros_like(r)
     launch = Recorder(wp, nodes, device)
     launch(k.block_multiply, [system.inverse, r, False, r]).launch()
-    cg = _Iteration(system, TwoLevel(system, coarse, largest, r, z), x, r, z)
+    cg = ConjugateGradients(system, TwoLevel(system, coarse, largest, r, z), x, r, z)
     size = float(np.linalg.norm(b)) or 1.0
     iterations = cg.run(tolerance * size)
     launch(k.block_multiply, [system.inverse, x, True, y]).launch()
@@ -128,31 +128,37 @@ def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:
     return 64 * np.finfo(float).eps * float(np.linalg.norm(total))
 
 
-class _Iteration:
-    """The loop of preconditioned CG; its scalars live on the device."""
+class ConjugateGradients:
+    """Preconditioned CG on a scaled system; vectors and scalars live on the device.
 
-    def __init__(self, system: Scaled, preconditioner: TwoLevel, x: Any, r: Any, z: Any) -> None:
-        from . import kernels_solver as k
+    ``preconditioner.apply()`` computes z from r; ``x`` starts at zero, ``r`` at the scaled right-
+    hand side. ``reached`` and ``indefinite`` say how the loop ended.
+    """
+
+    def __init__(self, system: Scaled, preconditioner: Any, x: Any, r: Any, z: Any) -> None:
+        from . import kernels_linear, kernels_solver
 
         wp = self.wp = start_warp()
-        self.kernels = k
         self.preconditioner = preconditioner
+        self.reached = self.indefinite = False
         self.scalars = wp.zeros(4, dtype=wp.float64, device=r.device)
         p, q, unscaled = wp.zeros_like(r), wp.zeros_like(r), wp.zeros_like(r)
         launch = Recorder(wp, system.matrix.nodes, r.device)
         A = [system.matrix.rows, system.matrix.columns, system.matrix.values]
-        from .kernels_linear import multiply
-
-        self.multiply = launch(multiply, [*A, p, q])
-        self.advance = launch(k.cg_advance, [p, q, system.lower, self.scalars, x, r, unscaled])
-        self.direction = launch(k.cg_direction, [z, self.scalars, p])
-        self.shift = launch(k.cg_shift, [self.scalars], size=1)
-        flat = {name: v.view(wp.float64).flatten() for name, v in
-                {"p": p, "q": q, "r": r, "z": z, "u": unscaled}.items()}  # fmt: skip
-        self.flat = flat
+        self.multiply = launch(kernels_linear.multiply, [*A, p, q])
+        advance = [p, q, system.lower, self.scalars, x, r, unscaled]
+        self.advance = launch(kernels_solver.cg_advance, advance)
+        self.direction = launch(kernels_solver.cg_direction, [z, self.scalars, p])
+        self.shift = launch(kernels_solver.cg_shift, [self.scalars], size=1)
+        vectors = {"p": p, "q": q, "r": r, "z": z, "u": unscaled}
+        self.flat = {name: v.view(wp.float64).flatten() for name, v in vectors.items()}
+        self.host = None if r.device.is_cuda else {n: v.numpy() for n, v in self.flat.items()}
         self.p, self.z = p, z
 
     def _dot(self, a: str, b: str, slot: int) -> None:
+        if self.host is not None:
+            self.scalars.numpy()[slot] = self.host[a] @ self.host[b]
+            return
         out = self.scalars[slot : slot + 1]
         self.wp.utils.array_inner(self.flat[a], self.flat[b], out=out)
 
@@ -167,24 +173,27 @@ class _Iteration:
         self.direction.launch()
         self.shift.launch()
 
-    def run(self, target: float) -> int:
+    def run(self, target: float, limit: int | None = None) -> int:
         """Iterate until the unscaled residual is below ``target``; return the iterations."""
+        limit = MAX_ITERATIONS if limit is None else limit
         self.preconditioner.apply()
         self.wp.copy(self.p, self.z)
         self._dot("r", "z", 0)
         device = self.p.device
         if not device.is_cuda:
-            return self._loop(self.step, 1, target)
+            return self._loop(self.step, 1, target, limit)
         with self.wp.ScopedCapture(device=device) as capture:
             for _ in range(GPU_STRIDE):
                 self.step()
-        replay = lambda: self.wp.capture_launch(capture.graph)  # noqa: E731
-        return self._loop(replay, GPU_STRIDE, target)
+        graph = capture.graph
+        return self._loop(lambda: self.wp.capture_launch(graph), GPU_STRIDE, target, limit)
 
-    def _loop(self, advance: Any, stride: int, target: float) -> int:
-        for done in range(stride, MAX_ITERATIONS + stride, stride):
+    def _loop(self, advance: Any, stride: int, target: float, limit: int) -> int:
+        for done in range(stride, limit + stride, stride):
             advance()
-            square = self.scalars.numpy()[3]
-            if not square > target**2:  # also ends on NaN
+            curvature, square = self.scalars.numpy()[[1, 3]]
+            self.indefinite = bool(curvature < 0)
+            if self.indefinite or not square > target**2:  # also ends on NaN
+                self.reached = bool(square <= target**2) and not self.indefinite
                 return done
-        return MAX_ITERATIONS
+        return limit

@@ -1,0 +1,115 @@
+"""Rigid obstacles with a closed-form distance: plane, box, sphere, capsule, gripper plates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+
+class Distance(NamedTuple):
+    """Signed distance ``gap`` (n,) [m], positive outside, and its gradient ``normal`` (n, 3)."""
+
+    gap: np.ndarray
+    normal: np.ndarray
+
+
+@runtime_checkable
+class Obstacle(Protocol):
+    """A rigid body that keeps the simulated one outside; it may move with constant velocity."""
+
+    @property
+    def velocity(self) -> Sequence[float]:
+        """Velocity [m/s], shape (3,)."""
+        ...
+
+    def distance(self, x: np.ndarray) -> Distance:
+        """Distance of positions ``x`` (n, 3) [m] from the obstacle at time 0."""
+        ...
+
+
+def _unit(vector: np.ndarray, length: np.ndarray) -> np.ndarray:
+    return vector / np.where(length > 0, length, 1.0)[:, None]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Half-space below the plane through ``point`` [m] with the outward ``normal``."""
+
+    point: Sequence[float] = (0.0, 0.0, 0.0)
+    normal: Sequence[float] = (0.0, 0.0, 1.0)
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: np.ndarray) -> Distance:
+        """Height above the plane."""
+        normal = np.asarray(self.normal, dtype=float) / np.linalg.norm(self.normal)
+        return Distance((x - self.point) @ normal, np.broadcast_to(normal, x.shape))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Ball of ``radius`` [m] around ``centre`` [m]."""
+
+    centre: Sequence[float]
+    radius: float
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: np.ndarray) -> Distance:
+        """Distance from the surface of the ball."""
+        away = x - self.centre
+        length = np.linalg.norm(away, axis=1)
+        return Distance(length - self.radius, _unit(away, length))
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within ``radius`` [m] of the segment from ``start`` to ``end`` [m]."""
+
+    start: Sequence[float]
+    end: Sequence[float]
+    radius: float
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: np.ndarray) -> Distance:
+        """Distance from the surface of the capsule."""
+        start, along = np.asarray(self.start), np.subtract(self.end, self.start)
+        share = np.clip((x - start) @ along / max(float(along @ along), 1e-300), 0, 1)
+        away = x - start - share[:, None] * along
+        length = np.linalg.norm(away, axis=1)
+        return Distance(length - self.radius, _unit(away, length))
+
+
+@dataclass(frozen=True)
+class Box:
+    """Box along the axes with ``half`` sizes [m] around ``centre`` [m]."""
+
+    centre: Sequence[float]
+    half: Sequence[float]
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: np.ndarray) -> Distance:
+        """Distance from the surface of the box."""
+        local = x - self.centre
+        q = np.abs(local) - self.half
+        out = np.maximum(q, 0.0)
+        length = np.linalg.norm(out, axis=1)
+        nearest = np.eye(3)[np.argmax(q, axis=1)]  # the face that a point inside is closest to
+        outside = (length > 0)[:, None]
+        normal = np.where(outside, _unit(out, length), nearest) * np.where(local < 0, -1.0, 1.0)
+        return Distance(np.where(outside[:, 0], length, q.max(axis=1)), normal)
+
+
+def gripper(
+    lower: Sequence[float], upper: Sequence[float], axis: int, speed: float
+) -> tuple[Plane, Plane]:
+    """Two plates facing each other along ``axis``, at ``lower`` and ``upper`` [m], closing.
+
+    Each moves towards the other at ``speed`` [m/s].
+    """
+    direction = np.eye(3)[axis]
+    return (
+        Plane(tuple(lower), tuple(direction), tuple(speed * direction)),
+        Plane(tuple(upper), tuple(-direction), tuple(-speed * direction)),
+    )
