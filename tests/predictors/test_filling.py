@@ -1,0 +1,111 @@
+"""Laws of filling: exact on analytic solids, both conditions, nearest features, winding number."""
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.predictors.filling import fill, nearest_surface, winding_agreement
+from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.surface import surface_voxels
+from scipy.ndimage import binary_dilation
+
+GRID = Grid.around(np.array([[-1.0] * 3, [1.0] * 3]), cells=48)
+X, Y, Z = np.moveaxis(GRID.centers(), -1, 0)
+RADIUS = np.sqrt(X**2 + Y**2 + Z**2)
+BOX = np.maximum(np.maximum(np.abs(X), np.abs(Y)), np.abs(Z))
+# Signed distances, or what is negative inside and steep at the border, in metres.
+SOLIDS = {
+    "ball": RADIUS - 0.9,
+    "torus": np.hypot(np.hypot(X, Y) - 0.6, Z) - 0.3,
+    "nested spheres": np.maximum(RADIUS - 0.9, 0.45 - RADIUS),
+    "bowl": np.maximum(np.maximum(RADIUS - 0.9, 0.6 - RADIUS), Z),
+    "open box": np.maximum(
+        BOX - 0.9, -np.maximum(np.maximum(np.abs(X), np.abs(Y)) - 0.5, -0.5 - Z)
+    ),
+}
+
+
+@pytest.mark.parametrize("parity", ["all", "one"])
+@pytest.mark.parametrize("name", SOLIDS)
+def test_exact_on_analytic_solids(name, parity):
+    """Away from one voxel of the surface the filled cells are those of the inside function."""
+    distance = SOLIDS[name]
+    surface = np.abs(distance) < 0.9 * GRID.h  # a closed shell one to two cells thick
+    filled = fill(surface, parity=parity)
+    clear = ~binary_dilation(surface, np.ones((3, 3, 3)))
+    assert (filled.occupied == (distance < 0))[clear].all()
+    assert filled.occupied[surface].all()
+    assert filled.leaky == 0
+
+
+def test_conditions_of_the_paper_on_a_bowl():
+    """Condition 1 takes the cavity of a closed-looking cave; the open side leaves a bowl's top."""
+    shell = np.abs(SOLIDS["ball"]) < 0.9 * GRID.h
+    cap = shell & (Z > 0.6)
+    scan = fill(shell & ~cap, pool=False)
+    assert not scan.occupied[GRID.shape[0] // 2, GRID.shape[1] // 2, GRID.shape[2] // 2]
+    lidless = fill(shell & ~cap, open_side="+z")
+    deep = (RADIUS < 0.8) & (Z < 0.5)
+    assert lidless.occupied[deep].mean() > 0.97
+    assert not lidless.occupied[RADIUS > 1].any()
+    assert lidless.leaky > 0
+
+
+def test_one_ray_cannot_leave_through_the_open_side():
+    """The only ray must not be the excluded direction."""
+    with pytest.raises(InputError, match="open side"):
+        fill(np.ones((3, 3, 3), dtype=bool), parity="one", ray="+z", open_side="+z")
+
+
+def test_invariant_under_axes():
+    """Swapping and mirroring axes swaps and mirrors the result."""
+    surface = np.abs(SOLIDS["bowl"]) < 0.9 * GRID.h
+    turned = fill(surface.transpose(2, 0, 1)[:, ::-1]).occupied
+    assert (turned == fill(surface).occupied.transpose(2, 0, 1)[:, ::-1]).all()
+
+
+def test_nearest_surface_is_the_nearest():
+    """Brute force over all pairs gives the same distances; known cells map to themselves."""
+    rng = np.random.default_rng(0)
+    occupied = rng.random((9, 8, 7)) < 0.6
+    known = occupied & (rng.random(occupied.shape) < 0.2)
+    nearest = nearest_surface(occupied, known)
+    cells, sources = np.argwhere(occupied), np.argwhere(known)
+    best = np.linalg.norm(cells[:, None] - sources, axis=2).min(axis=1)
+    assert np.allclose(np.linalg.norm(nearest - cells, axis=1), best)
+    assert known[tuple(nearest.T)].all()
+    with pytest.raises(InputError, match="known"):
+        nearest_surface(occupied, np.zeros_like(known))
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        trimesh.creation.icosphere(subdivisions=4),
+        trimesh.creation.torus(0.7, 0.25),
+        trimesh.creation.annulus(0.3, 0.9, 1.0),
+        trimesh.creation.capsule(1.0, 0.4),
+    ],
+    ids=["ball", "torus", "annulus", "capsule"],
+)
+def test_agrees_with_the_winding_number(mesh):
+    """On watertight meshes the filled empty cells are those of winding number one, exactly."""
+    grid = Grid.around(mesh.bounds, cells=40)
+    surface = surface_voxels(Asset("a", (Part("a", mesh),)), grid).occupied
+    agreement = winding_agreement(fill(surface), surface, grid, mesh)
+    assert agreement.only_filled == agreement.only_winding == 0
+    assert agreement.same == (~surface).sum()
+
+
+def test_surface_voxels_are_those_the_triangles_touch():
+    """A cell is marked where a triangle passes within it: no gap between inside and outside."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.9)
+    voxels = surface_voxels(Asset("a", (Part("a", mesh, ("skin", "red")),)), GRID)
+    assert voxels.labels == (("skin", "red"),)
+    centers = GRID.centers().reshape(-1, 3)
+    squared, *_ = igl.point_mesh_squared_distance(centers, mesh.vertices, mesh.faces)
+    distance = np.sqrt(squared).reshape(GRID.shape)
+    assert distance[voxels.occupied].max() <= GRID.h * np.sqrt(3) / 2
+    assert voxels.occupied[distance < 0.4 * GRID.h].all()
