@@ -107,8 +107,8 @@ def _facts(case: Case) -> Iterator[tuple[str, str]]:
     if case.von_mises is not None:
         yield "Largest von Mises stress", si(float(case.von_mises.max()), "Pa")
     if case.motion is not None and case.times is not None:
-        yield "Largest movement", si(_longest(case.motion), "m")
-        yield "Motion", f"{len(case.times)} frames, {si(float(np.ptp(case.times)), 's')}"
+        lasts, reaches = si(float(np.ptp(case.times)), "s"), si(_longest(case.motion), "m")
+        yield "Motion", f"{len(case.times)} frames, {lasts}, up to {reaches}"
     if case.frequencies:
         yield "First frequencies", ", ".join(si(f, "Hz") for f in case.frequencies[:3])
     yield "Mesh", f"{len(mesh.tets):,} tets, {len(mesh.points):,} points"
@@ -151,26 +151,28 @@ def _materials(case: Case, index: int, content: ReportContent) -> str:
         return ""
     heads = ("Part", "Material", "Decided by", "<i>E</i>", "<i>ν</i>", "<i>ρ</i>", "Volume", "Mass")
     head = "".join(f'<th scope="col">{h}</th>' for h in (*heads, "Source"))
-    rows = "".join(map(_row, case.parts))
+    sources = list(dict.fromkeys(part.source for part in case.parts if part.source))
+    rows = "".join(_row(part, sources) for part in case.parts)
     caption = f"<caption>{_letter(index, content)}{escape(case.text)}</caption>"
+    notes = "".join(f"<li>{escape(source)}</li>" for source in sources)
     return (
         '<div class="scroll" tabindex="0" role="region" aria-label="Materials of the parts">'
         f"<table>{caption if len(content.cases) > 1 else ''}"
         f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        f'<ol class="sources" aria-label="Sources">{notes}</ol>'
     )
 
 
-def _row(part: PartRow) -> str:
-    words = f"“{escape(part.words)}”" if part.words else "–"
+def _row(part: PartRow, sources: list[str]) -> str:
     cells = (
         ("", escape(part.material)),
-        ("words", words),
+        ("words", escape(part.words) or "–"),
         ("number", si(part.E, "Pa") + _band(part.E_band, "Pa")),
         ("number", f"{part.nu:.3g}" + _band(part.nu_band, "")),
-        ("number", f"{_rounded(part.rho, 4)}\u00a0kg/m³" + _band(part.rho_band, "kg/m³")),
+        ("number", f"{_rounded(part.rho, 4)} kg/m³" + _band(part.rho_band, "kg/m³")),
         ("number", volume_words(part.volume)),
         ("number", mass_words(part.mass)),
-        ("source", escape(part.source)),
+        ("number", f"[{sources.index(part.source) + 1}]" if part.source else "–"),
     )
     data = "".join(f'<td class="{kind}">{text}</td>' for kind, text in cells)
     return f'<tr><th scope="row">{escape(part.name)}</th>{data}</tr>'

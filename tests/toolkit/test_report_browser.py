@@ -267,6 +267,7 @@ def moving(chromium, folder):
     stiff, soft = case("a stiff bar", names=NAMES, frames=25), case("a soft bar", frames=25)
     soft = replace(soft, motion=4 * soft.motion)
     visit = Visit(chromium, write_report(folder / "two.html", content(stiff, soft)))
+    visit.page.get_by_label("In motion").check()
     yield visit
     visit.close()
 

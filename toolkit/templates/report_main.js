@@ -15,7 +15,7 @@ class Report {
     this.most = this.largest > 0 ? Math.max(1, (SHARE_SHOWN * diagonal) / this.largest) : 1;
     this.room = this.commonRoom();
     this.position = this.most <= MOST_IS_TRUE ? 100 : 70; // of the exaggeration's slider
-    this.state = { map: "E", shape: this.shapes().at(-1)[0], cut: null, frame: 0, factor: this.factorAt(this.position) };
+    this.state = { map: "E", shape: this.shapes()[1]?.[0] || "rest", cut: null, frame: 0, factor: this.factorAt(this.position) };
     this.cut = { axis: 0, share: 0.5, flip: false };
     this.playing = 0;
   }
