@@ -78,7 +78,7 @@ class ConversionReport:
 
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
-    volume but got no tet.
+    volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell.
     """
 
     repair: RepairReport
@@ -95,6 +95,7 @@ class ConversionReport:
     doubled_points: int
     sheets: tuple[str, ...] = ()
     thin: int = 0
+    hollow: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seed: int = 0
@@ -127,6 +128,11 @@ class InputVolume(NamedTuple):
 
     by_part: np.ndarray
     error: float
+
+    @property
+    def total(self) -> float:
+        """Volume [m^3] of all parts."""
+        return float(self.by_part.sum())
 
 
 def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -> InputVolume:
@@ -163,7 +169,7 @@ def guarantees(
     mesh: TetMesh, measured: Quality, volume: InputVolume, gaps: Distances, epsilon: float
 ) -> tuple[Guarantee, ...]:
     """Every promise of a conversion with the number that shows it."""
-    enclosed = float(volume.by_part.sum())
+    enclosed = volume.total
     a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
     # A surface that moves by epsilon everywhere changes the volume by area times epsilon.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ import numpy as np
 
 from ..fem.errors import UsageError
 from ..fem.mesh import signed_volumes
-from ..predictors.asset import Part
-from .child import ChildFailure, Progress, run_guarded
+from .cache import Runner
+from .child import ChildFailure
 from .conversion import Attempt, Engine
 from .manifold import Separated, separate
 from .regions import Shell, Solids
-from .repair import Surface, repair
+from .repair import Surface
 from .triangles import closest, edge_components
 
 log = logging.getLogger(__name__)
@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 HARDER_WELD_REL = 1e-4  # a tenth of the default epsilon: closes gaps that nobody can see
 COARSER = (2.0, 4.0)  # factors of edge length and epsilon
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.25, 1e-2
+BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1  # coarser runs until --max-tets is met, with some reserve
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
 
@@ -37,8 +38,6 @@ class Target:
     edge_length_rel: float
     epsilon_rel: float
     stop_energy: float
-    time_limit: float
-    memory_limit: int | None = None
 
     @property
     def edge_length(self) -> float:
@@ -60,7 +59,6 @@ class Target:
         for option, value, most in (
             ("--edge-length-rel", self.edge_length_rel, 1.0),
             ("--epsilon-rel", self.epsilon_rel, 0.1),
-            ("--time-limit", self.time_limit, np.inf),
         ):
             if not 0 < value <= most:
                 raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
@@ -87,26 +85,46 @@ class NoFilling(RuntimeError):
     """An attempt that gave no usable mesh, and why."""
 
 
-def climb(
-    parts: Sequence[Part],
-    solids: Solids,
-    target: Target,
-    enclosed: float,
-    *,
-    progress: Progress | None = None,
-) -> tuple[Filling | None, tuple[Attempt, ...]]:
-    """Try until the solids, which enclose ``enclosed`` [m^3], are filled; all attempts on record.
+class Job(NamedTuple):
+    """Solids that enclose ``enclosed`` [m^3], what is asked of their tets, and who makes them.
+
+    ``again`` prepares the solids anew with another welding distance, a share of the diagonal.
+    """
+
+    solids: Solids
+    target: Target
+    enclosed: float
+    again: Callable[[float], Solids]
+    runner: Runner
+
+
+def climb_within(job: Job, max_tets: int | None) -> tuple[Filling | None, tuple[Attempt, ...]]:
+    """Climb, and again with a coarser target while the result has more than ``max_tets`` tets."""
+    filling, attempts = climb(job)
+    for _ in range(BUDGET_ROUNDS):
+        if filling is None or max_tets is None or len(filling.part) <= max_tets:
+            break
+        factor = BUDGET_MARGIN * (len(filling.part) / max_tets) ** (1 / 3)
+        finer = filling
+        filling, more = climb(job._replace(target=finer.target.coarser(factor)))
+        attempts += more
+        filling = filling or finer
+    return filling, attempts
+
+
+def climb(job: Job) -> tuple[Filling | None, tuple[Attempt, ...]]:
+    """Try one rung after the other until the solids are filled; all attempts are on record.
 
     A time-out goes straight to the coarser rungs: more repair does not make it faster.
     """
     attempts: list[Attempt] = []
-    for engine, aim, prepare in _rungs(parts, solids, target, enclosed):
+    for engine, aim, prepare in _rungs(job):
         out_of_time = bool(attempts) and attempts[-1].outcome.startswith("time")
-        if out_of_time and aim is target and engine == "tetwild":
+        if out_of_time and aim is job.target:
             continue
         seconds, filling = 0.0, None
         try:
-            filling, seconds = _fill(prepare(), aim, progress)
+            filling, seconds = _fill(prepare(), aim, job.runner)
             outcome = "ok"
         except ChildFailure as failure:
             outcome, seconds = f"{failure.kind}: {failure}", failure.seconds
@@ -119,51 +137,41 @@ def climb(
     return None, tuple(attempts)
 
 
-def _rungs(
-    parts: Sequence[Part], solids: Solids, target: Target, enclosed: float
-) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
+def _rungs(job: Job) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
     """What to try one after the other; solids are prepared only when their turn comes."""
-    yield "tetwild", target, lambda: solids
-    yield "tetwild", target, lambda: repaired_harder(parts, target)
+    yield "tetwild", job.target, lambda: job.solids
+    yield "tetwild", job.target, lambda: job.again(HARDER_WELD_REL)
     for factor in COARSER:
-        yield "tetwild", target.coarser(factor), lambda: solids
-    coarsest = target.coarser(COARSER[0])
-    yield "alpha wrap + tetwild", coarsest, lambda: wrapped(solids, coarsest, enclosed)
+        yield "tetwild", job.target.coarser(factor), lambda: job.solids
+    coarsest = job._replace(target=job.target.coarser(COARSER[0]))
+    yield "alpha wrap + tetwild", coarsest.target, lambda: wrapped(coarsest)
 
 
-def repaired_harder(parts: Sequence[Part], target: Target) -> Solids:
-    """Weld over larger gaps before sorting into solids and sheets."""
-    surface, _ = repair(parts, weld_rel=HARDER_WELD_REL)
-    return Solids.of(surface, len(parts), thinnest=target.thinnest)
-
-
-def wrapped(solids: Solids, target: Target, enclosed: float) -> Solids:
+def wrapped(job: Job) -> Solids:
     """One watertight shell around all solids, accepted by its volume, split by nearest part."""
-    surface = solids.surface
-    wrap = run_guarded(
+    surface = job.solids.surface
+    wrap = job.runner.run(
         "alpha_wrap",
         {"points": surface.points, "faces": surface.faces},
-        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": target.epsilon_rel},
-        time_limit=target.time_limit,
-        memory_limit=target.memory_limit,
+        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": job.target.epsilon_rel},
     )
     points, faces = wrap["points"], wrap["faces"]
     a, b, c = (points[faces[:, i]] for i in range(3))
     volume = float(np.einsum("fi,fi->f", np.cross(a, b), c).sum() / 6)
-    if abs(volume - enclosed) > WRAP_VOLUME_TOLERANCE * enclosed:
-        raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {enclosed:.4g} m^3")
+    if abs(volume - job.enclosed) > WRAP_VOLUME_TOLERANCE * job.enclosed:
+        raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {job.enclosed:.4g} m^3")
     part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]
     skin = Surface(points, faces, part, edge_components(faces))
-    return Solids((Shell(points, faces, part),), skin, solids.sheets)
+    return Solids((Shell(points, faces, part),), skin, job.solids.sheets)
 
 
-def _fill(solids: Solids, target: Target, progress: Progress | None) -> tuple[Filling, float]:
+def _fill(solids: Solids, target: Target, runner: Runner) -> tuple[Filling, float]:
     """One run of the engine in a box of unit diagonal, and the tets that lie in a solid."""
     points, faces = solids.clean_triangles()
     lo, hi = points.min(axis=0), points.max(axis=0)
     centre, scale = (lo + hi) / 2, float(np.linalg.norm(hi - lo))
     started = time.monotonic()
-    box = run_guarded(
+    box = runner.run(
         "tetwild",
         {"points": (points - centre) / scale, "faces": faces},
         {
@@ -171,9 +179,6 @@ def _fill(solids: Solids, target: Target, progress: Progress | None) -> tuple[Fi
             "epsilon_rel": target.epsilon / scale,
             "stop_energy": target.stop_energy,
         },
-        time_limit=target.time_limit,
-        memory_limit=target.memory_limit,
-        progress=progress,
     )
     seconds = time.monotonic() - started
     where = box["points"] * scale + centre

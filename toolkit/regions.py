@@ -23,12 +23,14 @@ PAD = 1e-9  # share of the box by which it is widened, for points on it
 class Shell:
     """Closed or nearly closed triangles of one part, or of several parts that share one skin.
 
-    ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,) of every face.
+    ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,) of every face; what lies inside the
+    outward surface ``cavity`` does not belong to it.
     """
 
     points: np.ndarray
     faces: np.ndarray
     part: np.ndarray
+    cavity: Triangles | None = None
 
     def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside, by the fast winding number."""
@@ -40,6 +42,9 @@ class Shell:
         if near.size:
             winding = winding_numbers(self.points, self.faces, where[near])
             inside[near] = np.abs(winding) > INSIDE
+        if self.cavity is not None:
+            held = np.flatnonzero(inside)
+            inside[held] = winding_numbers(*self.cavity, where[held]) < INSIDE
         return inside
 
     def nearest_part(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
@@ -69,7 +74,7 @@ class Solids:
         A closed component whose mean thickness is below ``thinnest`` [m] counts as a sheet.
         """
         thin = ~open_components(surface) & (_thickness(surface) < thinnest)
-        solid = (_encloses(surface) & ~thin)[surface.component]
+        solid = ~sheet_faces(surface, thinnest=thinnest)
         kept = surface._replace(
             faces=surface.faces[solid],
             part=surface.part[solid],
@@ -110,6 +115,12 @@ class Solids:
         return label
 
 
+def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces"]:
+    """Faces of components that enclose nothing, or nothing thicker than ``thinnest`` [m]."""
+    thick = open_components(surface) | (_thickness(surface) >= thinnest)
+    return ~(_encloses(surface) & thick)[surface.component]
+
+
 def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
     """Twice volume by area [m] of each component: the thickness of a plate."""
     a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
@@ -128,15 +139,15 @@ def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
     faces, component = surface.faces[mine], surface.component[mine]
     a, b, c = (surface.points[faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
-    area = np.linalg.norm(normal, axis=1)
+    area = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
     middle = (a + b + c) / 3
     winding = winding_numbers(surface.points, faces, np.concatenate([middle - step, middle + step]))
     bounds = np.abs(winding).reshape(2, -1).max(axis=0) > SHEET
     count = len(is_open)
     total = np.bincount(component, weights=area, minlength=count)
-    share = np.bincount(component, weights=area * bounds, minlength=count) / np.maximum(
-        total, 1e-300
+    share = np.bincount(component, weights=area * bounds, minlength=count) / np.where(
+        total, total, 1
     )
     return np.where(is_open, share >= SHEET_SHARE, encloses)
 

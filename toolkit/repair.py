@@ -157,7 +157,7 @@ def _concatenated(a: Surface, b: Surface) -> Surface:
     return Surface(points, faces, np.concatenate([a.part, b.part]), edge_components(faces))
 
 
-def _boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+def boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Directed edges (n, 2) that lie on one face only, and that face."""
     edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     _, inverse, count = np.unique(
@@ -170,7 +170,7 @@ def _boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
 def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
     """Whether each component has an edge on one face only."""
     is_open = np.zeros(surface.component.max(initial=-1) + 1, dtype=bool)
-    is_open[surface.component[_boundary_edges(surface)[1]]] = True
+    is_open[surface.component[boundary_edges(surface)[1]]] = True
     return is_open
 
 
@@ -256,7 +256,7 @@ def _close_holes(surface: Surface) -> tuple[Surface, RepairReport]:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    edges, owner = _boundary_edges(surface)
+    edges, owner = boundary_edges(surface)
     if not len(edges):
         return surface, RepairReport()
     size = len(surface.points)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from ..fem.errors import NoVolumeError
+from ..fem.errors import NoVolumeError, UsageError
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
+from .cache import Runner
 from .child import Progress
 from .conversion import (
     Attempt,
@@ -20,10 +23,19 @@ from .conversion import (
     input_volume,
     measure_distances,
 )
-from .ladder import Filling, Target, climb
+from .ladder import Filling, Job, Target, climb_within
+from .offset import hollowed, thickened
 from .quality import quality
-from .regions import Solids
-from .repair import RepairReport, repair
+from .regions import Solids, sheet_faces
+from .repair import WELD_REL, RepairReport, repair
+
+# Words of things whose closed surface usually stands for a shell.
+HOLLOW = re.compile(
+    r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
+    r"|box|chest|barrel|tank|pipe|tube|lamp.?shade|fridge|freezer|oven|washing|boiler|balloon"
+    r"|case|casing|housing|hull|helmet",
+    re.IGNORECASE,
+)
 
 
 def tetrahedralize(
@@ -32,9 +44,14 @@ def tetrahedralize(
     edge_length_rel: float = 0.05,
     epsilon_rel: float = 1e-3,
     edge_length: float | None = None,
+    max_tets: int | None = None,
+    thicken: float | None = None,
+    wall: float | None = None,
+    part_wall: Mapping[str, float] | None = None,
     stop_energy: float = 20.0,
     time_limit: float = 300.0,
     memory_limit: int | None = None,
+    cache: Path | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[TetMesh, ConversionReport]:
@@ -45,14 +62,22 @@ def tetrahedralize(
     asset
         Surface parts in metres.
     edge_length_rel, epsilon_rel
-        Wanted edge, and largest distance of the boundary from the input, as shares of the diagonal
-        of the bounding box.
+        Wanted edge, and envelope around the input that the boundary stays in, as shares of the
+        diagonal of the bounding box.
     edge_length
         Wanted edge [m]; replaces ``edge_length_rel``.
+    max_tets
+        Budget: edge and envelope grow until it is met.
+    thicken
+        Thickness [m] given to sheets, which otherwise are left out.
+    wall, part_wall
+        Wall [m] that hollows all closed parts, or the named ones; without it they are solid.
     stop_energy
         AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
     time_limit, memory_limit
         Seconds and bytes that one attempt of the engine may take.
+    cache
+        Folder in which results of the engine are remembered.
     seed
         Of the samples that check the result; the engine itself is not deterministic.
     progress
@@ -66,25 +91,50 @@ def tetrahedralize(
     ------
     NoVolumeError
         Where no part encloses a volume, or no attempt gave a mesh.
+    UsageError
+        Where an option is out of range or names an unknown part.
     """
     diagonal = float(np.linalg.norm(asset.size))
     if edge_length is not None:
         edge_length_rel = edge_length / diagonal
-    target = Target(
-        diagonal, edge_length_rel, epsilon_rel, stop_energy, time_limit, memory_limit
-    ).checked()
+    target = Target(diagonal, edge_length_rel, epsilon_rel, stop_energy).checked()
+    walls = _walls(asset, wall, part_wall or {})
+    runner = Runner(time_limit, memory_limit, progress, cache).checked()
     rng = np.random.default_rng(seed)
-    surface, repaired = repair(asset.parts)
-    solids = Solids.of(surface, len(asset.parts), thinnest=target.thinnest)
+
+    def prepared(weld_rel: float) -> tuple[Solids, RepairReport]:
+        surface, repaired = repair(asset.parts, weld_rel=weld_rel)
+        if thicken is not None:
+            sheet = sheet_faces(surface, thinnest=target.thinnest)
+            surface = thickened(surface, sheet, thicken)
+        solids = Solids.of(surface, len(asset.parts), thinnest=target.thinnest)
+        return hollowed(solids, walls), repaired
+
+    solids, repaired = prepared(WELD_REL)
     if not solids.shells:
         raise NoVolumeError(_no_volume(asset, target.thinnest))
     volume = input_volume(solids, len(asset.parts), rng=rng)
-    enclosed = float(volume.by_part.sum())
-    filling, attempts = climb(asset.parts, solids, target, enclosed, progress=progress)
+    job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner)
+    filling, attempts = climb_within(job, max_tets)
     if filling is None:
         raise NoVolumeError(_no_mesh(asset, attempts))
     mesh = _mesh(filling, asset.part_names)
-    return mesh, _report(asset, solids, volume, filling, mesh, repaired, attempts, seed, rng)
+    return mesh, _report(asset, job, volume, filling, mesh, repaired, attempts, walls, seed, rng)
+
+
+def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
+    """Wall [m] by number of the part."""
+    unknown = [name for name in part_wall if name not in asset.part_names]
+    if unknown:
+        raise UsageError(
+            f"--part-wall names {unknown[0]!r}, the asset has {_listed(asset.part_names, most=20)}"
+        )
+    walls = {} if wall is None else dict.fromkeys(range(len(asset.parts)), wall)
+    walls |= {asset.part_names.index(name): value for name, value in part_wall.items()}
+    bad = [value for value in walls.values() if not 0 < value < np.inf]
+    if bad:
+        raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {bad[0]:g}")
+    return walls
 
 
 def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
@@ -100,17 +150,18 @@ def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
 
 def _report(
     asset: Asset,
-    solids: Solids,
+    job: Job,
     volume: InputVolume,
     filling: Filling,
     mesh: TetMesh,
     repaired: RepairReport,
     attempts: tuple[Attempt, ...],
+    walls: Mapping[int, float],
     seed: int,
     rng: np.random.Generator,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
-    epsilon, names = filling.target.epsilon, asset.part_names
+    solids, epsilon, names = job.solids, filling.target.epsilon, asset.part_names
     gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
     measured = quality(mesh)
     missing = [name for name in names if name not in mesh.region_names]
@@ -124,16 +175,28 @@ def _report(
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
         epsilon=epsilon,
-        input_volume=float(volume.by_part.sum()),
+        input_volume=volume.total,
         distances=gaps,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
         sheets=sheets,
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
+        hollow=_likely_hollow(asset, mesh, walls),
         seed=seed,
     )
     return replace(report, warnings=_warnings(report))
+
+
+def _likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
+    """Names of parts filled as solids though their words are those of hollow things."""
+    return tuple(
+        part.name
+        for number, part in enumerate(asset.parts)
+        if number not in walls
+        and part.name in mesh.region_names
+        and HOLLOW.search(" ".join((part.name, *part.labels, asset.name)))
+    )
 
 
 def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:
@@ -160,6 +223,11 @@ def _warnings(report: ConversionReport) -> tuple[str, ...]:
         sentences.append(
             f"{_listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
             "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
+        )
+    if report.hollow:
+        sentences.append(
+            f"{_listed(report.hollow)}: taken as solid, though by its name a shell is likely; "
+            "--wall METRES or --part-wall NAME=METRES hollows it"
         )
     last = report.attempts[-1]
     if len(report.attempts) > 1:

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError, UsageError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit import ladder
+from autophyx_tet.toolkit import cache
 from autophyx_tet.toolkit.child import ChildFailure
 from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
 
@@ -105,7 +105,57 @@ def test_plate_thinner_than_epsilon_is_left_out_and_said():
     assert any("--epsilon-rel" in w for w in report.warnings)
 
 
-@pytest.mark.parametrize("option", [{"edge_length_rel": 0.0}, {"epsilon_rel": np.nan}])
+def test_thicken_gives_a_sheet_its_volume():
+    """A sheet of 1 m^2 thickened by 2 cm holds 0.02 m^3 and is a region beside the cube's."""
+    sheet = trimesh.Trimesh([[2, 0, 0], [3, 0, 0], [3, 1, 0], [2, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    options = {**QUICK, "epsilon_rel": 2e-3, "thicken": 0.02}
+    mesh, report = _convert(options, cube=trimesh.creation.box((1, 1, 1)), label=sheet)
+    assert report.sheets == ()
+    volumes = dict(zip(mesh.region_names, mesh.region_volumes(), strict=True))
+    assert volumes["label"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_budget_of_tets_is_kept():
+    mesh, report = _convert({**QUICK, "edge_length_rel": 0.1, "max_tets": 1500},
+                            cube=trimesh.creation.box((1, 1, 1)))  # fmt: skip
+    assert len(mesh.tets) <= 1500
+    assert len(report.attempts) > 1
+
+
+def test_cache_remembers_the_engine(tmp_path, monkeypatch):
+    """The second conversion runs no child and gives the same mesh; another option runs one."""
+    cube = trimesh.creation.box((1, 1, 1))
+    first, _ = _convert({**QUICK, "cache": tmp_path}, cube=cube)
+
+    def no_child(*_, **__):
+        raise ChildFailure("crash", "a child was started", 0.0)
+
+    monkeypatch.setattr(cache, "run_guarded", no_child)
+    again, _ = _convert({**QUICK, "cache": tmp_path}, cube=cube)
+    assert (again.points == first.points).all()
+    with pytest.raises(NoVolumeError, match="child was started"):
+        _convert({**QUICK, "stop_energy": 21.0, "cache": tmp_path}, cube=cube)
+
+
+def test_damaged_cache_is_made_again(tmp_path):
+    cube = trimesh.creation.box((1, 1, 1))
+    _convert({**QUICK, "cache": tmp_path}, cube=cube)
+    for path in tmp_path.glob("*.npz"):
+        path.write_bytes(b"broken")
+    mesh, _ = _convert({**QUICK, "cache": tmp_path}, cube=cube)
+    assert mesh.volume == pytest.approx(1, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"edge_length_rel": 0.0},
+        {"epsilon_rel": np.nan},
+        {"time_limit": -1.0},
+        {"wall": 0.0},
+        {"part_wall": {"lid": 0.1}},
+    ],
+)
 def test_wrong_options_are_usage_errors(option):
     with pytest.raises(UsageError, match="--"):
         tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **option)
@@ -122,7 +172,7 @@ def test_far_away_and_tiny_bodies_convert():
 
 def test_ladder_goes_coarser_after_a_time_out_and_records_it(monkeypatch):
     """The first rung runs out of time: the next one doubles edge and epsilon, and says so."""
-    real, calls = ladder.run_guarded, []
+    real, calls = cache.run_guarded, []
 
     def slow_at_first(task, arrays, options, **limits):
         calls.append(options)
@@ -130,7 +180,7 @@ def test_ladder_goes_coarser_after_a_time_out_and_records_it(monkeypatch):
             raise ChildFailure("time", "no result within 1 s", 1.0)
         return real(task, arrays, options, **limits)
 
-    monkeypatch.setattr(ladder, "run_guarded", slow_at_first)
+    monkeypatch.setattr(cache, "run_guarded", slow_at_first)
     _, report = tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
     first, second = report.attempts
     assert first.outcome.startswith("time")
@@ -143,6 +193,6 @@ def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
     def crash(*_, **__):
         raise ChildFailure("crash", "the engine crashed (SIGSEGV)", 0.1)
 
-    monkeypatch.setattr(ladder, "run_guarded", crash)
+    monkeypatch.setattr(cache, "run_guarded", crash)
     with pytest.raises(NoVolumeError, match=r"5 attempts.*SIGSEGV.*--time-limit"):
         tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
