@@ -28,12 +28,12 @@ CASES = {
 PLAIN = [f"{a}_{i}" for a, n in (("f_dc", 3), ("scale", 3), ("rot", 4)) for i in range(n)]
 
 
-@pytest.mark.parametrize("k", [0, 3, 8, 15])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("name", "k"),
+    [("a.splat", 0), *((name, k) for name in CASES if name != "a.splat" for k in (0, 3, 8, 15))],
+)
 def test_read_only_formats_to_their_precision(name, k, tmp_path):
     """decode(encode(v)) = v within half a quantum of the format, in the order of the file."""
-    if name == "a.splat" and k:
-        pytest.skip("the format holds no harmonics")
     encode, errors = CASES[name]
     v = encoders.standard(300, k)
     (tmp_path / name).write_bytes(encode(v))
