@@ -84,30 +84,39 @@ def mesh_panel(
     factor
         Exaggeration of the displacement.
     """
-    boundary = mesh.boundary
     steps = np.zeros((1, *mesh.points.shape)) if displacement is None else displacement
     steps = steps.reshape(-1, *mesh.points.shape)
-    if values is None:
-        parts = np.array([rgb(color) for color in PARTS])[mesh.region % len(PARTS)]
-        shades = parts[boundary.tet][None, :, None]
-    else:
-        if scale is None:
-            raise UsageError("values need the scale that colours them")
-        count = len(mesh.tets if on == "tets" else mesh.points)
-        if values.shape[-1] != count:
-            raise InputError(f"values on {on} must have {count} columns, got {values.shape}")
-        shown = np.atleast_2d(values)
-        shown = shown[:, boundary.tet, None] if on == "tets" else shown[:, boundary.faces]
-        shades = scale.colors(shown)
-    shades = np.broadcast_to(shades, (len(shades), len(boundary.faces), 3, 3))
-    count = max(len(steps), len(shades))
+    faces = mesh.boundary.faces
+    shades = _part_shades(mesh) if values is None else _shades(mesh, values, on, scale)
     frames = (
         Surface(
-            mesh.points + factor * steps[i % len(steps)], boundary.faces, shades[i % len(shades)]
+            mesh.points + factor * steps[i % len(steps)],
+            faces,
+            np.broadcast_to(shades[i % len(shades)], (len(faces), 3, 3)),
         )
-        for i in range(count)
+        for i in range(max(len(steps), len(shades)))
     )
     return Panel(tuple(frames), title, scale)
+
+
+def _part_shades(mesh: TetMesh) -> Float[np.ndarray, "1 faces 1 3"]:
+    """Colour of the region behind every boundary face."""
+    parts = np.array([rgb(color) for color in PARTS])
+    return parts[mesh.region[mesh.boundary.tet] % len(PARTS)][None, :, None]
+
+
+def _shades(
+    mesh: TetMesh, values: np.ndarray, on: str, scale: Scale | None
+) -> Float[np.ndarray, "frames faces corners 3"]:
+    """Colour of every boundary face: one of its tet, or one at each of its corners."""
+    if scale is None:
+        raise UsageError("values need the scale that colours them")
+    count = len(mesh.tets if on == "tets" else mesh.points)
+    if values.shape[-1] != count:
+        raise InputError(f"values on {on} must have {count} columns, got {values.shape}")
+    rows, boundary = np.atleast_2d(values), mesh.boundary
+    shown = rows[:, boundary.tet, None] if on == "tets" else rows[:, boundary.faces]
+    return scale.colors(shown)
 
 
 def exaggeration(mesh: TetMesh, displacement: Float[np.ndarray, "*frames points 3"]) -> float:
