@@ -22,15 +22,19 @@ from pathlib import Path
 
 import numpy as np
 from dolfinx import fem
-from dolfinx.io import gmshio
 from mpi4py import MPI
+
+try:
+    from dolfinx.io import gmshio
+except ImportError:  # its name from 0.10 on
+    from dolfinx.io import gmsh as gmshio
 
 HERE = Path(__file__).parent
 
 
 def load(comm=MPI.COMM_WORLD):
     """Return (mesh, cell tags, {{"E": E, "nu": nu, "rho": rho}})."""
-    mesh, cells, _ = gmshio.read_from_msh(str(HERE / "{mesh}"), comm, gdim=3)
+    mesh, cells = gmshio.read_from_msh(str(HERE / "{mesh}"), comm, gdim=3)[:2]
     table = json.loads((HERE / "{table}").read_text())["bins"]
     make = getattr(fem, "functionspace", getattr(fem, "FunctionSpace", None))
     space = make(mesh, ("DG", 0))

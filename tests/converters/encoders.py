@@ -55,7 +55,7 @@ def spz(v, version):
         fixed = np.rint(v["means"] * 4096).astype("<i4")
         position = fixed.view(np.uint8).reshape(n, 3, 4)[:, :, :3].tobytes()
     wxyz = v["rotations"]
-    if version == 3:
+    if version >= 3:
         half = 0.5**0.5
 
         def bits_of(x):
@@ -71,9 +71,16 @@ def spz(v, version):
         sh = (
             np.clip(np.rint(rest.transpose(0, 2, 1) * 128 + 128), 0, 255).astype(np.uint8).tobytes()
         )
-    return gzip.compress(
-        head + position + _byte(v["opacity"]).tobytes() + colour + scale + rotation + sh
-    )
+    planes = [position, _byte(v["opacity"]).tobytes(), colour, scale, rotation, sh]
+    if version < 4:
+        return gzip.compress(head + b"".join(planes))
+    import zstandard
+
+    planes = [plane for plane in planes if plane]
+    head = struct.pack("<4sIIBBBBI12x", b"NGSP", 4, n, degree, 12, 0, len(planes), 32)
+    packed = [zstandard.ZstdCompressor().compress(plane) for plane in planes]
+    contents = [struct.pack("<QQ", len(p), len(q)) for p, q in zip(packed, planes, strict=True)]
+    return head + b"".join(contents) + b"".join(packed)
 
 
 def packed_ply(v):

@@ -20,6 +20,7 @@ CASES = {
     "v1.spz": (lambda v: encoders.spz(v, 1), (1e-3, 0.032, 5e-3, 2e-3, 0.014, 4e-3)),
     "v2.spz": (lambda v: encoders.spz(v, 2), (1.3e-4, 0.032, 5e-3, 2e-3, 0.014, 4e-3)),
     "v3.spz": (lambda v: encoders.spz(v, 3), (1.3e-4, 0.032, 1e-5, 2e-3, 0.014, 4e-3)),
+    "v4.spz": (lambda v: encoders.spz(v, 4), (1.3e-4, 0.032, 1e-5, 2e-3, 0.014, 4e-3)),
     "p.ply": (lambda v: encoders.packed_ply(v), (2.1e-3, 2.1e-3, 1e-5, 2e-3, 7.2e-3, 0.02)),
     "l0.ksplat": (lambda v: encoders.ksplat(v, 0), (2e-7, 2e-6, 1e-6, 2e-3, 7.2e-3, 1e-6)),
     "l1.ksplat": (lambda v: encoders.ksplat(v, 1), (5e-5, 1e-3, 1e-6, 2e-3, 7.2e-3, 5e-4)),
