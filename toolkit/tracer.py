@@ -47,12 +47,17 @@ class Surface:
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @cached_property
+    def areas(self) -> Float[np.ndarray, "faces 3"]:
+        """Normal of every face, as long as twice its area [m^2]."""
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
+    @cached_property
     def corner_normals(self) -> Float[np.ndarray, "faces 3 3"]:
         """Unit normal at every corner: the mean over the faces around that turn gently."""
         from scipy.sparse import csr_matrix
 
-        a, b, c = self.triangles.transpose(1, 0, 2)
-        area = np.cross(b - a, c - a)
+        area = self.areas
         normal = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-300)
         count = len(self.faces)
         corner = csr_matrix(
@@ -138,7 +143,8 @@ class _Daylight:
         weights = np.stack([1 - u - v, u, v], axis=1)
         at = origin + hit["tfar"][seen, None].astype(np.float64) * rays[seen]
         normal = np.einsum("nc,nck->nk", weights, self.surface.corner_normals[face])
-        normal *= -np.sign(np.einsum("nk,nk->n", normal, rays[seen]))[:, None]
+        turned = np.einsum("nk,nk->n", self.surface.areas[face], rays[seen])
+        normal *= -np.sign(turned)[:, None]  # both sides of a face are lit
         color = to_linear(np.einsum("nc,nck->nk", weights, self.surface.colors[face]))
         pixels[seen] = color * self._light(at, normal, samples)[:, None]
         self._shade_ground(pixels, origin, rays, hit["primID"] < 0, samples)
