@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -30,9 +29,8 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class Discretisation:
-    """A mesh, its space, and their arrays on one device."""
+    """The space of a mesh and its arrays on one device."""
 
-    mesh: TetMesh
     space: Space
     device: str
     points: Any
@@ -87,15 +85,22 @@ class BlockMatrix:
         return bsr_array(arrays, shape=(3 * self.nodes, 3 * self.nodes))
 
 
-_CACHE: weakref.WeakKeyDictionary[TetMesh, dict] = weakref.WeakKeyDictionary()
+# Discretisations of the last meshes, by the identity of their arrays: materials come and go on the
+# same tets, while a solve of each order on two meshes is all that alternates in practice.
+_RECENT: list[tuple[np.ndarray, np.ndarray, Discretisation]] = []
+_KEPT = 4
 
 
 def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation:
-    """Space, pattern and device arrays of ``mesh``: made once for each mesh object and order."""
-    known = _CACHE.setdefault(mesh, {})
-    if (order, device) not in known:
-        known[order, device] = _discretise(mesh, order, device)
-    return known[order, device]
+    """Space, pattern and device arrays of ``mesh``, kept for the next call with the same tets."""
+    for points, tets, grid in _RECENT:
+        same = points is mesh.points and tets is mesh.tets
+        if same and grid.space.order == order and grid.device == device:
+            return grid
+    grid = _discretise(mesh, order, device)
+    _RECENT.insert(0, (mesh.points, mesh.tets, grid))
+    del _RECENT[_KEPT:]
+    return grid
 
 
 def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
@@ -103,7 +108,6 @@ def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
     space = make_space(mesh, order)
     pattern = make_pattern(space, device)
     return Discretisation(
-        mesh,
         space,
         device,
         wp.array(space.nodes, dtype=wp.vec3d, device=device),

@@ -248,6 +248,11 @@ class Dynamics:
             u, count = found.u, count + found.iterations
         return u, count
 
+    def solve_adjoint(self, factor: float, u: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Solve H x = b with the Hessian [N/m] of the last step at ``u``, for its gradients."""
+        potential = _Incremental(self, factor, u, 1.0)
+        return self._solver(potential.hessian(u, projected=False), b, 0.0)
+
     def _foreseen(self, factor: float) -> np.ndarray:
         """Way that the last acceleration adds to inertia: the first guess of a smooth step."""
         if self.contact.gap(self.state.u) < self.contact.thickness:

@@ -17,9 +17,14 @@ from .statics import material_of
 _HRZ = np.array([6.0] * 4 + [32.0] * 6) / 216
 
 
+def mass_shares(order: int) -> Float[np.ndarray, "_"]:
+    """Share of the mass of a tet that every one of its nodes carries."""
+    return np.full(4, 0.25) if order == 1 else _HRZ
+
+
 def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
-    share = np.full(4, 0.25) if space.order == 1 else _HRZ
+    share = mass_shares(space.order)
     mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
     return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
 

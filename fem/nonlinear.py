@@ -98,7 +98,7 @@ def solve_nonlinear(
     size = _force_scale(potential, u, load)
     found = minimise(potential, u, solve=linear, target=tolerance * size)
     residual = found.residual / size
-    return static_result(elastic, found.u, load, held, residual, found.iterations)
+    return static_result(mesh, elastic, found.u, load, held, residual, found.iterations)
 
 
 def _force_scale(potential: Potential, u: np.ndarray, load: np.ndarray) -> float:

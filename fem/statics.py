@@ -19,7 +19,7 @@ from .device import checked_device, start_warp
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError, InputError
 from .loads import Traction, body_force, traction_force
-from .material import ElementMaterial
+from .material import ElementMaterial, LameParameters
 from .mesh import TetMesh
 from .pieces import free_pieces
 from .solver import Solution, solve
@@ -153,7 +153,7 @@ def solve_static(
     check_solution(mesh, held, solution, tolerance)
     u = np.where(held.fixed, prescribed, solution.x)
     body_law = ElasticBody(grid, material, Law.LINEAR)
-    return static_result(body_law, u, load, held, solution.residual, solution.iterations)
+    return static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
 
 
 def reduced_load(
@@ -192,6 +192,7 @@ def _check_held(mesh: TetMesh, held: Supports) -> None:
 
 
 def static_result(
+    mesh: TetMesh,
     body: ElasticBody,
     u: np.ndarray,
     load: np.ndarray,
@@ -207,9 +208,9 @@ def static_result(
     field = wp.array(u, dtype=wp.vec3d, device=grid.device)
     force = wp.zeros_like(field)
     body.add_force(field, force)
-    strain, stress = strain_and_stress(body.law, H, material_of(grid.mesh))
+    strain, stress = strain_and_stress(body.law, H, material_of(mesh))
     return StaticResult(
-        grid.mesh,
+        mesh,
         grid.space,
         u[: grid.space.points],
         u,
@@ -233,26 +234,34 @@ def strain_and_stress(
     small = (H + H.transpose(0, 2, 1)) / 2
     if law is Law.LINEAR:
         return small, hooke(small, material)
+    lame = LameParameters(*(m[:, None, None] for m in material.lame))
     F = H + np.eye(3)
     J = np.linalg.det(F)[:, None, None]
-    stress = first_piola(law, F, material) @ F.transpose(0, 2, 1) / J
+    stress = first_piola(law, F, lame) @ F.transpose(0, 2, 1) / J
     return small + H.transpose(0, 2, 1) @ H / 2, stress
 
 
 def first_piola(
-    law: Law, F: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
-) -> Float[np.ndarray, "tets 3 3"]:
-    """First Piola stress [Pa] of the deformation gradient ``F`` under a nonlinear law."""
-    lam, mu = (m[:, None, None] for m in material.lame)
+    law: Law, F: Float[np.ndarray, "*n 3 3"], lame: LameParameters
+) -> Float[np.ndarray, "*n 3 3"]:
+    """First Piola stress [Pa] of the deformation gradient ``F``; it is linear in ``lame`` [Pa].
+
+    The Lame parameters broadcast against ``F``.
+    """
+    lam, mu = lame
+    if law is Law.LINEAR:
+        strain = (F + np.swapaxes(F, -1, -2)) / 2 - np.eye(3)
+        trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
+        return lam * trace * np.eye(3) + 2 * mu * strain
     if law is Law.COROTATED:
         U, _, Vt = np.linalg.svd(F)
-        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+        U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]
         R = U @ Vt
-        trace = np.einsum("tij,tij->t", R, F)[:, None, None] - 3
+        trace = np.einsum("...ij,...ij->...", R, F)[..., None, None] - 3
         return 2 * mu * (F - R) + lam * trace * R
-    columns = [np.cross(F[:, :, (i + 1) % 3], F[:, :, (i + 2) % 3]) for i in range(3)]
-    J = np.linalg.det(F)[:, None, None]
-    return mu * F + ((lam + mu) * (J - 1) - mu) * np.stack(columns, axis=2)
+    columns = [np.cross(F[..., (i + 1) % 3], F[..., (i + 2) % 3]) for i in range(3)]
+    J = np.linalg.det(F)[..., None, None]
+    return mu * F + ((lam + mu) * (J - 1) - mu) * np.stack(columns, axis=-1)
 
 
 def material_of(mesh: TetMesh) -> ElementMaterial:

@@ -1,0 +1,79 @@
+"""Natural frequencies against beam, rod and plate theory."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.modal import natural_modes
+from autophyx_tet.fem.supports import Supports
+
+from .bodies import shaken_box, with_uniform
+
+
+def test_cantilever_frequencies():
+    """f_n = (b_n L)^2 / (2 pi L^2) sqrt(E I / rho A), b_n L = 1.87510, 4.69409, 7.85476."""
+    L, h, E, rho = 1.0, 0.03, 1e9, 1e3
+    mesh = with_uniform(box_mesh((L, h, h), (24, 1, 1)), E=E, nu=0.0, rho=rho)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    modes = natural_modes(mesh, 8, supports=held)
+    beam = np.array([1.87510, 4.69409, 7.85476]) ** 2 / (2 * np.pi * L**2)
+    beam *= np.sqrt(E * h**2 / 12 / rho)
+    for exact in beam:  # the section is square: every bending mode comes twice
+        near = np.abs(modes.frequencies / exact - 1) < 0.02
+        assert near.sum() == 2
+
+
+def test_rod_frequencies():
+    """Axial modes of a fixed-free rod, nu = 0: f = (2 n - 1) / 4 L sqrt(E / rho)."""
+    L, E, rho = 1.0, 1e6, 1e3
+    mesh = with_uniform(box_mesh((L, 0.2, 0.2), (10, 1, 1)), E=E, nu=0.0, rho=rho)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).with_fixed(slice(None), (1, 2))
+    modes = natural_modes(mesh, 3, supports=held)
+    exact = (2 * np.arange(1, 4) - 1) / (4 * L) * np.sqrt(E / rho)
+    assert modes.frequencies[:1] == pytest.approx(exact[:1], rel=0.02)
+
+
+def test_free_body():
+    """Free in space: no mode is rigid, shapes are orthogonal in mass and hold no momentum."""
+    mesh = shaken_box(E=1e6, rho=1e3)
+    modes = natural_modes(mesh, 6)
+    slowest = np.sqrt(1e6 / 1e3) / 2
+    assert (modes.frequencies > 0.2 * slowest).all()
+    assert modes.residual < 1e-6
+
+
+def test_frequency_scaling():
+    """Frequencies scale with sqrt(E / rho) / L."""
+    one = shaken_box((1, 1, 1), E=1e6, rho=1e3)
+    two = type(one)(one.points * 0.1, one.tets, one.region)
+    two = with_uniform(two, E=4e8, nu=0.3, rho=1e3)
+    f, g = (natural_modes(m, 4, order=1).frequencies for m in (one, two))
+    assert g == pytest.approx(f * np.sqrt(400) / 0.1, rel=1e-6)
+
+
+def test_thick_plate():
+    """NAFEMS FV52: simply supported plate 10 x 10 x 1 m: 45.897, 109.44 (twice), 167.89 Hz."""
+    mesh = with_uniform(box_mesh((10, 10, 1), (8, 8, 1)), E=200e9, nu=0.3, rho=8000)
+    x = mesh.points
+    edge = (np.isclose(x[:, :2], 0) | np.isclose(x[:, :2], 10)).any(axis=1) & (x[:, 2] == 0)
+    held = Supports.none(len(x)).with_fixed(edge, 2)
+    frequencies = natural_modes(mesh, 10, supports=held).frequencies
+    bending = frequencies[frequencies > 1.0]  # three rigid motions in the plane are free
+    # The reference is thick-plate theory; solids held along their lower edges are 2 % softer.
+    assert bending[:4] == pytest.approx([45.897, 109.44, 109.44, 167.89], rel=0.025)
+
+
+def test_too_many_modes():
+    with pytest.raises(InputError, match="fewer modes"):
+        natural_modes(shaken_box(cells=(1, 1, 1)), 500)
+
+
+def test_iterative_solver_agrees(monkeypatch):
+    """LOBPCG with the V-cycle finds the frequencies of the direct solver, free and held."""
+    mesh = shaken_box(cells=(4, 4, 4), E=1e6, rho=1e3)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    direct = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
+    monkeypatch.setattr("autophyx_tet.fem.modal.DIRECT", 0)
+    again = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
+    for one, two in zip(direct, again, strict=True):
+        assert two == pytest.approx(one, rel=1e-4)
