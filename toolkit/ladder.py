@@ -24,8 +24,11 @@ log = logging.getLogger(__name__)
 
 HARDER_WELD_REL = 1e-4  # a tenth of the default epsilon: closes gaps that nobody can see
 COARSER = (2.0, 4.0)  # factors of edge length and epsilon
-COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.25, 1e-2
-BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1  # coarser runs until --max-tets is met, with some reserve
+TIGHTER = 3.0  # divides epsilon where the result misses parts of the input
+COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 1e-2
+# Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the square
+# of the edge, those of a thick one with the cube.
+BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
 
@@ -104,7 +107,7 @@ def climb_within(job: Job, max_tets: int | None) -> tuple[Filling | None, tuple[
     for _ in range(BUDGET_ROUNDS):
         if filling is None or max_tets is None or len(filling.part) <= max_tets:
             break
-        factor = BUDGET_MARGIN * (len(filling.part) / max_tets) ** (1 / 3)
+        factor = BUDGET_MARGIN * (len(filling.part) / max_tets) ** 0.5
         finer = filling
         filling, more = climb(job._replace(target=finer.target.coarser(factor)))
         attempts += more
@@ -122,19 +125,34 @@ def climb(job: Job) -> tuple[Filling | None, tuple[Attempt, ...]]:
         out_of_time = bool(attempts) and attempts[-1].outcome.startswith("time")
         if out_of_time and aim is job.target:
             continue
-        seconds, filling = 0.0, None
-        try:
-            filling, seconds = _fill(prepare(), aim, job.runner)
-            outcome = "ok"
-        except ChildFailure as failure:
-            outcome, seconds = f"{failure.kind}: {failure}", failure.seconds
-        except NoFilling as failure:
-            outcome = f"rejected: {failure}"
-        attempts.append(Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome))
-        log.info("%s: %s after %.1f s", engine, outcome, seconds)
+        filling, attempt = _try(engine, aim, prepare, job.runner)
+        attempts.append(attempt)
         if filling is not None:
             return filling, tuple(attempts)
     return None, tuple(attempts)
+
+
+def tighten(job: Job) -> tuple[Filling | None, Attempt]:
+    """One more try in a narrower envelope, for spikes and corners that the first cut off."""
+    aim = replace(job.target, epsilon_rel=job.target.epsilon_rel / TIGHTER)
+    return _try("tetwild", aim, lambda: job.solids, job.runner)
+
+
+def _try(
+    engine: Engine, aim: Target, prepare: Callable[[], Solids], runner: Runner
+) -> tuple[Filling | None, Attempt]:
+    """One rung: a filling or None, and what to put on record."""
+    started, filling = time.monotonic(), None
+    try:
+        filling = _fill(prepare(), aim, runner)
+        outcome = "ok"
+    except ChildFailure as failure:
+        outcome = f"{failure.kind}: {failure}"
+    except NoFilling as failure:
+        outcome = f"rejected: {failure}"
+    seconds = time.monotonic() - started
+    log.info("%s: %s after %.1f s", engine, outcome, seconds)
+    return filling, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
 
 
 def _rungs(job: Job) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
@@ -165,12 +183,11 @@ def wrapped(job: Job) -> Solids:
     return Solids((Shell(points, faces, part),), skin, job.solids.sheets)
 
 
-def _fill(solids: Solids, target: Target, runner: Runner) -> tuple[Filling, float]:
+def _fill(solids: Solids, target: Target, runner: Runner) -> Filling:
     """One run of the engine in a box of unit diagonal, and the tets that lie in a solid."""
     points, faces = solids.clean_triangles()
     lo, hi = points.min(axis=0), points.max(axis=0)
     centre, scale = (lo + hi) / 2, float(np.linalg.norm(hi - lo))
-    started = time.monotonic()
     box = runner.run(
         "tetwild",
         {"points": (points - centre) / scale, "faces": faces},
@@ -180,7 +197,6 @@ def _fill(solids: Solids, target: Target, runner: Runner) -> tuple[Filling, floa
             "stop_energy": target.stop_energy,
         },
     )
-    seconds = time.monotonic() - started
     where = box["points"] * scale + centre
     part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
     if not (part >= 0).any():
@@ -188,4 +204,4 @@ def _fill(solids: Solids, target: Target, runner: Runner) -> tuple[Filling, floa
     mesh = separate(where, box["tets"][part >= 0])
     if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
-    return Filling(mesh, part[part >= 0][mesh.origin], target), seconds
+    return Filling(mesh, part[part >= 0][mesh.origin], target)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -70,16 +70,41 @@ def load_asset(
         content = reconstructed(path, content)
     surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
     warnings = [*references.warnings, *warnings]
+    parts = _parts(surfaces, path.stem, warnings)
     asset = Asset(
         name=path.stem,
-        parts=_parts(surfaces, path.stem, warnings),
-        up=up or content.up or content.up_guess,
+        parts=parts,
+        up=content.up or content.up_guess,
         source=str(path),
         source_hash=references.digest(data),
+        warnings=tuple(warnings),
     )
-    if up is None and content.up is None:
+    stated = Stated(content.metres, content.up is not None)
+    return scaled(asset, size=size, units=units, up=up, stated=stated)
+
+
+class Stated(NamedTuple):
+    """What a file says about itself: metres per unit, and whether its up axis is known."""
+
+    metres: float | None = None
+    up: bool = False
+
+
+def scaled(
+    asset: Asset,
+    *,
+    size: float | None = None,
+    units: Unit | None = None,
+    up: UpAxis | None = None,
+    stated: Stated = Stated(),  # noqa: B008 - a tuple does not change
+) -> Asset:
+    """Return an asset in metres that so far is in the units of its file, and warn of guesses."""
+    _check_scale(size, units)
+    warnings = list(asset.warnings)
+    if up is None and not stated.up:
         warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
-    return _in_metres(asset, _metres(asset, size, units, content.metres, warnings), warnings)
+    factor = _metres(asset, size, units, stated.metres, warnings)
+    return _in_metres(replace(asset, up=up or asset.up), factor, warnings)
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:

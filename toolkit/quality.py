@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..fem.errors import InputError
+from ..fem.material import wave_speed
 from ..fem.mesh import FACES, TetMesh, boundary_faces
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
@@ -74,6 +76,17 @@ def quality(mesh: TetMesh) -> Quality:
         components=component_count(mesh.tets),
         boundary=boundary_kind(boundary_faces(mesh.tets).faces),
     )
+
+
+def explicit_time_step(mesh: TetMesh) -> float:
+    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less.
+
+    The wave speed is sqrt((lam + 2 mu) / rho) [m/s]; needs a mesh with materials.
+    """
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    speed = wave_speed(mesh.material.E, mesh.material.nu, mesh.material.rho)
+    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
 def _area_vectors(points, tets) -> Float[np.ndarray, "tets 4 3"]:

@@ -13,8 +13,8 @@ from .triangles import Triangles, closest, winding_numbers
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
 # A sheet has |winding number| 1/2 on both sides; where an open surface encloses something, more.
-SHEET = 0.7
-SHEET_SHARE = 0.2  # of an open component's area that must enclose something for it to be a solid
+SHEET = 0.9
+SHEET_SHARE = 0.8  # of the area of an open component that must enclose something for a solid
 SHEET_DEPTH = 2e-3  # share of the diagonal at which that is looked at
 PAD = 1e-9  # share of the box by which it is widened, for points on it
 

@@ -20,8 +20,8 @@ WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: floa
 # Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
 TWO_SIDED_SHARE = 0.9
 # A boundary loop spanning more than this share of its component's area is the rim of a sheet (1 for
-# a flat one, 0.5 for a half sphere, 0.2 for a box without its lid).
-HOLE_SHARE = 0.6
+# a flat one, 0.7 for a bust cut off at the neck, 0.5 for a half sphere, 0.2 for a lidless box).
+HOLE_SHARE = 0.75
 # Depth, relative to a component's size, of the point that decides whether it is a cavity.
 CAVITY_DEPTH = 1e-4
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,15 +16,17 @@ from ..predictors.asset import Asset
 from .cache import Runner
 from .child import Progress
 from .conversion import (
+    ENVELOPE_SLACK,
     Attempt,
     ConversionReport,
+    Distances,
     InputVolume,
     Region,
     guarantees,
     input_volume,
     measure_distances,
 )
-from .ladder import Filling, Job, Target, climb_within
+from .ladder import Filling, Job, Target, climb_within, tighten
 from .offset import hollowed, thickened
 from .quality import quality
 from .regions import Solids, sheet_faces
@@ -115,11 +118,42 @@ def tetrahedralize(
         raise NoVolumeError(_no_volume(asset, target.thinnest))
     volume = input_volume(solids, len(asset.parts), rng=rng)
     job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner)
+    made = _made(asset, job, max_tets, rng)
+    report = _report(asset, job, volume, made, repaired, walls, seed)
+    return made.mesh, replace(report, warnings=_warnings(report))
+
+
+class Made(NamedTuple):
+    """A mesh with what is known about its making."""
+
+    mesh: TetMesh
+    filling: Filling
+    gaps: Distances
+    epsilon: float
+    attempts: tuple[Attempt, ...]
+
+
+def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator) -> Made:
+    """Fill the solids; once more in a narrower envelope if parts of the input are missed."""
     filling, attempts = climb_within(job, max_tets)
     if filling is None:
         raise NoVolumeError(_no_mesh(asset, attempts))
-    mesh = _mesh(filling, asset.part_names)
-    return mesh, _report(asset, job, volume, filling, mesh, repaired, attempts, walls, seed, rng)
+    epsilon = filling.target.epsilon
+
+    def measured(filling: Filling, attempts: tuple[Attempt, ...]) -> Made:
+        mesh = _mesh(filling, asset.part_names)
+        gaps = measure_distances(mesh, job.solids, epsilon=epsilon, rng=rng)
+        return Made(mesh, filling, gaps, epsilon, attempts)
+
+    made = measured(filling, attempts)
+    if max_tets is not None or made.gaps.from_input <= ENVELOPE_SLACK * epsilon:
+        return made
+    tighter, attempt = tighten(job._replace(target=filling.target))
+    if tighter is None:
+        return made._replace(attempts=(*attempts, attempt))
+    again = measured(tighter, (*attempts, attempt))
+    better = again.gaps.from_input < made.gaps.from_input
+    return again if better else made._replace(attempts=again.attempts)
 
 
 def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
@@ -152,31 +186,27 @@ def _report(
     asset: Asset,
     job: Job,
     volume: InputVolume,
-    filling: Filling,
-    mesh: TetMesh,
+    made: Made,
     repaired: RepairReport,
-    attempts: tuple[Attempt, ...],
     walls: Mapping[int, float],
     seed: int,
-    rng: np.random.Generator,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
-    solids, epsilon, names = job.solids, filling.target.epsilon, asset.part_names
-    gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
+    mesh, solids, filling, names = made.mesh, job.solids, made.filling, asset.part_names
     measured = quality(mesh)
     missing = [name for name in names if name not in mesh.region_names]
     sheets = tuple(names[i] for i in solids.sheets)
-    report = ConversionReport(
+    return ConversionReport(
         repair=repaired,
-        attempts=attempts,
-        guarantees=guarantees(mesh, measured, volume, gaps, epsilon),
+        attempts=made.attempts,
+        guarantees=guarantees(mesh, measured, volume, made.gaps, made.epsilon),
         quality=measured,
         regions=_regions(mesh, names, volume),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
-        epsilon=epsilon,
+        epsilon=made.epsilon,
         input_volume=volume.total,
-        distances=gaps,
+        distances=made.gaps,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
         sheets=sheets,
@@ -185,7 +215,6 @@ def _report(
         hollow=_likely_hollow(asset, mesh, walls),
         seed=seed,
     )
-    return replace(report, warnings=_warnings(report))
 
 
 def _likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
@@ -229,12 +258,13 @@ def _warnings(report: ConversionReport) -> tuple[str, ...]:
             f"{_listed(report.hollow)}: taken as solid, though by its name a shell is likely; "
             "--wall METRES or --part-wall NAME=METRES hollows it"
         )
-    last = report.attempts[-1]
-    if len(report.attempts) > 1:
+    failed = [attempt for attempt in report.attempts if attempt.outcome != "ok"]
+    if failed:
+        last = report.attempts[-1]
         sentences.append(
-            f"attempt {len(report.attempts)} ({last.engine}, epsilon {last.epsilon:.3g} m, edge "
-            f"{last.edge_length:.3g} m) succeeded; before: "
-            + "; ".join(attempt.outcome for attempt in report.attempts[:-1])
+            f"{len(failed)} of {len(report.attempts)} attempts failed "
+            f"({'; '.join(attempt.outcome for attempt in failed)}); the last had epsilon "
+            f"{last.epsilon:.3g} m, edge {last.edge_length:.3g} m"
         )
     return tuple(sentences)
 

@@ -16,7 +16,7 @@ def _hollow_volume(mesh, wall):
     solids = hollowed(Solids.of(surface, 1, thinnest=1e-6), {0: wall})
     rng = np.random.default_rng(0)
     lo, hi = solids.bounds
-    where = lo + (hi - lo) * rng.random((200_000, 3))
+    where = lo + (hi - lo) * rng.random((40_000, 3))
     return (solids.label(where, np.ones(len(where))) >= 0).mean() * np.prod(hi - lo), solids
 
 

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh, boundary_faces
 from autophyx_tet.toolkit.manifold import separate
 from autophyx_tet.toolkit.quality import (
     altitudes,
     boundary_kind,
     dihedral_angles,
+    explicit_time_step,
     quality,
     radius_ratios,
 )
@@ -50,6 +53,16 @@ def test_quality_is_free_of_units_and_place():
     assert b.altitude_min == pytest.approx(1e-3 * a.altitude_min, rel=1e-6)
     assert a.boundary.bad_edges == a.boundary.pinched_vertices == 0
     assert a.components == 1
+
+
+def test_explicit_time_step():
+    """h / c on one corner tet: altitude 1/sqrt(3), c^2 = E/rho for nu = 0; none without E."""
+    points, tets = _tet(np.vstack([np.zeros(3), np.eye(3)]))
+    mesh = TetMesh.oriented(points, tets)
+    with pytest.raises(InputError, match="assign"):
+        explicit_time_step(mesh)
+    steel = mesh.with_material(ElementMaterial.uniform(1, E=4e6, nu=0.0, rho=1e2))
+    assert explicit_time_step(steel) == pytest.approx(1 / np.sqrt(3) / 200)
 
 
 def _boxes(*corners):

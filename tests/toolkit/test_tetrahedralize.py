@@ -105,6 +105,7 @@ def test_plate_thinner_than_epsilon_is_left_out_and_said():
     assert any("--epsilon-rel" in w for w in report.warnings)
 
 
+@pytest.mark.slow
 def test_thicken_gives_a_sheet_its_volume():
     """A sheet of 1 m^2 thickened by 2 cm holds 0.02 m^3 and is a region beside the cube's."""
     sheet = trimesh.Trimesh([[2, 0, 0], [3, 0, 0], [3, 1, 0], [2, 1, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -115,10 +116,11 @@ def test_thicken_gives_a_sheet_its_volume():
     assert volumes["label"] == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.slow
 def test_budget_of_tets_is_kept():
-    mesh, report = _convert({**QUICK, "edge_length_rel": 0.1, "max_tets": 1500},
+    mesh, report = _convert({**QUICK, "edge_length_rel": 0.1, "max_tets": 3000},
                             cube=trimesh.creation.box((1, 1, 1)))  # fmt: skip
-    assert len(mesh.tets) <= 1500
+    assert len(mesh.tets) <= 3000
     assert len(report.attempts) > 1
 
 
@@ -137,6 +139,7 @@ def test_cache_remembers_the_engine(tmp_path, monkeypatch):
         _convert({**QUICK, "stop_energy": 21.0, "cache": tmp_path}, cube=cube)
 
 
+@pytest.mark.slow
 def test_damaged_cache_is_made_again(tmp_path):
     cube = trimesh.creation.box((1, 1, 1))
     _convert({**QUICK, "cache": tmp_path}, cube=cube)
@@ -186,7 +189,7 @@ def test_ladder_goes_coarser_after_a_time_out_and_records_it(monkeypatch):
     assert first.outcome.startswith("time")
     assert second.epsilon == pytest.approx(2 * first.epsilon)
     assert report.epsilon == second.epsilon
-    assert any("attempt 2" in w for w in report.warnings)
+    assert any("1 of 2 attempts failed" in w for w in report.warnings)
 
 
 def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
