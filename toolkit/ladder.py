@@ -26,8 +26,8 @@ HARDER_WELD_REL = 1e-4  # a tenth of the default epsilon: closes gaps that nobod
 COARSER = (2.0, 4.0)  # factors of edge length and epsilon
 TIGHTER = 3.0  # divides epsilon where the result misses parts of the input
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 1e-2
-# Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the square
-# of the edge, those of a thick one with the cube.
+# Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
+# square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
