@@ -71,16 +71,24 @@ class Report {
     const { lo, hi } = this.views[0].tets;
     return this.update({ cut: { axis, at: lo[axis] + share * (hi[axis] - lo[axis]), flip } });
   }
+  // The others follow the view that is turned; while they do, only the newest camera is kept.
+  async turnOthers(view, camera) {
+    view.camera = camera;
+    this.wanted = { view, camera };
+    if (this.turning) return;
+    this.turning = true;
+    while (this.wanted) {
+      const { view: leader, camera: newest } = this.wanted;
+      this.wanted = null;
+      await Promise.all(this.views.filter((other) => other !== leader).map((other) => other.turn(newest)));
+    }
+    this.turning = false;
+  }
   // One camera for all views.
   linkCameras() {
     for (const view of this.views) {
       const follow = (event) => {
-        const camera = event["scene.camera"];
-        if (!camera || this.turning) return;
-        this.turning = true;
-        view.camera = camera;
-        const others = this.views.filter((other) => other !== view);
-        Promise.all(others.map((other) => other.turn(camera))).finally(() => { this.turning = false; });
+        if (event["scene.camera"] && !view.following) this.turnOthers(view, event["scene.camera"]);
       };
       view.node.on("plotly_relayout", follow);
       view.node.on("plotly_relayouting", follow);

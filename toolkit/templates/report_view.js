@@ -130,7 +130,9 @@ class View {
   }
   async turn(camera) {
     this.camera = camera;
+    this.following = true; // its own events on the way say nothing new
     await Plotly.relayout(this.node, { "scene.camera": camera });
+    this.following = false;
   }
   // What is under the pointer, in words. Plotly names a face, or a point where points are coloured.
   describe(index, onPoints) {
