@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fem.mesh import TetMesh
-from ..fem.scenarios import AXES, rest
+from ..fem.scenarios import rest
 from .bins import Bins
 from .files import writing
 
@@ -55,7 +55,7 @@ def _materials(bins: Bins) -> Iterator[str]:
 
 
 def _step(mesh: TetMesh, options: ExportOptions) -> Iterator[str]:
-    axis = AXES[options.up]
+    axis = "xyz".index(options.up)
     supports = options.supports or rest(mesh, axis)[0]
     down = -np.eye(3, dtype=int)[axis]
     yield "*STEP\n*STATIC\n*BOUNDARY\n"

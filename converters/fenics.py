@@ -20,6 +20,7 @@ _LOADER = '''"""Load {mesh} into FEniCSx: mesh, and E [Pa], nu, rho [kg/m^3] as 
 import json
 from pathlib import Path
 
+import gmsh
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
@@ -34,7 +35,12 @@ HERE = Path(__file__).parent
 
 def load(comm=MPI.COMM_WORLD):
     """Return (mesh, cell tags, {{"E": E, "nu": nu, "rho": rho}})."""
-    mesh, cells = gmshio.read_from_msh(str(HERE / "{mesh}"), comm, gdim=3)[:2]
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    if comm.rank == 0:
+        gmsh.merge(str(HERE / "{mesh}"))
+    mesh, cells = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=3)[:2]
+    gmsh.finalize()
     table = json.loads((HERE / "{table}").read_text())["bins"]
     make = getattr(fem, "functionspace", getattr(fem, "FunctionSpace", None))
     space = make(mesh, ("DG", 0))

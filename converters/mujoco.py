@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fem.mesh import TetMesh
-from ..fem.scenarios import AXES
 from .bins import Bins, vertex_masses
 from .files import writing
 
@@ -42,7 +41,7 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
 
 
 def _world(mesh: TetMesh, used: np.ndarray, options: ExportOptions) -> Iterator[str]:
-    axis = AXES[options.up]
+    axis = "xyz".index(options.up)
     gravity = -options.gravity * np.eye(3)[axis]
     turn = {"x": "0 1 0 1.5707963267948966", "y": "1 0 0 -1.5707963267948966", "z": "0 0 1 0"}
     ground = np.zeros(3)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fem.mesh import TetMesh
-from ..fem.scenarios import AXES, rest
+from ..fem.scenarios import rest
 from .bins import material_of, vertex_masses
 from .files import writing
 from .msh import write_msh
@@ -42,7 +42,7 @@ def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
     SOFA knows one Poisson's ratio a force field: it is the mean over the volume.
     """
     material = material_of(mesh)
-    axis = AXES[options.up]
+    axis = "xyz".index(options.up)
     supports = options.supports or rest(mesh, axis)[0]
     mesh_path = path.with_suffix(".msh")
     young = float(material.E.max())
