@@ -97,7 +97,7 @@ def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionR
         edge_length=_median_edge(mesh),
         epsilon=0.0,
         input_volume=mesh.volume,
-        distances=Distances(0.0, 0.0, 0.0),
+        distances=Distances(0.0, 0.0),
         split_edges=split_edges,
         doubled_points=doubled_points,
     )

@@ -19,7 +19,9 @@ CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
 # fTetWild keeps sampled points of its surface within epsilon of the input: between them it bulges,
 # and where three faces meet in a right angle the corner is sqrt(3) epsilon away.
 ENVELOPE_SLACK = 2.0
-PROBE = 2.0  # epsilons off a surface at which it is asked whether that side is outside
+# Epsilons off the surface at which each side is asked for: inside or outside. Small, so that a
+# plate counts as one even where the envelope swallows it.
+PROBE = 0.25
 
 
 @dataclass(frozen=True)
@@ -63,13 +65,15 @@ class Distances:
     """One-sided sampled Hausdorff distances [m].
 
     ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
-    ``from_input`` that from the outer visible input to the boundary or an interface of regions;
-    ``hidden_share`` is the share of the input's area inside the solid, which the latter leaves out.
+    ``from_input`` that from the outer visible input to the boundary or an interface of regions.
+    The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid, and
+    ``sheet_share``, which has no volume on either side.
     """
 
     to_input: float
     from_input: float
-    hidden_share: float
+    hidden_share: float = 0.0
+    sheet_share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -155,13 +159,14 @@ def measure_distances(
     back = sample(points, faces, rng=rng)
     step = PROBE * epsilon * back.normal
     sides = np.concatenate([back.where - step, back.where + step])
-    outside = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1).any(axis=0)
+    outside = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1).sum(axis=0)
     target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
-    home = closest(back.where[outside], mesh.points, target).distance
+    home = closest(back.where[outside == 1], mesh.points, target).distance
     return Distances(
         to_input=float(closest(there, points, faces).distance.max()),
         from_input=float(home.max(initial=0)),
-        hidden_share=float(1 - outside.mean()),
+        hidden_share=float((outside == 0).mean()),
+        sheet_share=float((outside == 2).mean()),
     )
 
 

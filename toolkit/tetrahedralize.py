@@ -32,6 +32,7 @@ from .quality import quality
 from .regions import Solids, sheet_faces
 from .repair import WELD_REL, RepairReport, repair
 
+SHEET_SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 # Words of things whose closed surface usually stands for a shell.
 HOLLOW = re.compile(
     r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
@@ -252,6 +253,11 @@ def _warnings(report: ConversionReport) -> tuple[str, ...]:
         sentences.append(
             f"{_listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
             "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
+        )
+    if report.distances.sheet_share > SHEET_SHARE_TOLD:
+        sentences.append(
+            f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
+            "not in the mesh"
         )
     if report.hollow:
         sentences.append(
