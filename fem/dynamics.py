@@ -33,6 +33,10 @@ HALVINGS = 8
 FRICTION_PASSES = 2
 
 
+# Forces below this strain of the whole body, times its E, count as none [N].
+NOISE = 1e-10
+
+
 class Scheme(Enum):
     """Time integration: first order and damping, second order and damping little, conserving."""
 
@@ -136,6 +140,8 @@ class Dynamics:
             self.load[: len(forces)] += forces
         self.contact = Contact(mesh, grid.space, obstacles, friction)
         self.damping = _Rayleigh(self, damping) if damping else None
+        area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
+        self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
         self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, np.broadcast_to(velocity, (nodes, 3)))
@@ -243,7 +249,7 @@ class Dynamics:
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
-            goal = self.tolerance * potential.scale(u)
+            goal = self.tolerance * potential.scale()
             found = minimise(potential, u, solve=self._solver, target=goal)
             u, count = found.u, count + found.iterations
         return u, count
@@ -306,11 +312,12 @@ class _Incremental:
         """Share of ``step`` that keeps the body out of the obstacles."""
         return self.of.contact.longest_step(u, step)
 
-    def scale(self, u: np.ndarray) -> float:
+    def scale(self) -> float:
         """Size of the external and inertial force [N] that a residual is compared with."""
         of = self.of
         inertia = np.linalg.norm(self.inertia * (self.target - self.start))
-        return float(max(np.linalg.norm(of.load), inertia, 1e-12 * of.mass.sum()))
+        contact = np.linalg.norm(of.state.contact_force)
+        return float(max(np.linalg.norm(of.load), inertia, contact, of.noise))
 
 
 class _Rayleigh:

@@ -1,11 +1,12 @@
-"""Scenarios: loads and supports found from the geometry alone."""
+"""Static scenarios: loads and supports found from the geometry alone."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,26 +14,27 @@ from jaxtyping import Bool, Float
 from .elastic import Law
 from .errors import ConvergenceError, InputError
 from .gap import Gap, discretisation_gap
+from .loads import Traction
 from .mesh import TetMesh
 from .nonlinear import solve_nonlinear
-from .pieces import face_connected_pieces, spans_plane
+from .rest import rest, up_axis
 from .statics import StaticResult, solve_static
 from .supports import Supports
+from .surface import face_areas, face_normals
 
 logger = logging.getLogger(__name__)
 
 Axis = Literal["x", "y", "z"]
-AXES = {"x": 0, "y": 1, "z": 2}
-# Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
-# meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
-BASE_SHARE = 0.02
 # Beyond this strain the linear law is not enough.
 LINEAR_LIMIT = 0.05
+AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
+# Radius of a finger as a share of the body's diagonal.
+FINGER_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class SagResult:
-    """How a body settles under its own weight.
+    """How a body settles under its own weight, or another static load.
 
     Parameters
     ----------
@@ -108,100 +110,134 @@ def sag(
         If the linear solve does not reach its tolerance.
     """
     axis = up_axis(up)
-    height = float(np.ptp(mesh.bounds[:, axis]))
     held, warnings = rest(mesh, axis, three_point=supports == "three-point")
-    weight = np.zeros(3)
-    weight[axis] = -gravity
-    solve = partial(solve_static, mesh, held, gravity=weight, device=device)
+    weight = -gravity * np.eye(3)[axis]
+    return _settle(mesh, axis, held, warnings, order, device, law, gravity=weight)
+
+
+def hang(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    order: int = 1,
+    gravity: float = 9.81,
+    law: Law | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Hang ``mesh`` from its highest points under its weight; options as in ``sag``."""
+    axis = up_axis(up)
+    held, warnings = rest(mesh, axis, from_top=True)
+    weight = -gravity * np.eye(3)[axis]
+    return _settle(mesh, axis, held, warnings, order, device, law, gravity=weight)
+
+
+def wind(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    direction: Sequence[float] | None = None,
+    speed: float = 10.0,
+    drag: float = 1.2,
+    order: int = 1,
+    law: Law | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Blow on a standing ``mesh``: drag on every face that looks into the wind.
+
+    Parameters
+    ----------
+    direction
+        Where the wind blows to; by default along the first horizontal axis.
+    speed
+        Speed of the wind [m/s].
+    drag
+        Drag coefficient [1] of a face across the wind.
+
+    The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    """
+    axis = up_axis(up)
+    blows = np.eye(3)[(axis + 1) % 3] if direction is None else np.asarray(direction, dtype=float)
+    if not np.linalg.norm(blows) > 0:
+        raise InputError(f"wind direction {direction}: wanted a vector that is not zero")
+    blows = blows / np.linalg.norm(blows)
+    faces = mesh.boundary.faces
+    facing = -face_normals(mesh, faces) @ blows
+    windward = facing > 0
+    push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
+    held, warnings = rest(mesh, axis)
+    load = Traction(faces[windward], push)
+    return _settle(mesh, axis, held, warnings, order, device, law, traction=load)
+
+
+def poke(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    force: float = 10.0,
+    at: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    order: int = 1,
+    law: Law | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Press a finger on a standing ``mesh``; the weight is left out.
+
+    Parameters
+    ----------
+    force
+        Force of the finger [N], spread over a patch of a twentieth of the diagonal.
+    at
+        Where [m], shape (3,); by default the highest point.
+    direction
+        Where the finger pushes to; by default down.
+    """
+    axis = up_axis(up)
+    used = np.unique(mesh.tets)
+    highest = mesh.points[used[np.argmax(mesh.points[used, axis])]]
+    place = highest if at is None else np.asarray(at, dtype=float)
+    pushes = -np.eye(3)[axis] if direction is None else np.asarray(direction, dtype=float)
+    faces = mesh.boundary.faces
+    away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
+    patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    touched = faces[away <= max(patch, float(away.min()))]
+    pressure = force / face_areas(mesh, touched).sum() / np.linalg.norm(pushes)
+    held, warnings = rest(mesh, axis)
+    load = Traction(touched, np.broadcast_to(pressure * pushes, touched.shape))
+    return _settle(mesh, axis, held, warnings, order, device, law, traction=load)
+
+
+def _settle(
+    mesh: TetMesh,
+    axis: int,
+    held: Supports,
+    warnings: list[str],
+    order: int,
+    device: str,
+    law: Law | None,
+    **loads: Any,
+) -> SagResult:
+    """Solve, measure the gap, and repeat with large deformation where strains demand it."""
+    solve = partial(solve_static, mesh, held, device=device, **loads)
     static = solve(order=order)
     gap = discretisation_gap(static, solve, warnings)
     if static.max_strain > LINEAR_LIMIT and law is not Law.LINEAR:
-        static = _large(mesh, held, weight, static, device, warnings)
+        static = _large(mesh, held, static, device, warnings, loads)
     for warning in warnings:
         logger.warning(warning)
+    height = float(np.ptp(mesh.bounds[:, axis]))
     largest = float(np.linalg.norm(static.displacement, axis=1).max())
     supported = np.asarray(held.fixed.any(axis=1))
     ratio = largest / height
     return SagResult(static, height, largest, ratio, gap, supported, tuple(warnings))
 
 
-def _large(mesh, held, weight, linear: StaticResult, device: str, warnings: list[str]):
-    """Repeat a sag with the neo-Hookean law; the linear answer stays where that fails."""
+def _large(mesh, held, linear: StaticResult, device: str, warnings: list[str], loads: dict):
+    """Repeat a solve with the neo-Hookean law; the linear answer stays where that fails."""
     said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
     try:
-        static = solve_nonlinear(mesh, held, gravity=weight, order=linear.order, device=device)
+        static = solve_nonlinear(mesh, held, order=linear.order, device=device, **loads)
     except ConvergenceError as error:
         warnings.append(f"{said}it is not to be trusted, and no neo-Hookean rest exists ({error})")
         return linear
     warnings.append(said + "repeated with the neo-Hookean law")
     return static
-
-
-def up_axis(up: str) -> int:
-    """Index of the axis ``up``."""
-    if up not in AXES:
-        raise InputError(f"up axis {up!r}: wanted one of x, y, z")
-    return AXES[up]
-
-
-def rest(mesh: TetMesh, axis: int, *, three_point: bool = False) -> tuple[Supports, list[str]]:
-    """Supports on which every piece of ``mesh`` stands, and what had to be assumed.
-
-    A piece (tets joined through faces) that neither stands on the base nor shares three points
-    that span a plane with a held piece could move freely: it is held at its own lowest points.
-    """
-    pieces = face_connected_pieces(mesh)
-    used = np.unique(mesh.tets)
-    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
-    warnings: list[str] = []
-    place = _three_points if three_point else _clamp_lowest
-    place(mesh.points, used, axis, fixed)
-    members = [np.unique(mesh.tets[pieces == k]) for k in range(pieces.max() + 1)]
-    held = np.any(fixed, axis=1)
-    waiting = set(range(len(members)))
-    while waiting:
-        done = {k for k in waiting if spans_plane(mesh.points[members[k][held[members[k]]]])}
-        if not done:  # the biggest loose piece gets a support of its own
-            k = max(waiting, key=lambda k: len(members[k]))
-            _clamp_lowest(mesh.points, members[k], axis, fixed)
-            share = mesh.volumes[pieces == k].sum() / mesh.volume
-            warnings.append(_loose(k, len(members), share))
-            done = {k}
-        for k in done:
-            held[members[k]] = True
-        waiting -= done
-    return Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape)), warnings
-
-
-def _loose(piece: int, pieces: int, share: float) -> str:
-    return (
-        f"piece {piece + 1} of {pieces} ({share:.1%} of the volume) is not attached to the base: "
-        "held at its own lowest points"
-    )
-
-
-def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
-    """Ids near the lowest point that span a plane: the share of the height grows until they do."""
-    z = points[ids, axis] - points[ids, axis].min()
-    share = BASE_SHARE
-    while share < 1 and not spans_plane(points[ids[z <= share * z.max()]]):
-        share *= 1.5
-    return ids[z <= share * z.max()]
-
-
-def _clamp_lowest(points, ids, axis, fixed) -> None:
-    fixed[_lowest(points, ids, axis)] = True
-
-
-def _three_points(points, ids, axis, fixed) -> None:
-    """Fix six components at three points far apart: no stress from the support but its reaction."""
-    base = _lowest(points, ids, axis)
-    side = [a for a in range(3) if a != axis]
-    flat = points[base][:, side]
-    a = np.argmax(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
-    b = np.argmax(np.linalg.norm(flat - flat[a], axis=1))
-    line = flat[b] - flat[a]
-    c = np.argmax(np.abs((flat - flat[a]) @ [-line[1], line[0]]))
-    fixed[base[[a, b, c]], axis] = True
-    fixed[base[a]] = True
-    fixed[base[b], side[int(abs(line[0]) > abs(line[1]))]] = True  # the one across the line

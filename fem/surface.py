@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .loads import Traction, traction_force
 from .mesh import TetMesh
@@ -22,8 +22,23 @@ def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     if space.order == 1:
         return spread
     corners = np.zeros(len(space.nodes))
-    a, b, c = (mesh.points[faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    area = face_areas(mesh, faces)
     for k in range(3):
         np.add.at(corners, faces[:, k], area / 12)
     return 0.75 * spread + corners
+
+
+def face_areas(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"]) -> Float[np.ndarray, "faces"]:
+    """Area [m^2] of every face."""
+    return np.linalg.norm(_cross(mesh, faces), axis=1) / 2
+
+
+def face_normals(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"]) -> Float[np.ndarray, "faces 3"]:
+    """Unit normal of every face, outward where the faces are those of ``mesh.boundary``."""
+    cross = _cross(mesh, faces)
+    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+
+def _cross(mesh: TetMesh, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (mesh.points[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)

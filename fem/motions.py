@@ -1,0 +1,124 @@
+"""Scenarios in motion: a body is dropped or squeezed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .dynamics import Dynamics, Motion, Scheme
+from .elastic import Law
+from .errors import InputError
+from .mesh import TetMesh
+from .obstacles import Plane, gripper
+from .rest import up_axis
+from .scenarios import Axis
+
+# A drop is followed for this many fall times, so that the bounce is seen.
+FALLS = 3.0
+DROP_FRAMES = 90
+SQUEEZE_FRAMES = 20
+# A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
+SLOWNESS = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResult:
+    """A body in motion.
+
+    Parameters
+    ----------
+    frames
+        States at equal intervals ``dt`` [s], the start first.
+    points
+        Number of mesh points: the first rows of every frame.
+    """
+
+    frames: tuple[Motion, ...]
+    dt: float
+    points: int
+
+    @property
+    def displacements(self) -> Float[np.ndarray, "frames points 3"]:
+        """Displacement [m] of the mesh points in every frame."""
+        return np.stack([f.u[: self.points] for f in self.frames])
+
+    @property
+    def contact_forces(self) -> Float[np.ndarray, "frames 3"]:
+        """Total force of the obstacles on the body [N] in every frame."""
+        return np.stack([f.contact_force.sum(axis=0) for f in self.frames])
+
+    @property
+    def smallest_gap(self) -> float:
+        """Smallest distance from an obstacle [m] ever; positive means no penetration."""
+        return min(f.gap for f in self.frames)
+
+
+def drop(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    height: float | None = None,
+    friction: float = 0.3,
+    gravity: float = 9.81,
+    frames: int = DROP_FRAMES,
+    law: Law = Law.NEO_HOOKEAN,
+    scheme: Scheme = Scheme.IMPLICIT_EULER,
+    order: int = 1,
+    device: str = "cpu",
+) -> MotionResult:
+    """Let ``mesh`` fall on the ground from ``height`` [m], half its size by default.
+
+    ``friction`` is the coefficient of Coulomb friction of the ground, ``gravity`` in [m/s^2].
+    """
+    axis = up_axis(up)
+    height = 0.5 * float(np.ptp(mesh.bounds, axis=0).max()) if height is None else height
+    if not height > 0:
+        raise InputError(f"height {height:g} m: wanted > 0")
+    normal = np.eye(3)[axis]
+    floor = mesh.bounds[0] - height * normal
+    body = Dynamics(
+        mesh,
+        gravity=-gravity * normal,
+        obstacles=[Plane(tuple(floor), tuple(normal))],
+        friction=friction,
+        law=law,
+        scheme=scheme,
+        order=order,
+        device=device,
+    )
+    dt = FALLS * float(np.sqrt(2 * height / gravity)) / frames
+    return MotionResult(tuple(body.run(dt, frames)), dt, len(mesh.points))
+
+
+def squeeze(
+    mesh: TetMesh,
+    *,
+    axis: Axis = "x",
+    share: float = 0.1,
+    friction: float = 0.5,
+    frames: int = SQUEEZE_FRAMES,
+    law: Law = Law.NEO_HOOKEAN,
+    order: int = 1,
+    device: str = "cpu",
+) -> MotionResult:
+    """Squeeze ``mesh`` between two plates that close by ``share`` of its width along ``axis``.
+
+    The plates close slowly against the waves in the body; gravity is left out.
+    """
+    if not 0 < share < 1:
+        raise InputError(f"share {share:g}: wanted between 0 and 1")
+    k = up_axis(axis)
+    low, high = mesh.bounds
+    width = float(high[k] - low[k])
+    room = 1e-3 * float(np.linalg.norm(high - low)) * 0.5 * np.eye(3)[k]
+    material = mesh.material
+    if material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    slowest = float(np.sqrt((material.lame.mu / material.rho).min()))
+    duration = SLOWNESS * float(np.linalg.norm(high - low)) / slowest
+    plates = gripper(tuple(low - room), tuple(high + room), k, share * width / 2 / duration)
+    body = Dynamics(mesh, obstacles=plates, friction=friction, law=law, order=order, device=device)
+    dt = duration / frames
+    return MotionResult(tuple(body.run(dt, frames)), dt, len(mesh.points))

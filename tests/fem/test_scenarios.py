@@ -1,0 +1,101 @@
+"""Scenarios and verdicts."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem import checks
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.elastic import Law
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.modal import natural_modes
+from autophyx_tet.fem.motions import drop, squeeze
+from autophyx_tet.fem.scenarios import hang, poke, sag, wind
+
+from .bodies import shaken_box, with_uniform
+
+
+def column(E=1e6, nu=0.0):
+    return shaken_box((0.1, 0.1, 1.0), (1, 1, 8), E=E, nu=nu, rho=1000, amount=0)
+
+
+def test_hang():
+    """A hanging bar lengthens as a standing one shortens: rho g l^2 / 2 E."""
+    result = hang(column(), order=2)
+    assert result.displacement[:, 2].min() == pytest.approx(-1000 * 9.81 / 2e6, rel=1e-6)
+    assert (result.static.reaction[:, 2].sum()) == pytest.approx(1000 * 0.01 * 9.81, rel=1e-6)
+
+
+def test_wind():
+    """The reaction at the foot is drag: rho v^2 / 2 C A."""
+    result = wind(column(E=1e8), speed=20.0, drag=1.2, direction=(1, 0, 0))
+    force = 0.5 * 1.225 * 20**2 * 1.2 * 0.1
+    assert result.static.reaction.sum(axis=0) == pytest.approx([-force, 0, 0], abs=1e-6 * force)
+    assert result.displacement[:, 0].max() > 0
+
+
+def test_poke():
+    """The foot carries the finger's force, wherever it presses."""
+    result = poke(column(), force=3.0, at=(0.1, 0.05, 0.9), direction=(-2, 0, 0), law=Law.LINEAR)
+    assert result.static.reaction.sum(axis=0) == pytest.approx([3.0, 0, 0], abs=1e-6)
+    assert poke(column(), force=3.0).displacement[:, 2].min() < 0
+
+
+def test_drop():
+    """A dropped cube falls, lands, and is never below the ground."""
+    mesh = shaken_box((0.1,) * 3, (2, 2, 2), E=1e6, nu=0.4, rho=1000)
+    result = drop(mesh, height=0.05, frames=40)
+    assert result.smallest_gap > 0
+    assert result.displacements.shape == (41, len(mesh.points), 3)
+    assert result.displacements[-1, :, 2].mean() == pytest.approx(-0.05, abs=0.02)
+    assert result.contact_forces[:, 2].max() > mesh.mass * 9.81
+
+
+@pytest.mark.parametrize("up", ["x", "y"])
+def test_drop_follows_up(up):
+    mesh = shaken_box((0.1,) * 3, (1, 1, 1), E=1e6, nu=0.4, rho=1000)
+    result = drop(mesh, up=up, height=0.05, frames=20)
+    axis = "xyz".index(up)
+    assert result.displacements[-1, :, axis].mean() < -0.03
+    assert np.abs(np.delete(result.displacements[-1], axis, axis=1)).max() < 0.02
+
+
+def test_squeeze():
+    """Plates that close by 5 % press with about E A times the strain (nu = 0, no friction)."""
+    mesh = shaken_box((0.1,) * 3, (2, 2, 2), E=1e5, nu=0.0, rho=1000, amount=0)
+    result = squeeze(mesh, share=0.05, friction=0.0, frames=10)
+    pressed = np.minimum(result.frames[-1].contact_force[:, 0], 0).sum()
+    assert -pressed == pytest.approx(1e5 * 0.01 * 0.05, rel=0.1)
+    assert result.smallest_gap > 0
+
+
+def test_verdicts():
+    """Stiff columns hold their shape, soft ones do not; sentences carry the numbers."""
+    stiff, soft = (sag(column(E=E), law=Law.LINEAR) for E in (1e9, 5e4))
+    assert checks.holds_shape(stiff).passed
+    assert not checks.holds_shape(soft).passed
+    assert f"{soft.sag_ratio:.2%}" in checks.holds_shape(soft).sentence
+    assert checks.distinguishable(stiff, soft).passed
+    assert not checks.distinguishable(stiff, stiff).passed
+    assert {c.name for c in checks.static_checks(stiff)} == {
+        "holds shape", "discretisation", "explicit step",
+    }  # fmt: skip
+
+
+def test_explicit_step():
+    """h / c of a regular corner tet: its smallest height over sqrt((lam + 2 mu) / rho)."""
+    mesh = with_uniform(box_mesh((1, 1, 1), (1, 1, 1)), E=1e6, nu=0.0, rho=1e3)
+    height = 1 / np.sqrt(2)  # Kuhn's tet of the unit cube: volume 1/6, largest face sqrt(2)/2
+    assert checks.largest_explicit_step(mesh) == pytest.approx(height / np.sqrt(1e3), rel=1e-12)
+
+
+def test_frequency_verdict():
+    modes = natural_modes(column(E=1e9), 2)
+    assert checks.first_frequency(modes).passed
+
+
+def test_bad_options_are_named():
+    with pytest.raises(InputError, match="direction"):
+        wind(column(), direction=(0, 0, 0))
+    with pytest.raises(InputError, match="height"):
+        drop(column(), height=-1.0)
+    with pytest.raises(InputError, match="share"):
+        squeeze(column(), share=2.0)
