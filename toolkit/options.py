@@ -66,8 +66,8 @@ class SimulateOptions:
 
     scenario: Literal["sag"] = "sag"
     """What happens to the body: sag = it stands under its own weight."""
-    order: Literal[1, 2] = 1
-    """Order of the elements: 1 = four nodes, 2 = ten nodes a tet."""
+    order: Literal[1, 2] | None = None
+    """Order of the elements, 1 or 2; by default 2 while that has at most 150,000 unknowns."""
     supports: Literal["base", "three-point"] = "base"
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
     gravity: float = 9.81

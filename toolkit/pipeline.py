@@ -147,6 +147,7 @@ def simulate(
         Where the solver does not reach its tolerance.
     """
     from ..converters.table import write_mesh
+    from ..fem.gap import LARGEST_P2, p2_unknowns
     from ..fem.scenarios import sag
 
     options = options or SimulateOptions()
@@ -159,7 +160,7 @@ def simulate(
     solved = sag(
         mesh,
         up=up or sidecar.up,
-        order=options.order,
+        order=options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1),
         supports=options.supports,
         gravity=options.gravity,
     )

@@ -19,6 +19,7 @@ from .sidecar import Sidecar
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
+    from ..fem.gap import Gap
     from ..fem.scenarios import SagResult
     from ..predictors.choice import PartChoice
     from .conversion import ConversionReport
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 # A displacement of 1 % of the height is about what the eye notices; past 20 % small-strain
 # elasticity no longer says how far it goes, only that it goes far.
 HOLDS, COLLAPSES = 0.01, 0.2
+FINE_ENOUGH = 0.1  # a tenth: less than what a material's range leaves open
 _SHAPE: tuple[tuple[float, Mark, str], ...] = (
     (HOLDS, "good", "It holds its shape under its own weight."),
     (COLLAPSES, "note", "It visibly gives way under its own weight."),
@@ -144,6 +146,7 @@ class Simulation:
             "height": self.solved.height,
             "max_von_mises": float(self.solved.von_mises.max()),
             "order": static.order,
+            "gap": self.solved.gap,
             "residual": static.residual,
             "iterations": static.iterations,
             "verdicts": self.verdicts(),
@@ -209,6 +212,14 @@ class RunResult:
             "seconds": self.seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }
+
+
+def _accuracy(gap: Gap) -> Verdict:
+    """Say how far the mesh can be trusted: the gap between linear and quadratic elements."""
+    mark = "good" if gap.value < FINE_ENOUGH else "note"
+    word = "fine enough" if mark == "good" else "coarse for this shape"
+    detail = f"{gap.kind} gap of the largest displacement {gap.value:.0%}; good below 10 %"
+    return Verdict(mark, f"The mesh is {word}.", detail)
 
 
 def mesh_document(mesh: TetMesh) -> dict[str, Any]:
