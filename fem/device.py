@@ -31,7 +31,10 @@ def start_warp() -> ModuleType:
     """Return warp, initialised without a word; kernels are compiled once and cached on disk."""
     import warp as wp
 
-    wp.config.log_level = wp.LOG_ERROR
+    if hasattr(wp, "LOG_ERROR"):
+        wp.config.log_level = wp.LOG_ERROR
+    else:  # older warp
+        wp.config.quiet = True  # type: ignore
     with _quiet_stderr():
         wp.init()
     return wp

@@ -118,7 +118,7 @@ def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: floa
     return Coarse(
         wp.array(P.indptr, dtype=wp.int32, device=device),
         wp.array(P.indices, dtype=wp.int32, device=device),
-        wp.array(P.data, dtype=k.mat36d, device=device, copy=False),
+        wp.array(P.data, dtype=k.mat36d, device=device, copy=device.is_cuda),
         count,
         factor,
         inverse,

@@ -21,7 +21,7 @@ LOOSEST, TIGHTEST = 1e-2, 1e-11
 
 
 class Factor:
-    """Sparse LU of a scaled matrix as the preconditioner z = M r."""
+    """Sparse LU of a scaled matrix as the preconditioner z = M r, on the CPU."""
 
     def __init__(self, scaled: Scaled, r: Any, z: Any) -> None:
         from scipy.sparse.linalg import splu
@@ -33,11 +33,7 @@ class Factor:
 
     def apply(self) -> None:
         """Compute z from r."""
-        solved = self.lu.solve(self.r.numpy().reshape(-1)).reshape(-1, 3)
-        if self.z.device.is_cuda:
-            self.z.assign(solved)
-        else:
-            self.z.numpy()[:] = solved
+        self.z.numpy()[:] = self.lu.solve(self.r.numpy().reshape(-1)).reshape(-1, 3)
 
 
 class RepeatedSolver:
@@ -76,7 +72,7 @@ class RepeatedSolver:
             return np.full_like(b, np.nan)
         r = wp.zeros(matrix.nodes, dtype=wp.vec3d, device=matrix.values.device)
         z = wp.zeros_like(r)
-        if b.size <= DIRECT:
+        if b.size <= DIRECT and not r.device.is_cuda:  # a graph cannot call a host's factor
             preconditioner = Factor(system, r, z)
         else:
             largest = largest_eigenvalue(system.matrix.to_scipy())
