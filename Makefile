@@ -13,7 +13,11 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 	@touch $@
 
 demo: $(STAMP)
-	@$(PY) -m autophyx_tet.toolkit.demo out/demo
+	@mkdir -p out/demo
+	@$(PY) -m autophyx_tet.toolkit.bonsai out/demo/bonsai.glb
+	@.venv/bin/autophyx-tet run out/demo/bonsai.glb -o out/demo \
+		--text "the pot is ceramic, the soil is moist soil, the trunk is oak, the foliage is leaves"
+	@echo "look at out/demo/report.html"
 
 lint: $(STAMP)
 	@$(PY) -m ruff check .
@@ -31,6 +35,7 @@ test: lint types
 
 test-all: lint types
 	@bash .ci/system --all
+	@EXTRAS=external bash .ci/setup
 	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2
 
 bench: $(STAMP)

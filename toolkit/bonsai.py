@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -228,3 +229,7 @@ def _leaves(pad: Pad, rng: np.random.Generator):
     lumpy = out * (0.80 + 0.36 * top * near.max(axis=1))[:, None]
     lumpy[:, 1] *= 0.6 + 0.4 * top
     return trimesh.Trimesh(lumpy * pad.half + np.array(pad.center), ball.faces, process=False)
+
+
+if __name__ == "__main__":
+    write_bonsai(Path(sys.argv[1]))

@@ -12,6 +12,7 @@ from ..converters import npz
 from ..converters.pvd import write_pvd
 from ..converters.table import write_mesh
 from .document import SCHEMA, versions, write_json
+from .picture import render_png, story
 from .quality import dihedral_angles
 from .report import Case, PartRow, ReportContent, write_report
 from .report_content import Band
@@ -19,6 +20,8 @@ from .results import Conversion, RunCase, RunResult
 
 # Share of full gravity in each frame of the motion: the load comes on slowly and linearly.
 RAMP = np.linspace(0, 1, 6)
+
+PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
 
 
 def write_folder(folder: Path, result: RunResult) -> RunResult:
@@ -29,6 +32,7 @@ def write_folder(folder: Path, result: RunResult) -> RunResult:
         home.mkdir(parents=True, exist_ok=True)
         files += _write_case(home, case, bare_mesh=number == 1)
     report = write_report(folder / "report.html", report_content(result))
+    files.append(_write_picture(folder / "picture.png", result))
     record = folder / "run.json"
     result = replace(result, files=(*files, report, record))
     write_json(record, {"schema": SCHEMA, **result.document()})
@@ -50,6 +54,14 @@ def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:
         home / "field.npz",
         *write_pvd(home / "motion.pvd", mesh, frames),
     ]
+
+
+def _write_picture(path: Path, result: RunResult) -> Path:
+    """Asset, stiffness and sag of the first sentence, side by side."""
+    case, asset = result.cases[0], result.conversion.asset
+    panels = story(asset, case.assignment.mesh, case.simulation.solved.displacement)
+    render_png(path, panels, up=asset.up, pixels=PICTURE, samples=SAMPLES)
+    return path
 
 
 def report_content(result: RunResult) -> ReportContent:
