@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..fem.errors import InputError
+from ..fem.errors import AutophyxError, InputError
 from ..predictors.asset import UpAxis
 from .references import References, used_materials
 
@@ -52,7 +52,7 @@ def read(path: Path, data: bytes, references: References) -> Content:
     suffix = path.suffix.lower()
     try:
         return READERS[suffix](path, data, references)
-    except InputError:
+    except AutophyxError:
         raise
     except Exception as error:  # a parser of untrusted bytes may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
@@ -83,12 +83,27 @@ def read_plain(path: Path, data: bytes, references: References) -> Content:
 
 
 def read_ply(path: Path, data: bytes, references: References) -> Content:
-    """PLY: faces, triangle strips, or points alone."""
+    """PLY: faces, triangle strips, Gaussian splats, or points alone."""
+    if _is_splat(data):
+        return read_carrier(path, data, references)
     scene = parse(path, data, references)
     surfaces = [Surface(mesh) for _, mesh in meshes(scene)]
     if not surfaces:
         surfaces = [Surface(mesh) for g in scene.geometry.values() for mesh in _strips(path, g)]
     return Content(surfaces, cloud=None if surfaces else _cloud(scene))
+
+
+def read_carrier(path: Path, data: bytes, references: References) -> Content:
+    """Gaussian splats, density grids and clouds with columns: see ``volumes``."""
+    from .volumes import read_volume
+
+    return read_volume(path)
+
+
+def _is_splat(data: bytes) -> bool:
+    """Whether a PLY's header names the columns of Gaussians, plain or packed."""
+    header = data[: data.find(b"end_header")]
+    return b" packed_position" in header or (b" opacity" in header and b" scale_0" in header)
 
 
 def read_obj(path: Path, data: bytes, references: References) -> Content:
@@ -264,6 +279,18 @@ def _absolute_corner(corner: str, count: dict[str, int]) -> str:
 
 Reader = Callable[[Path, bytes, References], Content]
 
+CARRIERS = (
+    ".splat",
+    ".spz",
+    ".ksplat",
+    ".npz",
+    ".nvdb",
+    ".ingp",
+    ".msgpack",
+    ".pcd",
+    ".las",
+    ".laz",
+)
 READERS: dict[str, Reader] = {
     ".obj": read_obj,
     ".ply": read_ply,
@@ -274,4 +301,5 @@ READERS: dict[str, Reader] = {
     ".3mf": read_3mf,
     ".dae": read_dae,
     ".xyz": read_plain,
+    **dict.fromkeys(CARRIERS, read_carrier),
 }

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..predictors.asset import Part
+from .parity import patch_sides
 from .triangles import coherent_patches, edge_components, winding_numbers
 
 WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: float32 round-off
@@ -34,6 +35,7 @@ class RepairReport:
     null_faces: int = 0
     duplicate_faces: int = 0
     flipped_faces: int = 0
+    loose_faces: int = 0
     closed_holes: int = 0
     added_faces: int = 0
     open_edges: int = 0
@@ -195,7 +197,9 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
     """Orient every component coherently, and outward unless it is a cavity of its part."""
     if not len(surface.faces):
         return surface, RepairReport()
-    faces = _majority(surface.faces, *coherent_patches(surface.faces))
+    coherent, patch = coherent_patches(surface.faces)
+    faces = _majority(surface.faces, coherent, patch)
+    faces, loose = _outward_patches(surface._replace(faces=faces), patch)
     volumes = component_volumes(surface._replace(faces=faces))
     first = np.unique(surface.component, return_index=True)[1]
     inside_out = np.bincount(surface.part[first], weights=volumes) < 0
@@ -204,7 +208,32 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
     inverted = (volumes < 0) & ~_cavities(surface._replace(faces=faces), volumes < 0)
     faces = _turned(faces, inverted[surface.component])
     flipped = _parity(faces) != _parity(surface.faces)
-    return surface._replace(faces=faces), RepairReport(flipped_faces=int(flipped.sum()))
+    oriented = surface._replace(faces=faces)
+    if loose.any():
+        oriented = _subset(oriented, ~loose)
+    return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
+
+
+def _outward_patches(
+    surface: Surface, patch: Int[np.ndarray, "faces"]
+) -> tuple[np.ndarray, Bool[np.ndarray, "faces"]]:
+    """Turn the patches that meet in non-manifold edges outward; find those that bound nothing.
+
+    Of a component with several patches, those with inside or outside on both sides are fins and
+    inner walls: they are loose, unless the whole component is such.
+    """
+    faces, loose = surface.faces.copy(), np.zeros(len(surface.faces), dtype=bool)
+    pairs = np.unique(np.column_stack([surface.component, patch]), axis=0)
+    several = np.flatnonzero(np.bincount(pairs[:, 0]) > 1)
+    for component in several:
+        mine = np.flatnonzero(surface.component == component)
+        local = np.unique(patch[mine], return_inverse=True)[1].reshape(-1)
+        sides = patch_sides(surface.points, faces[mine], local)
+        bounds = sides.below != sides.above
+        if bounds.any():
+            faces[mine] = _turned(faces[mine], (bounds & sides.above)[local])
+            loose[mine] = ~bounds[local]
+    return faces, loose
 
 
 def _parity(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:

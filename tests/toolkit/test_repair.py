@@ -135,3 +135,29 @@ def test_nested_part_wins():
         label = Solids.of(repair(parts)[0], 2, thinnest=1e-6).label(where, np.ones(2000))
         assert ((label == name) == inside).all()
         assert (label >= 0).all()
+
+
+def test_cubes_that_share_edges_are_turned_outward():
+    """A checkerboard of cubes, welded at their edges and wound at random: volume of the cubes."""
+    rng = np.random.default_rng(1)
+    corners = [(i, j, k) for i in range(3) for j in range(3) for k in range(3) if (i + j + k) % 2]
+    cubes = [_cube(lo=corner).mesh for corner in corners]
+    points = np.concatenate([cube.vertices for cube in cubes])
+    faces = np.concatenate([cube.faces + 8 * i for i, cube in enumerate(cubes)])
+    turned = rng.random(len(faces)) < 0.5
+    faces[turned] = faces[turned][:, ::-1]
+    surface, report = repair([_part(points, faces)])
+    assert report.non_manifold_edges > 0
+    assert _volume(surface) == pytest.approx(len(corners))
+
+
+def test_fin_and_inner_wall_are_loose():
+    """A cube cut in two by a wall, with a fin on one edge: both go, counted, the volume stays."""
+    a, b = _cube().mesh, _cube(lo=(1, 0, 0)).mesh
+    wall = (b.vertices[b.faces][:, :, 0] == 1).all(axis=1)
+    fin = np.array([[0, 0, 0], [0, 1, 0], [-1, 0.5, -0.5]], float)
+    points = np.concatenate([a.vertices, b.vertices, fin])
+    faces = np.concatenate([a.faces, b.faces[~wall] + 8, [[16, 17, 18]]])
+    surface, report = repair([_part(points, faces)])
+    assert report.loose_faces == 3
+    assert _volume(surface) == pytest.approx(2)
