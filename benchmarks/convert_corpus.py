@@ -137,16 +137,20 @@ def _timed(command: list[str], work: Path, limit: float) -> tuple[int, float, fl
     with (work / "log.txt").open("ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
     code: int | None = None
-    while code is None:
-        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
-        if pid:
-            code = os.waitstatus_to_exitcode(status)
-        elif time.monotonic() - started > limit:
+    try:
+        while code is None:
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                code = os.waitstatus_to_exitcode(status)
+            elif time.monotonic() - started > limit:
+                os.killpg(process.pid, signal.SIGKILL)
+                _, _, usage = os.wait4(process.pid, 0)
+                code = 124
+            else:
+                time.sleep(0.02)
+    finally:
+        if code is None:  # Ctrl-C: nothing is left behind
             os.killpg(process.pid, signal.SIGKILL)
-            _, _, usage = os.wait4(process.pid, 0)
-            code = 124
-        else:
-            time.sleep(0.02)
     process.returncode = code
     wall = time.monotonic() - started
     return code, wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
