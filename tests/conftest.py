@@ -24,6 +24,8 @@ _checker = ModuleType("numeric_tower")
 _checker.check = beartype(conf=BeartypeConf(is_pep484_tower=True))
 sys.modules["numeric_tower"] = _checker
 install_import_hook(_MODULES, "numeric_tower.check")
+# Caches inside the checkout, so that a clean clone tests from nothing.
+os.environ["XDG_CACHE_HOME"] = str(ROOT / ".cache")
 os.environ.setdefault("WARP_CACHE_PATH", str(ROOT / ".cache" / "warp"))
 
 

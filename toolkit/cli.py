@@ -38,8 +38,12 @@ class Convert:
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .pipeline import convert
+        from .progress import progress
 
-        return convert(self.asset, output=self.output, options=self.options).document()
+        with progress(quiet=self.common.quiet) as tell:
+            return convert(
+                self.asset, output=self.output, options=self.options, progress=tell
+            ).document()
 
 
 @dataclass(frozen=True)
@@ -122,15 +126,18 @@ class Run:
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .pipeline import run
+        from .progress import progress
 
-        result = run(
-            self.asset,
-            self.text or ("",),
-            output=self.output,
-            convert_options=self.convert,
-            assign_options=self.assign,
-            simulate_options=self.simulate,
-        )
+        with progress(quiet=self.common.quiet) as tell:
+            result = run(
+                self.asset,
+                self.text or ("",),
+                output=self.output,
+                convert_options=self.convert,
+                assign_options=self.assign,
+                simulate_options=self.simulate,
+                progress=tell,
+            )
         return result.document()
 
 

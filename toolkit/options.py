@@ -5,10 +5,14 @@ Defaults are stated here and nowhere else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
+
+from ..fem.errors import UsageError
 
 UpAxis = Literal["x", "y", "z"]
 Unit = Literal["mm", "cm", "m", "in"]
@@ -33,15 +37,30 @@ class ConvertOptions:
     """Wanted edge of a tet [m]; replaces --edge-length-rel."""
     epsilon_rel: float = 1e-3
     """Largest distance between the result and the input surface, as a share of the diagonal."""
+    max_tets: int | None = None
+    """Budget of tets: edge and epsilon grow until it is met."""
+    thicken: float | None = None
+    """Thickness [m] given to sheets; without it they are left out, with a warning."""
+    wall: float | None = None
+    """Wall [m] that hollows every closed part; without it closed parts are solid."""
+    part_wall: Annotated[tuple[str, ...], Repeated] = ()
+    """Wall [m] of one part alone, NAME=METRES; may be repeated."""
     time_limit: float = 300.0
     """Seconds one attempt of the tetrahedraliser may take."""
+    cache: Path | None = None
+    """Folder that remembers results of the tetrahedraliser; by default the user's cache folder."""
+    no_cache: bool = False
+    """Compute again and remember nothing."""
     seed: int = 0
     """Seed of everything random of ours; the tetrahedraliser itself varies by 2-3 % in tets."""
 
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
-        names = ("edge_length_rel", "edge_length", "epsilon_rel", "time_limit", "seed")
-        return {name: getattr(self, name) for name in names}
+        names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "thicken", "wall")
+        return {name: getattr(self, name) for name in (*names, "time_limit", "seed")} | {
+            "part_wall": {name: _metres(value) for name, value in pairs(self.part_wall).items()},
+            "cache": None if self.no_cache else self.cache or _cache_folder(),
+        }
 
 
 @dataclass(frozen=True)
@@ -86,3 +105,27 @@ class Common:
     """Say only errors."""
     traceback: bool = False
     """Show the Python traceback of an error."""
+
+
+def pairs(options: Sequence[str]) -> dict[str, str]:
+    """Split NAME=VALUE options; a wrong one is a ``UsageError``."""
+    found = {}
+    for option in options:
+        name, equals, value = option.partition("=")
+        if not (equals and name.strip() and value.strip()):
+            raise UsageError(f'wanted NAME="VALUE", got {option!r}')
+        found[name.strip()] = value.strip().strip('"')
+    return found
+
+
+def _metres(value: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        raise UsageError(f"wanted a wall in metres, NAME=0.003, got {value!r}") from error
+
+
+def _cache_folder() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("autophyx-tet") / "convert"

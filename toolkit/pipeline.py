@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..fem.errors import InputError, UsageError
+from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
-from .options import AssignOptions, ConvertOptions, SimulateOptions
+from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .outputs import check_file, check_folder, mesh_suffixes
 from .results import Assignment, Conversion, RunCase, RunResult, Simulation
 from .sidecar import Sidecar
@@ -102,8 +102,8 @@ def assign(
     choices = RetrievalPredictor().choose(
         voxels.part_labels,
         text,
-        overrides=_pairs(options.part, "--part"),
-        materials=_pairs(options.material, "--material"),
+        overrides=pairs(options.part),
+        materials=pairs(options.material),
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
     )
@@ -179,6 +179,7 @@ def run(
     convert_options: ConvertOptions | None = None,
     assign_options: AssignOptions | None = None,
     simulate_options: SimulateOptions | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> RunResult:
     """Convert once, assign and simulate every sentence under the same loads, write a folder.
 
@@ -188,7 +189,7 @@ def run(
 
     check_folder(output)
     clock = Stopwatch()
-    solid = convert(asset, options=convert_options)
+    solid = convert(asset, options=convert_options, progress=progress)
     clock.lap("convert")
     cases = []
     for text in texts:
@@ -246,14 +247,3 @@ def _doubts(choices: Sequence[PartChoice], sampled: Assigned) -> Iterator[str]:
             )
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
-
-
-def _pairs(options: Sequence[str], flag: str) -> dict[str, str]:
-    """Split NAME=VALUE options."""
-    pairs = {}
-    for option in options:
-        name, found, value = option.partition("=")
-        if not (found and name.strip() and value.strip()):
-            raise UsageError(f'{flag} wants NAME="VALUE", got {option!r}')
-        pairs[name.strip()] = value.strip().strip('"')
-    return pairs
