@@ -28,6 +28,8 @@ from .supports import Supports
 
 # Relative residual of the linear solve: far below any discretisation error, reached in fp64.
 TOLERANCE = 1e-8
+# Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
+LOCKING = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,14 @@ class StaticResult:
     def von_mises(self) -> Float[np.ndarray, "tets"]:
         """Von Mises stress [Pa] of every tet."""
         return von_mises(self.stress)
+
+    @property
+    def locking_share(self) -> float:
+        """Share of the volume that P1 makes too stiff: nu above 0.45; zero for P2."""
+        if self.order == 2:
+            return 0.0
+        volumes = self.mesh.volumes
+        return float(volumes[material_of(self.mesh).nu > LOCKING].sum() / volumes.sum())
 
     @property
     def max_strain(self) -> float:
@@ -222,6 +232,23 @@ def static_result(
         residual,
         iterations,
     )
+
+
+def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
+    """Cauchy stress [Pa] at the mesh points: volume-weighted mean of the tets around each.
+
+    Taken at the corners of every tet, where a P2 stress differs from its mean. Linear law only.
+    """
+    if result.law is not Law.LINEAR:
+        raise InputError(f"nodal stress of the law {result.law.name}: wanted LINEAR")
+    mesh = result.mesh
+    grid = discretise(mesh, result.order)
+    H = displacement_gradients(grid, result.node_displacement, np.eye(4))
+    stress = hooke((H + np.swapaxes(H, -1, -2)) / 2, material_of(mesh)).reshape(-1, 9)
+    ids, weight = mesh.tets.ravel(), np.repeat(mesh.volumes, 4)
+    total = np.bincount(ids, weight, len(mesh.points))
+    mean = [np.bincount(ids, weight * s, len(mesh.points)) for s in stress.T]
+    return (np.stack(mean, axis=1) / np.where(total > 0, total, 1.0)[:, None]).reshape(-1, 3, 3)
 
 
 def strain_and_stress(
