@@ -144,6 +144,7 @@ def test_incline(slope, slides):
         assert abs(moved) < 1e-3
 
 
+@pytest.mark.slow
 def test_rod_impact():
     """A rod meets a wall at v: it leaves after 2 L / c, pressed with rho c v meanwhile."""
     L, E, rho, v = 1.0, 1e6, 1e3, 0.1
@@ -172,6 +173,7 @@ def test_stiff_and_soft_together():
     assert 0 < np.abs(state.u).max() < 0.01
 
 
+@pytest.mark.slow
 def test_damping_slows_a_swing():
     """Rayleigh damping alpha takes energy as exp(-alpha t) from a rigid motion."""
     mesh = shaken_box(E=1e6, rho=1e3)
@@ -180,6 +182,7 @@ def test_damping_slows_a_swing():
     assert state.v[:, 0] == pytest.approx(np.full(len(mesh.points), np.exp(-1.0)), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_gripper_squeezes():
     """Plates that close by 10 % press a block with about E times that strain."""
     mesh = lifted(shaken_box((0.1,) * 3, (3, 3, 3), E=1e5, nu=0.0, rho=1e3, amount=0), 0.0)

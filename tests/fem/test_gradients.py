@@ -61,6 +61,7 @@ def test_step_gradient():
     _compare(step, _fields(mesh), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_two_material_beam_is_recovered():
     """The displacements of the bench beam give back the E of its two halves within 1 %."""
     mesh = box_mesh((1, 0.2, 0.2), (10, 2, 4))

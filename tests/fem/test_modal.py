@@ -51,6 +51,7 @@ def test_frequency_scaling():
     assert g == pytest.approx(f * np.sqrt(400) / 0.1, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_thick_plate():
     """NAFEMS FV52: simply supported plate 10 x 10 x 1 m: 45.897, 109.44 (twice), 167.89 Hz."""
     mesh = with_uniform(box_mesh((10, 10, 1), (8, 8, 1)), E=200e9, nu=0.3, rho=8000)
