@@ -15,6 +15,8 @@ DEPTH = 8  # of the octree: 256 cells along the longest side
 NEIGHBOURS = 20  # points that a normal is fitted to
 TRIM = 0.01  # share of the surface's vertices with the fewest points around them that is cut away
 TIME_LIMIT = 300.0  # s
+# Of the size: points exactly on one sphere have no Delaunay triangulation to orient normals along.
+JOGGLE = 1e-7
 
 
 def reconstructed(path: Path, content: Content) -> Content:
@@ -30,10 +32,11 @@ def reconstructed(path: Path, content: Content) -> Content:
             f"cloud of {FEWEST} to {MOST} points on a surface"
         )
     lo, size = cloud.min(axis=0), float(np.ptp(cloud, axis=0).max())
+    joggle = np.random.default_rng(0).uniform(-JOGGLE, JOGGLE, cloud.shape)
     try:
         surface = run_guarded(
             "poisson",
-            {"points": (cloud - lo) / size},
+            {"points": (cloud - lo) / size + joggle},
             {"depth": DEPTH, "neighbours": NEIGHBOURS, "trim": TRIM},
             time_limit=TIME_LIMIT,
         )
