@@ -24,7 +24,8 @@ log = logging.getLogger(__name__)
 
 HARDER_WELD_REL = 1e-4  # a tenth of the default epsilon: closes gaps that nobody can see
 COARSER = (2.0, 4.0)  # factors of edge length and epsilon
-TIGHTER = 3.0  # divides epsilon where the result misses parts of the input
+TIGHTER = 3.0  # divides epsilon where the result misses parts of the input, and multiplies time
+TIGHTER_START = 10.0  # s that it may take in any case
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 1e-2
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
@@ -132,10 +133,15 @@ def climb(job: Job) -> tuple[Filling | None, tuple[Attempt, ...]]:
     return None, tuple(attempts)
 
 
-def tighten(job: Job) -> tuple[Filling | None, Attempt]:
-    """One more try in a narrower envelope, for spikes and corners that the first cut off."""
+def tighten(job: Job, first: Attempt) -> tuple[Filling | None, Attempt]:
+    """One more try in a narrower envelope, for spikes and corners that the first cut off.
+
+    It may take a few times as long as the first: an improvement, not worth a long wait.
+    """
     aim = replace(job.target, epsilon_rel=job.target.epsilon_rel / TIGHTER)
-    return _try("tetwild", aim, lambda: job.solids, job.runner)
+    limit = min(job.runner.time_limit, TIGHTER_START + TIGHTER * first.seconds)
+    runner = replace(job.runner, time_limit=limit)
+    return _try("tetwild", aim, lambda: job.solids, runner)
 
 
 def _try(

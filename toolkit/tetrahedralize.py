@@ -149,7 +149,7 @@ def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator
     made = measured(filling, attempts)
     if max_tets is not None or made.gaps.from_input <= ENVELOPE_SLACK * epsilon:
         return made
-    tighter, attempt = tighten(job._replace(target=filling.target))
+    tighter, attempt = tighten(job._replace(target=filling.target), attempts[-1])
     if tighter is None:
         return made._replace(attempts=(*attempts, attempt))
     again = measured(tighter, (*attempts, attempt))

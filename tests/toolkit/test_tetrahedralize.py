@@ -199,3 +199,33 @@ def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
     monkeypatch.setattr(cache, "run_guarded", crash)
     with pytest.raises(NoVolumeError, match=r"5 attempts.*SIGSEGV.*--time-limit"):
         tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_torus_keeps_its_volume_wherever_it_is(seed):
+    """2 pi^2 R r^2 and area 4 pi^2 R r, turned, moved, scaled, with its faces shuffled."""
+    rng = np.random.default_rng(seed)
+    ring = trimesh.creation.torus(1.0, 0.3, major_sections=64, minor_sections=32)
+    scale = 10 ** rng.uniform(-3, 2)
+    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
+    turn[:3] *= scale
+    turn[:3, 3] = rng.normal(size=3) * 10 * scale
+    ring.apply_transform(turn)
+    ring.faces = rng.permutation(ring.faces)
+    mesh, report = _convert({"edge_length_rel": 0.1, "epsilon_rel": 1e-3}, ring=ring)
+    assert mesh.volume == pytest.approx(2 * np.pi**2 * 0.09 * scale**3, rel=0.02)
+    a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert area == pytest.approx(4 * np.pi**2 * 0.3 * scale**2, rel=0.02)
+    assert report.quality.components == 1
+
+
+@pytest.mark.slow
+def test_nested_balls_region_volumes():
+    """At the default envelope each region is within 1 % of its polyhedron's volume."""
+    inner, outer = trimesh.creation.icosphere(3, radius=0.6), trimesh.creation.icosphere(3)
+    mesh, _ = _convert({"edge_length_rel": 0.1, "epsilon_rel": 1e-3}, outer=outer, inner=inner)
+    volume = dict(zip(mesh.region_names, mesh.region_volumes(), strict=True))
+    assert volume["inner"] == pytest.approx(inner.volume, rel=0.01)
+    assert volume["outer"] == pytest.approx(outer.volume - inner.volume, rel=0.01)
