@@ -8,7 +8,7 @@ empty cells that hang together are pooled where they (nearly) agree.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -84,16 +84,30 @@ def fill(
     return Filled(surface | inside, enclosed, odd, leaky)
 
 
-def nearest_surface(
-    occupied: Bool[np.ndarray, "nx ny nz"], known: Bool[np.ndarray, "nx ny nz"]
-) -> Int[np.ndarray, "n 3"]:
-    """For each occupied cell, in C order, the nearest cell that is known (itself if it is)."""
-    from scipy.ndimage import distance_transform_edt
+def nearest_known(
+    cells: Int[np.ndarray, "n 3"],
+    known: Bool[np.ndarray, "n"],
+    *,
+    label: Int[np.ndarray, "n"] | None = None,
+) -> Int[np.ndarray, "n"]:
+    """For each cell the row of the nearest one that is known; itself if it is.
+
+    With labels, one of its own label where that label has any, so that a hidden trunk takes after
+    the trunk and not after the leaves before it.
+    """
+    from scipy.spatial import KDTree
 
     if not known.any():
         raise InputError("no cell of the surface is known: nothing to take features from")
-    nearest = cast(Any, distance_transform_edt)(~known, return_distances=False, return_indices=True)
-    return nearest[:, occupied].T.astype(np.int64)
+    label = np.zeros(len(cells), dtype=np.int64) if label is None else label
+    own = np.isin(label, np.unique(label[known]))
+    row = np.arange(len(cells))
+    for value in [*np.unique(label[own]), None]:
+        asking = ~known & (~own if value is None else label == value)
+        sources = np.flatnonzero(known & (value is None or label == value))
+        if asking.any():
+            row[asking] = sources[KDTree(cells[sources]).query(cells[asking])[1]]
+    return row
 
 
 def winding_agreement(

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.filling import fill, nearest_surface, winding_agreement
+from autophyx_tet.predictors.filling import fill, nearest_known, winding_agreement
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.surface import surface_voxels
 from scipy.ndimage import binary_dilation
@@ -66,18 +66,26 @@ def test_invariant_under_axes():
     assert (turned == fill(surface).occupied.transpose(2, 0, 1)[:, ::-1]).all()
 
 
-def test_nearest_surface_is_the_nearest():
+def test_nearest_known_is_the_nearest():
     """Brute force over all pairs gives the same distances; known cells map to themselves."""
     rng = np.random.default_rng(0)
-    occupied = rng.random((9, 8, 7)) < 0.6
-    known = occupied & (rng.random(occupied.shape) < 0.2)
-    nearest = nearest_surface(occupied, known)
-    cells, sources = np.argwhere(occupied), np.argwhere(known)
-    best = np.linalg.norm(cells[:, None] - sources, axis=2).min(axis=1)
-    assert np.allclose(np.linalg.norm(nearest - cells, axis=1), best)
-    assert known[tuple(nearest.T)].all()
+    cells = np.argwhere(rng.random((9, 8, 7)) < 0.6)
+    known = rng.random(len(cells)) < 0.2
+    row = nearest_known(cells, known)
+    best = np.linalg.norm(cells[:, None] - cells[known], axis=2).min(axis=1)
+    assert np.allclose(np.linalg.norm(cells[row] - cells, axis=1), best)
+    assert known[row].all()
+    assert (row[known] == np.flatnonzero(known)).all()
     with pytest.raises(InputError, match="known"):
-        nearest_surface(occupied, np.zeros_like(known))
+        nearest_known(cells, np.zeros_like(known))
+
+
+def test_nearest_known_stays_in_its_part():
+    """A cell takes after the nearest known cell of its own part; a part never seen, after any."""
+    cells = np.stack([np.arange(6), np.zeros(6, int), np.zeros(6, int)], axis=1)
+    label = np.array([0, 1, 0, 1, 1, 2])
+    known = np.array([True, False, False, True, False, False])
+    assert nearest_known(cells, known, label=label).tolist() == [0, 3, 0, 3, 3, 3]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,65 @@
+"""The encoder that comes along: MiniLM for words, our own small network for pictures; no download.
+
+The network is described in ``training.py``; its model card lies beside the weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.errors import InputError
+from .minilm import MiniLM
+from .network import MULTIPLE, Weights, head, trunk
+
+WEIGHTS = Path(__file__).parents[1] / "weights" / "image_encoder.safetensors"
+BATCH = 4  # pictures at once: the widest activation of four stays under 30 MB
+
+
+class Embedded:
+    """The default encoder: 384 numbers, a vector per 4 x 4 pixels."""
+
+    name = "embedded"
+    dim = 384
+
+    def __init__(self, weights: Path = WEIGHTS, *, device: str = "cpu") -> None:
+        from safetensors.torch import load_file
+
+        if not weights.is_file():
+            raise InputError(
+                f"the image encoder's weights are missing at {weights}: reinstall the package, or "
+                "choose another encoder (rgb, openclip)"
+            )
+        # Half precision on disk; single in memory, which is what a CPU computes fastest.
+        loaded = load_file(weights, device=device)
+        self._weights: Weights = {key: value.float() for key, value in loaded.items()}
+        self._device = device
+        self._words: MiniLM | None = None
+
+    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
+        """Unit embedding of each sentence."""
+        self._words = self._words or MiniLM()
+        return self._words.text(sentences)
+
+    def dense(
+        self, images: Float[np.ndarray, "views height width 3"]
+    ) -> Float[np.ndarray, "views rows columns dim"]:
+        """Unit vectors, one per 4 x 4 pixels of the pictures at the nearest multiple of 32."""
+        import torch
+        import torch.nn.functional as F
+
+        side = [max(round(n / MULTIPLE), 1) * MULTIPLE for n in images.shape[1:3]]
+        out = []
+        with torch.inference_mode():
+            for start in range(0, len(images), BATCH):
+                batch = torch.from_numpy(images[start : start + BATCH].astype(np.float32))
+                batch = batch.to(self._device).permute(0, 3, 1, 2)
+                if list(batch.shape[-2:]) != side:
+                    batch = F.interpolate(batch, size=side, mode="bilinear", antialias=True)
+                batch = batch.contiguous(memory_format=torch.channels_last)
+                features = trunk(self._weights, batch).permute(0, 2, 3, 1)
+                out.append(head(self._weights, features).cpu().numpy())
+        return np.concatenate(out)

@@ -1,0 +1,32 @@
+"""What an encoder is: pictures, and words, to vectors of one space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+
+@runtime_checkable
+class ImageEncoder(Protocol):
+    """Turns pictures into dense features; ``name`` goes into the provenance of every result."""
+
+    name: str
+    dim: int
+
+    def dense(
+        self, images: Float[np.ndarray, "views height width 3"]
+    ) -> Float[np.ndarray, "views rows columns dim"]:
+        """Features of pictures in [0, 1], a vector per cell of a coarser grid over each."""
+        ...
+
+
+@runtime_checkable
+class Encoder(ImageEncoder, Protocol):
+    """An image encoder with words in the same space, both of unit norm."""
+
+    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
+        """Unit embedding of each sentence."""
+        ...
