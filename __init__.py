@@ -16,6 +16,8 @@ _HOME = {
     "assign": ".toolkit.pipeline",
     "simulate": ".toolkit.pipeline",
     "run": ".toolkit.pipeline",
+    "transfer": ".toolkit.carry",
+    "export": ".toolkit.carry",
     "load_asset": ".toolkit.load",
     "AutophyxError": ".fem.errors",
     "TetMesh": ".fem.mesh",

@@ -12,7 +12,17 @@ from typing import Annotated, Any
 import tyro
 
 from ..fem.errors import AutophyxError
-from .options import AssignOptions, Common, ConvertOptions, Repeated, SimulateOptions, UpAxis
+from .options import (
+    AssignOptions,
+    Common,
+    ConvertOptions,
+    ExportOptions,
+    Repeated,
+    SimulateOptions,
+    Target,
+    TransferOptions,
+    UpAxis,
+)
 
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
@@ -29,7 +39,7 @@ class Convert:
     """
 
     asset: tyro.conf.Positional[Path]
-    """Surface to convert: obj, ply, stl, off, glb, gltf ..."""
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """Mesh to write: .msh, .vtu or .vtk."""
     options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
@@ -113,7 +123,7 @@ class Run:
     """
 
     asset: tyro.conf.Positional[Path]
-    """Surface to convert: obj, ply, stl, off, glb, gltf ..."""
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json."""
     text: Annotated[tuple[str, ...], Repeated] = ()
@@ -138,6 +148,54 @@ class Run:
                 simulate_options=self.simulate,
                 progress=tell,
             )
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Carry E, nu and rho over to Gaussian splats, a point cloud or a NeRF density grid.
+
+    Example: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply
+    """
+
+    source: tyro.conf.Positional[Path]
+    """Field (.npz), mesh with E, nu and rho (.msh, .vtu, .vtk), or points that have them."""
+    target: tyro.conf.Positional[Path]
+    """Carrier to write again: ply, splat, spz, ksplat, pcd, las, xyz, npz, nvdb ..."""
+    output: Output
+    """File to write, every property of TARGET kept; STEM.npz beside it where it has no room."""
+    options: Flat[TransferOptions] = field(default_factory=TransferOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .carry import transfer
+
+        result = transfer(self.source, self.target, output=self.output, options=self.options)
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a mesh with E, nu and rho as the files of another program.
+
+    Example: autophyx-tet export chair.msh --for calculix -o chair.inp
+    """
+
+    mesh: tyro.conf.Positional[Path]
+    """Mesh with E, nu and rho, made by `assign`."""
+    target: Annotated[Target, tyro.conf.arg(name="for")]
+    """Program that shall read it."""
+    output: Output
+    """Main file to write; without a suffix it is a stem."""
+    options: Flat[ExportOptions] = field(default_factory=ExportOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .carry import export
+
+        result = export(self.mesh, self.target, output=self.output, options=self.options)
         return result.document()
 
 
@@ -182,6 +240,8 @@ COMMANDS = {
     "assign": Assign,
     "simulate": Simulate,
     "run": Run,
+    "transfer": Transfer,
+    "export": Export,
     "materials": Materials,
     "info": Info,
 }

@@ -16,6 +16,8 @@ from ..fem.errors import UsageError
 
 UpAxis = Literal["x", "y", "z"]
 Unit = Literal["mm", "cm", "m", "in"]
+Target = Literal["gmsh", "calculix", "newton", "mujoco", "usd", "sofa", "fenics"]
+Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 
 Repeated = tyro.conf.UseAppendAction
@@ -91,6 +93,30 @@ class SimulateOptions:
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
     gravity: float = 9.81
     """Acceleration of gravity [m/s^2], against the up axis."""
+
+
+@dataclass(frozen=True)
+class TransferOptions:
+    """How a field meets its carrier."""
+
+    scale: float | None = None
+    """Metres per unit of TARGET; by default the mesh's own where TARGET is its asset, else 1."""
+    cells: int = 64
+    """Voxels along the longest side of the field that a mesh is turned into."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What another program is told beside the mesh."""
+
+    bins: int = 64
+    """Most materials of a program that knows no material a tet (calculix, mujoco, usd, fenics)."""
+    names: Names = "symbols"
+    """What the arrays for gmsh are called: E, nu, rho, or the words of another program."""
+    up: UpAxis | None = None
+    """Axis against gravity; by default what the mesh's sidecar says, else z."""
+    gravity: float = 9.81
+    """Acceleration of gravity [m/s^2] in the scene."""
 
 
 @dataclass(frozen=True)

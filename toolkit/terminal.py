@@ -56,6 +56,11 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
+    if "values" in document:
+        mass = f", opacity-weighted mass {document['mass']:.3g} kg" if document["mass"] else ""
+        yield f"{document['values']:,} places got E, nu and rho{mass}"
+    if document.get("bins"):
+        yield f"{document['bins']:,} materials for {document['for']}"
     if document.get("sag"):
         sag = document["sag"]
         yield from (verdict.sentence for verdict in sag["verdicts"])
