@@ -172,11 +172,11 @@ PEERS = {"ours": ours, "pyamg": pyamg, "scikit-fem": scikit_fem, "pardiso": pard
 MODULES = {"pyamg": ["pyamg"], "scikit-fem": ["skfem", "pyamg"], "pardiso": ["pypardiso"]}
 
 
-def measure(tool: str, size: str, order: int, pipe) -> None:
+def measure(tool: str, size: str, order: int, device: str, pipe) -> None:
     mesh = bench_mesh(size)
     for _ in range(2):  # the second call is warm: kernels compiled, tables of the mesh made
         wall = time.perf_counter()
-        row = PEERS[tool](mesh, order)
+        row = PEERS[tool](mesh, order, *([device] if tool == "ours" else []))
         row["wall_s"] = time.perf_counter() - wall
     row["rss_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     pipe.send({"tool": tool, "size": size, "order": order, **row})
@@ -190,11 +190,11 @@ def missing(tool: str) -> str | None:
     return f"pip install {' '.join(absent)}" if absent else None
 
 
-def run(tool: str, size: str, order: int) -> dict:
+def run(tool: str, size: str, order: int, device: str) -> dict:
     """One row, from a process of its own."""
     context = multiprocessing.get_context("spawn")
     ours_end, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=measure, args=(tool, size, order, theirs))
+    process = context.Process(target=measure, args=(tool, size, order, device, theirs))
     process.start()
     theirs.close()
     row = ours_end.recv()
@@ -207,6 +207,7 @@ def main() -> None:
     parser.add_argument("--sizes", default="S,M")
     parser.add_argument("--order", type=int, default=1, choices=(1, 2))
     parser.add_argument("--peers", default="pyamg,scikit-fem")
+    parser.add_argument("--device", default="cpu", help="of ours: cpu or cuda (read wall_s there)")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     rows = []
@@ -215,7 +216,7 @@ def main() -> None:
             print(f"{tool}: skipped ({reason})", file=sys.stderr)
             continue
         for size in options.sizes.split(","):
-            rows.append(row := run(tool, size, options.order))
+            rows.append(row := run(tool, size, options.order, options.device))
             if not options.json:
                 print(
                     f"{tool:11s} {size} P{options.order} {row['tets']:7d} tets  "

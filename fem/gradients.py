@@ -15,7 +15,8 @@ from .mass import mass_shares
 from .material import ElementMaterial, LameParameters
 from .mesh import TetMesh
 from .solver import solve
-from .statics import TOLERANCE, check_solution, first_piola, reduced_load, solve_static
+from .statics import TOLERANCE, check_solution, reduced_load, solve_static
+from .stress import first_piola
 from .supports import Supports
 
 if TYPE_CHECKING:

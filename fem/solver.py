@@ -18,8 +18,8 @@ DIRECT = 6_000
 # Above this many a direct factor would not fit as a second chance.
 DIRECT_RESCUE = 150_000
 MAX_ITERATIONS = 600
-# Compact bodies take 15-30 iterations. One that needs more is thin or slender: there a direct factor
-# has little fill (24k unknowns of a chair: .3 s, against 600 iterations in 20 s), so stop early.
+# Compact bodies take 15-30 iterations. One that needs more is thin or slender: there a direct
+# factor has little fill (24k unknowns of a chair: .3 s, against 600 iterations in 20 s).
 PATIENCE = 60
 # On a GPU reading the residual waits for the device: so many iterations go unread.
 GPU_STRIDE = 4

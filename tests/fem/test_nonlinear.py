@@ -10,7 +10,8 @@ from autophyx_tet.fem.loads import Traction
 from autophyx_tet.fem.material import lame_parameters
 from autophyx_tet.fem.nonlinear import solve_nonlinear
 from autophyx_tet.fem.space import make_space
-from autophyx_tet.fem.statics import first_piola, solve_static
+from autophyx_tet.fem.statics import solve_static
+from autophyx_tet.fem.stress import first_piola
 from autophyx_tet.fem.supports import Supports
 from hypothesis import given, settings
 from hypothesis import strategies as st
