@@ -1,0 +1,82 @@
+"""The two-level solver: right, and not slowed down by contrasts of E or finer meshes."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem import solver
+from autophyx_tet.fem.aggregation import boxes, rigid_basis
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.pieces import rigid_motions
+from autophyx_tet.fem.statics import solve_static
+from autophyx_tet.fem.supports import Supports
+
+
+@pytest.fixture
+def iterative(monkeypatch):
+    """No direct factor, neither for small systems nor as a rescue."""
+    monkeypatch.setattr(solver, "DIRECT", 0)
+    monkeypatch.setattr(solver, "DIRECT_RESCUE", 0)
+
+
+def _iterations(n, contrast, layout):
+    mesh = box_mesh((1, 1, 1), (n, n, n))
+    x = mesh.centroids
+    hard = {
+        "layer": x[:, 2] > 0.5,
+        "legs": (x[:, 2] < 0.5) & (np.abs(x[:, :2] - 0.5) < 0.3).any(axis=1),
+        "random": np.random.default_rng(0).random(len(x)) < 0.5,
+    }[layout]
+    E = np.where(hard, 1e3 * contrast, 1e3)
+    nu, rho = np.full_like(E, 0.4), np.full_like(E, 1e3)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
+    body = mesh.with_material(ElementMaterial(E, nu, rho))
+    return solve_static(body, held, gravity=(0, 0, -9.81)).iterations
+
+
+@pytest.mark.parametrize("layout", ["layer", "legs", "random"])
+def test_contrast_hardly_adds_iterations(iterative, layout):
+    """From contrast 1 to 1e8 the iterations grow less than 2.5-fold."""
+    counts = [_iterations(8, c, layout) for c in (1, 1e2, 1e4, 1e6, 1e8)]
+    assert max(counts) < 2.5 * counts[0]
+
+
+def test_iterations_hardly_grow_with_the_mesh(iterative):
+    """Twice as fine, eight times the tets: less than twice the iterations."""
+    assert _iterations(12, 10, "layer") < 2 * _iterations(6, 10, "layer")
+
+
+def test_both_solvers_agree(monkeypatch):
+    """CG and the direct factor answer alike."""
+    mesh = box_mesh((1, 0.2, 0.2), (10, 3, 3))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.4, rho=1e3))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    direct = solve_static(mesh, held, gravity=(0, 0, -1))
+    monkeypatch.setattr(solver, "DIRECT", 0)
+    iterated = solve_static(mesh, held, gravity=(0, 0, -1))
+    assert direct.iterations == 0 < iterated.iterations
+    scale = np.abs(direct.displacement).max()
+    assert iterated.displacement == pytest.approx(direct.displacement, abs=1e-6 * scale)
+
+
+def test_boxes_are_equal():
+    """Bisection halves: box sizes differ by one node a level at most."""
+    points = np.random.default_rng(0).random((1000, 3))
+    sizes = np.bincount(boxes(points, 16))
+    assert len(sizes) == 16
+    assert sizes.max() - sizes.min() <= 4
+
+
+def test_rigid_basis_spans_rigid_motions():
+    """Every rigid motion of the whole is a combination of those of the aggregates."""
+    rng = np.random.default_rng(0)
+    points = rng.random((60, 3))
+    label = boxes(points, 4)
+    basis = rigid_basis(points, label, np.broadcast_to(np.eye(3), (60, 3, 3)))
+    motion = rigid_motions(points) @ rng.normal(size=6)
+    left = motion.copy()
+    for k in range(4):
+        Q = basis[label == k].reshape(-1, 6)
+        assert Q.T @ Q == pytest.approx(np.eye(6), abs=1e-10)
+        part = motion[label == k].reshape(-1)
+        left[label == k] = (part - Q @ (Q.T @ part)).reshape(-1, 3)
+    assert np.abs(left).max() < 1e-12
