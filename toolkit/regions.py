@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .repair import Surface, component_volumes, open_components
+from .repair import Surface, component_areas, component_volumes, open_components
 from .triangles import Triangles, closest, winding_numbers
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
-# A sheet has |winding number| 1/2 on both sides; where an open surface encloses something, more.
-SHEET = 0.9
+# A sheet has |winding number| 1/2 on both sides, foliage any number; open surfaces that enclose
+# something together have 0 and 1 but for this.
+CRISP = 0.15
 SHEET_SHARE = 0.8  # of the area of an open component that must enclose something for a solid
+# Where on a face that is asked: its centre and half-way to its corners, as barycentric weights.
+PROBES = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
 SHEET_DEPTH = 2e-3  # share of the diagonal at which that is looked at
 PAD = 1e-9  # share of the box by which it is widened, for points on it
 
@@ -123,10 +126,8 @@ def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces
 
 def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
     """Twice volume by area [m] of each component: the thickness of a plate."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    total = np.bincount(surface.component, weights=area)
-    return 2 * np.abs(component_volumes(surface)) / np.maximum(total, np.finfo(float).tiny)
+    area = np.maximum(component_areas(surface), np.finfo(float).tiny)
+    return 2 * np.abs(component_volumes(surface)) / area
 
 
 def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
@@ -141,9 +142,11 @@ def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
     normal = np.cross(b - a, c - a)
     area = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
-    middle = (a + b + c) / 3
-    winding = winding_numbers(surface.points, faces, np.concatenate([middle - step, middle + step]))
-    bounds = np.abs(winding).reshape(2, -1).max(axis=0) > SHEET
+    probes = np.einsum("pk,kfi->pfi", PROBES, np.stack([a, b, c]))
+    sides = np.stack([probes - step, probes + step])
+    winding = winding_numbers(surface.points, faces, sides.reshape(-1, 3))
+    low, high = np.sort(np.abs(winding).reshape(sides.shape[:3]), axis=0)
+    bounds = ((low < CRISP) & (np.abs(high - 1) < CRISP)).all(axis=0)
     count = len(is_open)
     total = np.bincount(component, weights=area, minlength=count)
     share = np.bincount(component, weights=area * bounds, minlength=count) / np.where(

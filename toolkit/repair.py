@@ -21,8 +21,10 @@ WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: floa
 # Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
 TWO_SIDED_SHARE = 0.9
 # A boundary loop spanning more than this share of its component's area is the rim of a sheet (1 for
-# a flat one, 0.7 for a bust cut off at the neck, 0.5 for a half sphere, 0.2 for a lidless box).
-HOLE_SHARE = 0.75
+# a flat one, 0.71 for one folded by 90 degrees, 0.5 for a half sphere, 0.2 for a lidless box).
+HOLE_SHARE = 0.69
+# Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
+FLAT = 1e-3
 # Depth, relative to a component's size, of the point that decides whether it is a cavity.
 CAVITY_DEPTH = 1e-4
 
@@ -193,6 +195,13 @@ def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
     return np.bincount(surface.component, weights=six / 6, minlength=count)
 
 
+def component_areas(surface: Surface) -> Float[np.ndarray, "components"]:
+    """Area [m^2] of every component."""
+    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.bincount(surface.component, weights=area)
+
+
 def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
     """Orient every component coherently, and outward unless it is a cavity of its part."""
     if not len(surface.faces):
@@ -205,7 +214,9 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
     inside_out = np.bincount(surface.part[first], weights=volumes) < 0
     faces = _turned(faces, inside_out[surface.part[first]][surface.component])
     volumes = component_volumes(surface._replace(faces=faces))
-    inverted = (volumes < 0) & ~_cavities(surface._replace(faces=faces), volumes < 0)
+    bulky = np.abs(volumes) > FLAT * component_areas(surface) ** 1.5
+    inverted = (volumes < 0) & (bulky | ~open_components(surface))
+    inverted &= ~_cavities(surface._replace(faces=faces), inverted)
     faces = _turned(faces, inverted[surface.component])
     flipped = _parity(faces) != _parity(surface.faces)
     oriented = surface._replace(faces=faces)

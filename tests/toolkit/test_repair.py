@@ -161,3 +161,22 @@ def test_fin_and_inner_wall_are_loose():
     surface, report = repair([_part(points, faces)])
     assert report.loose_faces == 3
     assert _volume(surface) == pytest.approx(2)
+
+
+def test_sides_with_cracks_enclose_together_and_foliage_does_not():
+    """Six quads that miss each other by 0.1 % are a cube; random triangles are sheets."""
+    cube = _cube().mesh
+    sides = [
+        trimesh.Trimesh(cube.vertices[cube.faces[i : i + 2]].reshape(-1, 3), [[0, 1, 2], [3, 4, 5]])
+        for i in range(0, 12, 2)
+    ]
+    for side in sides:
+        side.vertices = side.centroid + 0.999 * (side.vertices - side.centroid)
+    joined = trimesh.util.concatenate(sides)
+    solids = Solids.of(repair([Part("cube", joined)])[0], 1, thinnest=1e-6)
+    where = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 1.5]])
+    assert solids.label(where, np.ones(2)).tolist() == [0, -1]
+    rng = np.random.default_rng(0)
+    leaves = rng.random((300, 1, 3)) + 0.1 * rng.normal(size=(300, 3, 3))
+    foliage = _part(leaves.reshape(-1, 3), np.arange(900).reshape(-1, 3))
+    assert not Solids.of(repair([foliage])[0], 1, thinnest=1e-6).shells
