@@ -37,13 +37,13 @@ class Check:
 
 
 def holds_shape(result: SagResult) -> Check:
-    """Whether the body keeps its shape under its weight."""
+    """Whether the body keeps its shape under its load."""
     ratio = result.sag_ratio
     passed = ratio <= HOLDS
     does = "holds its shape" if passed else "does not hold its shape"
     return Check(
         "holds shape", passed, ratio, HOLDS,
-        f"It {does} under its weight: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}).",
+        f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}).",
     )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def discretisation(result: SagResult) -> Check:
     fine = "fine enough" if passed else "too coarse"
     return Check(
         "discretisation", passed, value, TRUSTED,
-        f"The mesh is {fine}: {kind} puts the error of the displacement at {value:.1%} "
+        f"The mesh is {fine}: the {kind} gap of the displacement is {value:.1%} "
         f"(limit {TRUSTED:.0%}).",
     )  # fmt: skip
 

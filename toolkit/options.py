@@ -85,14 +85,20 @@ class AssignOptions:
 class SimulateOptions:
     """How the result is loaded and solved."""
 
-    scenario: Literal["sag"] = "sag"
-    """What happens to the body: sag = it stands under its own weight."""
+    scenario: Literal["sag", "hang", "wind", "poke"] = "sag"
+    """What happens: it stands or hangs under its weight, wind blows at it, a finger pokes it."""
     order: Literal[1, 2] | None = None
     """Order of the elements, 1 or 2; by default 2 while that has at most 150,000 unknowns."""
     supports: Literal["base", "three-point"] = "base"
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
     gravity: float = 9.81
     """Acceleration of gravity [m/s^2], against the up axis."""
+    wind_speed: float = 10.0
+    """Speed of the wind [m/s]."""
+    poke_force: float = 10.0
+    """Force of the finger [N]."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where to solve."""
 
 
 @dataclass(frozen=True)

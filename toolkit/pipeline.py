@@ -18,6 +18,7 @@ from .sidecar import Sidecar
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
+    from ..fem.scenarios import SagResult
     from ..predictors.choice import PartChoice
 
 # Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
@@ -147,8 +148,6 @@ def simulate(
         Where the solver does not reach its tolerance.
     """
     from ..converters.table import write_mesh
-    from ..fem.gap import LARGEST_P2, p2_unknowns
-    from ..fem.scenarios import sag
 
     options = options or SimulateOptions()
     if output is not None:
@@ -157,18 +156,32 @@ def simulate(
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
     started = time.perf_counter()
-    solved = sag(
-        mesh,
-        up=up or sidecar.up,
-        order=options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1),
-        supports=options.supports,
-        gravity=options.gravity,
-    )
-    result = Simulation(mesh=mesh, solved=solved, seconds=time.perf_counter() - started)
+    solved = settle(mesh, options, up=up or sidecar.up)
+    seconds = time.perf_counter() - started
+    result = Simulation(mesh=mesh, scenario=options.scenario, solved=solved, seconds=seconds)
     if output is not None:
         write_mesh(output, mesh, point_data=result.point_data, cell_data=result.cell_data)
         result = replace(result, files=(output,))
     return result
+
+
+def settle(mesh: TetMesh, options: SimulateOptions, *, up: UpAxis) -> SagResult:
+    """Solve the static scenario of the options on a mesh with a material."""
+    from ..fem import scenarios
+    from ..fem.gap import LARGEST_P2, p2_unknowns
+
+    order = options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1)
+    common = {"up": up, "order": order, "device": options.device}
+    match options.scenario:
+        case "sag":
+            rest = {"supports": options.supports, "gravity": options.gravity}
+            return scenarios.sag(mesh, **rest, **common)
+        case "hang":
+            return scenarios.hang(mesh, gravity=options.gravity, **common)
+        case "wind":
+            return scenarios.wind(mesh, speed=options.wind_speed, **common)
+        case "poke":
+            return scenarios.poke(mesh, force=options.poke_force, **common)
 
 
 def run(

@@ -14,25 +14,14 @@ from ..fem.mesh import TetMesh
 from ..fem.table import FIELDS, outside_band
 from ..predictors.asset import Asset
 from ..predictors.field import MaterialField
-from .report_content import Mark, Verdict
+from .report_content import Verdict
 from .sidecar import Sidecar
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
-    from ..fem.gap import Gap
     from ..fem.scenarios import SagResult
     from ..predictors.choice import PartChoice
     from .conversion import ConversionReport
-
-# A displacement of 1 % of the height is about what the eye notices; past 20 % small-strain
-# elasticity no longer says how far it goes, only that it goes far.
-HOLDS, COLLAPSES = 0.01, 0.2
-FINE_ENOUGH = 0.1  # a tenth: less than what a material's range leaves open
-_SHAPE: tuple[tuple[float, Mark, str], ...] = (
-    (HOLDS, "good", "It holds its shape under its own weight."),
-    (COLLAPSES, "note", "It visibly gives way under its own weight."),
-    (np.inf, "bad", "It collapses under its own weight."),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +112,7 @@ class Simulation:
     """The static answer of a mesh under a scenario."""
 
     mesh: TetMesh
+    scenario: str
     solved: SagResult
     seconds: float
     files: tuple[Path, ...] = ()
@@ -154,10 +144,11 @@ class Simulation:
 
     def verdicts(self) -> list[Verdict]:
         """Findings in plain words, each with its number and threshold."""
-        ratio = self.solved.sag_ratio
-        mark, sentence = next(row[1:] for row in _SHAPE if ratio < row[0])
+        from ..fem.checks import static_checks
+
         return [
-            Verdict(mark, sentence, f"moves {ratio:.2g} of its height; it holds below {HOLDS:g}")
+            Verdict("good" if check.passed else "note", check.sentence, check.name)
+            for check in static_checks(self.solved)
         ]
 
     def document(self) -> dict[str, Any]:
@@ -165,6 +156,7 @@ class Simulation:
         return {
             "files": self.files,
             **mesh_document(self.mesh),
+            "scenario": self.scenario,
             "sag": self.sag(),
             "seconds": self.seconds,
             "warnings": self.solved.warnings,
@@ -212,14 +204,6 @@ class RunResult:
             "seconds": self.seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }
-
-
-def _accuracy(gap: Gap) -> Verdict:
-    """Say how far the mesh can be trusted: the gap between linear and quadratic elements."""
-    mark = "good" if gap.value < FINE_ENOUGH else "note"
-    word = "fine enough" if mark == "good" else "coarse for this shape"
-    detail = f"{gap.kind} gap of the largest displacement {gap.value:.0%}; good below 10 %"
-    return Verdict(mark, f"The mesh is {word}.", detail)
 
 
 def mesh_document(mesh: TetMesh) -> dict[str, Any]:
