@@ -1,0 +1,1 @@
+"""Training and test data: procedural objects, real furniture, and sentences about them."""

@@ -1,0 +1,1 @@
+"""Training of the FiLM network: samples, loss, trainer."""
