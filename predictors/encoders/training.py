@@ -259,11 +259,11 @@ def _adam(state: State, gradients: Weights, options: TrainingOptions) -> State:
     rate = options.rate * min(step / options.warmup, 1.0)
     rate *= 0.5 * (1 + np.cos(np.pi * step / (options.steps + 1)))
     fade = min(options.average, step / (step + 10))
-    norm = torch.stack([g.norm() for g in gradients.values()]).norm()
+    norm = torch.stack([gradients[name].norm() for name in sorted(gradients)]).norm()
     shorten = 1 / norm.clamp(min=LONGEST_GRADIENT)
     groups: list[Weights] = [{}, {}, {}, {}]
     for name, gradient in gradients.items():
-        g, x = gradient.float() * shorten, state.weights[name].detach()
+        g, x = gradient.float().contiguous() * shorten, state.weights[name].detach()
         m = state.first[name].lerp(g, 1 - MOMENTS[0])
         v = state.second[name].lerp(g * g, 1 - MOMENTS[1])
         slope = m / (1 - MOMENTS[0] ** step)
