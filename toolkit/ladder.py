@@ -17,7 +17,7 @@ from .child import ChildFailure
 from .conversion import Attempt, Engine
 from .manifold import Separated, separate
 from .regions import Shell, Solids
-from .repair import Surface
+from .surface import Surface
 from .triangles import closest, edge_components
 
 log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .regions import Shell, Solids
-from .repair import Surface, boundary_edges
+from .surface import Surface, boundary_edges
 from .triangles import Triangles, closest, edge_components
 
 # Faces at a vertex whose normals spread by less than about 25 degrees are one smooth surface: the

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .repair import Surface, component_areas, component_volumes, open_components
+from .surface import Surface, component_areas, component_volumes, open_components
 from .triangles import Triangles, closest, winding_numbers
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..predictors.asset import Part
 from .parity import patch_sides
+from .surface import (
+    Surface,
+    boundary_edges,
+    component_areas,
+    component_volumes,
+    open_components,
+)
 from .triangles import coherent_patches, edge_components, winding_numbers
 
 WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: float32 round-off
@@ -47,18 +53,6 @@ class RepairReport:
         return RepairReport(
             **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
         )
-
-
-class Surface(NamedTuple):
-    """Triangles with the part that each belongs to and their edge-connected component.
-
-    ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,), ``component`` (m,) from 0 on.
-    """
-
-    points: Float[np.ndarray, "points 3"]
-    faces: Int[np.ndarray, "faces 3"]
-    part: Int[np.ndarray, "faces"]
-    component: Int[np.ndarray, "faces"]
 
 
 def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surface, RepairReport]:
@@ -159,47 +153,6 @@ def _concatenated(a: Surface, b: Surface) -> Surface:
     faces = np.concatenate([a.faces, b.faces + len(a.points)])
     points = np.concatenate([a.points, b.points])
     return Surface(points, faces, np.concatenate([a.part, b.part]), edge_components(faces))
-
-
-def boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Directed edges (n, 2) that lie on one face only, and that face."""
-    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, inverse, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    single = np.flatnonzero(count[inverse.reshape(-1)] == 1)
-    return edges[single], single // 3
-
-
-def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
-    """Whether each component has an edge on one face only."""
-    is_open = np.zeros(surface.component.max(initial=-1) + 1, dtype=bool)
-    is_open[surface.component[boundary_edges(surface)[1]]] = True
-    return is_open
-
-
-def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
-    """Signed volume [m^3] of every component, about its own centre so that open ones make sense."""
-    count = surface.component.max(initial=-1) + 1
-    corners = surface.points[surface.faces]
-    size = np.maximum(np.bincount(surface.component, minlength=count), 1)
-    centre = np.stack(
-        [
-            np.bincount(surface.component, weights=corners[:, :, k].mean(axis=1), minlength=count)
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    a, b, c = np.moveaxis(corners - (centre / size[:, None])[surface.component][:, None], 1, 0)
-    six = np.einsum("fi,fi->f", np.cross(a, b), c)
-    return np.bincount(surface.component, weights=six / 6, minlength=count)
-
-
-def component_areas(surface: Surface) -> Float[np.ndarray, "components"]:
-    """Area [m^2] of every component."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return np.bincount(surface.component, weights=area)
 
 
 def _orient(surface: Surface) -> tuple[Surface, RepairReport]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..fem.errors import NoVolumeError, UsageError
 from ..fem.mesh import TetMesh
-from ..predictors.asset import Asset
+from ..predictors.asset import Asset, Part
 from .cache import Runner
 from .child import Progress
 from .conversion import (
@@ -105,15 +106,7 @@ def tetrahedralize(
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     rng = np.random.default_rng(seed)
-
-    def prepared(weld_rel: float) -> tuple[Solids, RepairReport]:
-        surface, repaired = repair(asset.parts, weld_rel=weld_rel)
-        if thicken is not None:
-            sheet = sheet_faces(surface, thinnest=target.thinnest)
-            surface = thickened(surface, sheet, thicken)
-        solids = Solids.of(surface, len(asset.parts), thinnest=target.thinnest)
-        return hollowed(solids, walls), repaired
-
+    prepared = partial(_solids, asset.parts, target.thinnest, thicken, walls)
     solids, repaired = prepared(WELD_REL)
     if not solids.shells:
         raise NoVolumeError(_no_volume(asset, target.thinnest))
@@ -122,6 +115,21 @@ def tetrahedralize(
     made = _made(asset, job, max_tets, rng)
     report = _report(asset, job, volume, made, repaired, walls, seed)
     return made.mesh, replace(report, warnings=_warnings(report))
+
+
+def _solids(
+    parts: Sequence[Part],
+    thinnest: float,
+    thicken: float | None,
+    walls: Mapping[int, float],
+    weld_rel: float,
+) -> tuple[Solids, RepairReport]:
+    """Repair the parts and sort them into solids, thickened and hollowed as asked [m]."""
+    surface, repaired = repair(parts, weld_rel=weld_rel)
+    if thicken is not None:
+        surface = thickened(surface, sheet_faces(surface, thinnest=thinnest), thicken)
+    solids = Solids.of(surface, len(parts), thinnest=thinnest)
+    return hollowed(solids, walls), repaired
 
 
 class Made(NamedTuple):

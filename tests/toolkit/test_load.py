@@ -12,7 +12,8 @@ from autophyx_tet.toolkit.bonsai import write_bonsai
 from autophyx_tet.toolkit.load import load_asset
 from autophyx_tet.toolkit.options import METRES
 from autophyx_tet.toolkit.readers import CARRIERS, READERS, absolute_indices
-from autophyx_tet.toolkit.repair import component_volumes, repair
+from autophyx_tet.toolkit.repair import repair
+from autophyx_tet.toolkit.surface import component_volumes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

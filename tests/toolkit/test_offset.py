@@ -6,7 +6,8 @@ import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.offset import hollowed, thickened, vertex_offsets
 from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import component_volumes, repair
+from autophyx_tet.toolkit.repair import repair
+from autophyx_tet.toolkit.surface import component_volumes
 from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
 
 

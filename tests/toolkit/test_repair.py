@@ -5,12 +5,8 @@ import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
 from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import (
-    RepairReport,
-    component_volumes,
-    open_components,
-    repair,
-)
+from autophyx_tet.toolkit.repair import RepairReport, repair
+from autophyx_tet.toolkit.surface import component_volumes, open_components
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
