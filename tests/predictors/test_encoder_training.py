@@ -89,7 +89,7 @@ def test_corpus_round_trip(corpus):
     assert (corpus.part[7:14].numpy() == np.where(views.part >= 0, views.part + 3, 0)).all()
     shown = views.opacity > 0
     colour = corpus.colour[7:14].permute(0, 2, 3, 1).numpy() / 255
-    assert np.abs(colour - views.colour)[shown].mean() < 0.04
+    assert np.abs(colour - views.colour)[shown].mean() < 0.06  # colours at half resolution
     assert torch.allclose(corpus.mean_colour[1], torch.tensor([230, 40, 30]) / 255, atol=0.06)
 
 
