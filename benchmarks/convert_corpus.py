@@ -30,6 +30,7 @@ HERE = Path(__file__).resolve()
 
 def main() -> None:
     args = _arguments()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what runs is ended too
     if args.one:
         _child(args)
         return
