@@ -34,7 +34,7 @@ def main() -> None:
     if args.one:
         _child(args)
         return
-    inputs = corpus(args.corpus, Path(args.folder), args.limit)
+    inputs = [p.resolve() for p in corpus(args.corpus, Path(args.folder), args.limit)]
     done = _read_rows(args.rows)
     known = {(row["input"], row["tool"]) for row in done}
     peers = [peer for peer in args.peers.split(",") if peer]
@@ -136,7 +136,9 @@ def _timed(command: list[str], work: Path, limit: float) -> tuple[int, float, fl
     """Exit code (124: time limit, negative: signal), wall and cpu seconds, peak memory [MiB]."""
     started = time.monotonic()
     with (work / "log.txt").open("ab") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, cwd=work, start_new_session=True
+        )
     code: int | None = None
     try:
         while code is None:
