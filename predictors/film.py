@@ -1,0 +1,377 @@
+"""The FiLM predictor: one pass of the trained network, and exact values where the text names them.
+
+Every clause of the text is embedded alone and bound to voxels by what the network sees of shape
+and colour, by the asset's own names, and by the features of a vision-language encoder if given.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..fem.errors import UsageError
+from ..fem.table import MaterialTable, load_table
+from .asset import UpAxis
+from .binding import NamedPart, overlap
+from .field import MaterialField
+from .normalisation import DEFAULT
+from .predictor import TextEncoder
+from .retrieval import RetrievalPredictor
+from .text import Clause, parse
+from .vocabulary import Vocabulary
+from .voxels import PartVoxels
+
+if TYPE_CHECKING:
+    from .film_unet import FilmUNet, Scene
+
+WEIGHTS = Path(__file__).parent / "weights" / "film.safetensors"
+# Cells along the longest side in training; a grid far from it is resampled.
+TRAINED_CELLS, FEWEST_CELLS = 62, 48
+# How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
+SHARED_WORD, LIKE_WORD = 1.0, 0.5
+VISION = 0.5
+# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
+_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What is seen of the cells: colours in [0, 1] (nx, ny, nz, 3), features (nx, ny, nz, D).
+
+    ``words`` embeds clauses in the space of the features; either may be missing.
+    """
+
+    colours: np.ndarray | None = None
+    features: np.ndarray | None = None
+    words: TextEncoder | None = None
+
+
+class Binding(NamedTuple):
+    """What was understood of one part: the clause that took most of its voxels, and how surely.
+
+    ``share`` of the part's voxels follow the clause (None: the text does not speak of it);
+    ``spread`` is the mean deviation of log10 E between views of the object from four sides.
+    """
+
+    part: str
+    clause: str | None
+    share: float
+    voxels: int
+    spread: float
+    exact: bool
+
+
+class FilmPredictor:
+    """Predicts with the shipped weights, or those of ``weights``."""
+
+    name = "film"
+
+    def __init__(
+        self,
+        *,
+        weights: Path | None = None,
+        table: MaterialTable | None = None,
+        encoder: TextEncoder | None = None,
+    ) -> None:
+        self.table = table or load_table()
+        self._weights, self._given_encoder = weights or WEIGHTS, encoder
+        self._vocabulary = Vocabulary(self.table.phrases)
+
+    @cached_property
+    def encoder(self) -> TextEncoder:
+        """The text encoder that the network was trained with."""
+        from .encoders.minilm import MiniLM
+
+        return self._given_encoder or MiniLM()
+
+    @cached_property
+    def network(self) -> FilmUNet:
+        """The network, loaded on the first prediction."""
+        from .training.trainer import load_checkpoint
+
+        return load_checkpoint(self._weights)
+
+    def predict(
+        self,
+        parts: PartVoxels,
+        text: str,
+        *,
+        alpha: float | None = None,
+        overrides: Mapping[str, str] | None = None,
+        materials: Mapping[str, str] | None = None,
+        up: UpAxis = "z",
+        appearance: Appearance | None = None,
+        names: bool = True,
+        exact: bool = True,
+    ) -> MaterialField:
+        """Return the field; see ``explain`` for the options."""
+        return self.explain(
+            parts, text, alpha=alpha, overrides=overrides, materials=materials, up=up,
+            appearance=appearance, names=names, exact=exact, turns=1,
+        )[0]  # fmt: skip
+
+    def explain(
+        self,
+        parts: PartVoxels,
+        text: str,
+        *,
+        alpha: float | None = None,
+        overrides: Mapping[str, str] | None = None,
+        materials: Mapping[str, str] | None = None,
+        up: UpAxis = "z",
+        appearance: Appearance | None = None,
+        names: bool = True,
+        exact: bool = True,
+        turns: int = 4,
+    ) -> tuple[MaterialField, list[Binding]]:
+        """Return the field and what was understood of every part.
+
+        Parameters
+        ----------
+        overrides, materials
+            For single parts: free text, and the exact name of a material of the table.
+        up
+            The axis that points up.
+        appearance
+            Colours and features of the cells, if known.
+        names
+            Whether the asset's own names may be read.
+        exact
+            Whether a material that the text names for a part is taken from the table as it stands;
+            only where ``names`` may be read, for they bind it.
+        turns
+            Views from so many sides are averaged; their spread is reported.
+        """
+        if alpha is not None:
+            raise UsageError("the film predictor has no --alpha: use --predictor retrieval")
+        frame = _Frame.of(parts, up)
+        clauses = self.clauses(text)
+        scene = self._scene(parts, frame, text, appearance or Appearance(), names)
+        values, taken = self._run(scene, frame, turns)
+        mean = values.mean(axis=0)
+        spread = values[..., 0].std(axis=0) * DEFAULT.span[0] / 2
+        E, nu, rho = DEFAULT.physical(frame.back(mean, parts))
+        fixed = self._exact(parts, text, overrides, materials) if exact and names else {}
+        for index, value in fixed.items():
+            cells = parts.part == index
+            E[cells], nu[cells], rho[cells] = value
+        labels = parts.part.astype(np.int64)
+        field = MaterialField(
+            parts.grid, parts.occupied, E, nu, rho, part=labels, part_names=parts.part_names
+        )
+        said = [clause.text for clause in clauses]
+        told = _bindings(
+            parts, frame.back(taken, parts), frame.back(spread, parts), said, set(fixed)
+        )
+        return field, told
+
+    def clauses(self, text: str) -> list[Clause]:
+        """Clauses of a text as written; the default template names the object and says nothing."""
+        found = parse(text, self._vocabulary)
+        if _TEMPLATE.fullmatch(text.strip()) and not any(c.material or c.level for c in found):
+            return []
+        return _as_written(text, found)
+
+    def _exact(self, parts: PartVoxels, text: str, overrides, materials) -> dict[int, tuple]:
+        """Values of the parts whose material the text or an option names."""
+        retrieval = RetrievalPredictor(table=self.table, encoder=self._given_encoder)
+        chosen = retrieval.choose(
+            parts.part_labels, text, overrides=overrides, materials=materials,
+            part_volumes=parts.volumes,
+        )  # fmt: skip
+        return {
+            index: tuple(choice.value)
+            for index, choice in enumerate(chosen)
+            if choice.weight == 1
+            and choice.why.startswith(("text:", "whole sentence:", "override"))
+        }
+
+    def _scene(
+        self, parts: PartVoxels, frame: _Frame, text: str, appearance: Appearance, names: bool
+    ) -> Scene:
+        """Put everything that is known into the tensors of the network."""
+        import torch
+
+        from .film_unet import Scene
+
+        clauses = self.clauses(text)
+        named = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in parts.part_labels]
+        spoken = [_own_name(part) for part in named]
+        k = max(len(clauses), 1)
+        vectors = self.encoder.text([c.text for c in clauses] + spoken + [text or "object"])
+        dim = vectors.shape[1]
+        embedded = np.zeros((1, k, dim), dtype=np.float32)
+        embedded[0, : len(clauses)] = vectors[: len(clauses)]
+        own, whole = vectors[len(clauses) : -1], vectors[-1]
+        part = frame.forward(parts.part, outside=-1)
+        evidence = np.zeros((1, 2, k, *part.shape), dtype=np.float32)
+        reliability = np.zeros((1, 2), dtype=np.float32)
+        if clauses and appearance.features is not None and appearance.words is not None:
+            seen = frame.forward(appearance.features) @ appearance.words.text(
+                [" ".join(c.parts) or c.text for c in clauses]
+            ).T.astype(np.float32)
+            evidence[0, 0], reliability[0, 0] = _standard(seen, part >= 0), VISION
+        if clauses and names:
+            score = np.clip(overlap(clauses, named), 0, 3)
+            reliability[0, 1] = SHARED_WORD
+            if not score.any():
+                nouns = self.encoder.text([" ".join(c.parts) or c.text for c in clauses])
+                score, reliability[0, 1] = nouns @ own.T, LIKE_WORD
+            evidence[0, 1] = _standard(score.T[part.clip(min=0)], part >= 0)
+        inputs = frame.inputs(part, appearance.colours)
+        known = [bool(name) and names for name in spoken]
+        present = np.arange(k)[None] < len(clauses)
+        numbers = (
+            inputs[None], embedded, present, whole[None], np.array([not clauses and bool(text.strip())]),
+            evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
+        )  # fmt: skip
+        return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
+
+    def _run(self, scene: Scene, frame: _Frame, turns: int):
+        """Values (turns, x, y, z, 3) and the clause of every voxel (-1: none) in the frame."""
+        import torch
+
+        out, shares = [], []
+        fields = ("inputs", "evidence", "part")
+        for turn in range(turns):
+            turned = scene._replace(
+                **{f: torch.rot90(getattr(scene, f), turn, (-3, -2)) for f in fields}
+            )
+            place = torch.from_numpy(frame.place(tuple(turned.inputs.shape[2:])))
+            inputs = torch.cat([turned.inputs[:, :5], place[None] * turned.inputs[:, :1]], 1)
+            with torch.inference_mode():
+                result = self.network(turned._replace(inputs=inputs))
+            out.append(torch.rot90(result.values, -turn, (-3, -2))[0].movedim(0, -1).numpy())
+            shares.append(torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0].numpy())
+        best = np.mean(shares, axis=0).argmax(axis=0)
+        none = len(shares[0]) - 1
+        return np.stack(out), np.where(best == none, -1, best)
+
+
+def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
+    """Clauses with every word between their first and last: "extremely" is no filler here."""
+    out, at, lower = [], 0, text.lower()
+    for clause in clauses:
+        start, end = -1, at
+        for word in clause.text.lower().split():
+            place = lower.find(word, end)
+            if place < 0:  # the words stand in another order: a list was taken apart
+                start = -1
+                break
+            start, end = (place if start < 0 else start), place + len(word)
+        if start >= 0:
+            at = end
+            clause = replace(clause, text=" ".join(text[start:end].split()))
+        out.append(clause)
+    return out
+
+
+def _own_name(part: NamedPart) -> str:
+    """Words of a part with the material its labels tell, "" where they tell nothing."""
+    word = "" if part.spoken == "object" else part.spoken
+    material = part.material or ""
+    return word if material in word else f"{word} {material}".strip()
+
+
+def _standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:
+    """Evidence (k, x, y, z) with zero mean and unit deviation inside, 0 outside."""
+    within = evidence[inside]
+    scaled = (evidence - within.mean()) / np.sqrt(within.var() + 1e-4)  # 1e-4: as in training
+    return np.moveaxis(np.where(inside[..., None], scaled, 0), -1, 0).astype(np.float32)
+
+
+def _bindings(
+    parts: PartVoxels, taken: np.ndarray, spread: np.ndarray, said: Sequence[str], fixed: set[int]
+) -> list[Binding]:
+    """Most frequent clause of every part."""
+    out = []
+    for index, name in enumerate(parts.part_names):
+        cells = parts.part == index
+        count = np.bincount(taken[cells].astype(int) + 1, minlength=len(said) + 1)
+        best, total = int(count.argmax()), int(cells.sum())
+        clause = said[best - 1] if best else None
+        share = float(count[best] / max(total, 1))
+        doubt = float(spread[cells].mean()) if total else 0.0
+        out.append(Binding(name, clause, share, total, doubt, index in fixed))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """The network's grid: the object's box, z up, resampled if need be, padded to its step.
+
+    ``source`` holds, for the three upright axes, the cell of the given grid behind each cell.
+    """
+
+    axes: tuple[int, int, int]
+    flip: tuple[int, ...]
+    source: tuple[Int[np.ndarray, "n"], ...]
+    inside: tuple[int, int, int]
+    low: tuple[int, int, int]
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, parts: PartVoxels, up: UpAxis, *, step: int = 32) -> _Frame:
+        """Frame of the occupied box of ``parts``."""
+        axes, flip = {"z": ((0, 1, 2), ()), "y": ((0, 2, 1), (1,)), "x": ((2, 1, 0), (0,))}[up]
+        upright = np.flip(parts.occupied.transpose(axes), flip)
+        box = [np.flatnonzero(upright.any(axis=tuple({0, 1, 2} - {i}))) for i in range(3)]
+        size = [int(cells[-1] - cells[0] + 1) for cells in box]
+        longest = max(size)
+        scale = 1.0 if FEWEST_CELLS <= longest <= TRAINED_CELLS else TRAINED_CELLS / longest
+        inside = [max(1, round(n * scale)) for n in size]
+        source = tuple(
+            cells[0] + np.minimum((np.arange(m) + 0.5) * n / m, n - 1).astype(np.int64)
+            for cells, n, m in zip(box, size, inside, strict=True)
+        )
+        shape = [-(-(m + 2) // step) * step for m in inside]
+        low = [(s - m) // 2 for s, m in zip(shape, inside, strict=True)]
+        return cls(axes, flip, source, *(tuple(x) for x in (inside, low, shape)))  # type: ignore
+
+    def forward(self, cells: np.ndarray, *, outside: float = 0) -> np.ndarray:
+        """Bring an array over the cells (nx, ny, nz, ...) into the frame."""
+        more = tuple(range(3, cells.ndim))
+        upright = np.flip(cells.transpose((*self.axes, *more)), self.flip)
+        out = np.full((*self.shape, *cells.shape[3:]), outside, dtype=cells.dtype)
+        box = tuple(slice(a, a + m) for a, m in zip(self.low, self.inside, strict=True))
+        out[box] = upright[np.ix_(*self.source)]
+        return out
+
+    def back(self, values: np.ndarray, parts: PartVoxels) -> np.ndarray:
+        """Bring an array of the frame (x, y, z, ...) back to the cells of ``parts``."""
+        shape = [parts.grid.shape[axis] for axis in self.axes]
+        index = []
+        for cells, m, a, n in zip(self.source, self.inside, self.low, shape, strict=True):
+            first, count = cells[0], cells[-1] - cells[0] + 1
+            place = (np.arange(n) - first + 0.5) * m / count
+            index.append(a + place.astype(np.int64).clip(0, m - 1))
+        upright = np.flip(values[np.ix_(*index)], self.flip)
+        more = tuple(range(3, values.ndim))
+        return np.ascontiguousarray(upright.transpose((*np.argsort(self.axes), *more)))
+
+    def place(self, shape: tuple[int, int, int]) -> Float[np.ndarray, "3 x y z"]:
+        """Return places in the object's box, the longest side from -1 to 1."""
+        half = max(self.inside) / 2
+        lines = [((np.arange(n) + 0.5) - n / 2) / half for n in shape]
+        return np.stack(np.meshgrid(*lines, indexing="ij")).astype(np.float32)
+
+    def inputs(self, part: np.ndarray, colours: np.ndarray | None) -> Float[np.ndarray, "8 x y z"]:
+        """Input channels: occupancy, colour, its flag, place."""
+        occupied = (part >= 0).astype(np.float32)
+        colour, flag = np.zeros((*part.shape, 3), np.float32), np.zeros_like(occupied)
+        if colours is not None:
+            colour, flag = self.forward(colours.astype(np.float32)), occupied
+        channels = [occupied[None], np.moveaxis(colour, -1, 0), flag[None], self.place(part.shape)]
+        return np.concatenate(channels) * occupied
+
+
+def with_names(parts: PartVoxels, names: Sequence[str]) -> PartVoxels:
+    """Return the parts under other names: to hide what they are called, or to tell it."""
+    return replace(parts, part_names=tuple(names), labels=())
