@@ -37,6 +37,8 @@ TRAINED_CELLS, FEWEST_CELLS = 62, 48
 # How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
 VISION = 0.5
+# Reasons of the retrieval predictor that come from the user's words.
+_TOLD = ("text:", "whole sentence:", "override")
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
 _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
@@ -228,8 +230,9 @@ class FilmPredictor:
         inputs = frame.inputs(part, appearance.colours)
         known = [bool(name) and names for name in spoken]
         present = np.arange(k)[None] < len(clauses)
+        unsaid = np.array([not clauses and bool(text.strip())])
         numbers = (
-            inputs[None], embedded, present, whole[None], np.array([not clauses and bool(text.strip())]),
+            inputs[None], embedded, present, whole[None], unsaid,
             evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
         )  # fmt: skip
         return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
@@ -244,7 +247,8 @@ class FilmPredictor:
             turned = scene._replace(
                 **{f: torch.rot90(getattr(scene, f), turn, (-3, -2)) for f in fields}
             )
-            place = torch.from_numpy(frame.place(tuple(turned.inputs.shape[2:])))
+            x, y, z = turned.inputs.shape[2:]
+            place = torch.from_numpy(frame.place((x, y, z)))
             inputs = torch.cat([turned.inputs[:, :5], place[None] * turned.inputs[:, :1]], 1)
             with torch.inference_mode():
                 result = self.network(turned._replace(inputs=inputs))
