@@ -61,8 +61,11 @@ def sgd(features, cameras, density, grid, opacity, steps=2000, batch=1024, rate=
     total = np.asarray(matrix.sum(axis=1)).ravel()
     keep = total >= 0.1
     matrix, wanted = (matrix[keep].T / total[keep]).T.tocsr(), rays.features[keep]
+    weight = np.asarray(matrix.sum(axis=0)).ravel()
+    reached = weight > 0  # the others have no gradient and stay 0
+    full, matrix = matrix, matrix[:, reached]
     field = torch.zeros(matrix.shape[1], wanted.shape[1], requires_grad=True)
-    adam = torch.optim.Adam([field], lr=rate)
+    adam = torch.optim.Adam([field], lr=rate, fused=True)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps)
     rng = np.random.default_rng(0)
     for _ in range(steps):
@@ -78,9 +81,9 @@ def sgd(features, cameras, density, grid, opacity, steps=2000, batch=1024, rate=
         (error**2).sum(dim=1).mean().backward()
         adam.step()
         schedule.step()
-    values = field.detach().numpy()
-    error = matrix @ values - wanted
-    weight = np.asarray(matrix.sum(axis=0)).ravel()
+    values = np.zeros((full.shape[1], wanted.shape[1]), dtype=np.float32)
+    values[reached] = field.detach().numpy()
+    error = full @ values - wanted
     residual = float(np.sqrt((error**2).mean() / (wanted**2).mean()))
     return Lifted(np.argwhere(density > 0), values, weight, residual, len(wanted))
 
