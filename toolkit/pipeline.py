@@ -52,15 +52,20 @@ def convert(
         Where the asset encloses no volume.
     """
     from ..converters.table import write_mesh
+    from .adopt import SUFFIXES, adopt
     from .load import load_asset
     from .tetrahedralize import tetrahedralize
 
     options = options or ConvertOptions()
     if output is not None:
         check_file(output, mesh_suffixes())
-    if not isinstance(asset, Asset):
-        asset = load_asset(asset, size=options.size, units=options.units, up=options.up)
-    mesh, report = tetrahedralize(asset, **options.engine(), progress=progress)
+    scale = {"size": options.size, "units": options.units, "up": options.up}
+    if not isinstance(asset, Asset) and Path(asset).suffix.lower() in SUFFIXES:
+        asset, mesh, report = adopt(asset, **scale)  # it is a tet mesh already
+    else:
+        if not isinstance(asset, Asset):
+            asset = load_asset(asset, **scale)
+        mesh, report = tetrahedralize(asset, **options.engine(), progress=progress)
     result = Conversion(asset=asset, mesh=mesh, report=report)
     if output is not None:
         write_mesh(output, mesh)
