@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..fem.errors import InputError
 from .cameras import Camera
@@ -25,6 +25,9 @@ SPENT = 1e-3  # share of light below which a ray is not followed further
 FAINT = 1e-5  # a cell's share of a ray below which it is not stored
 MET = 0.1  # a ray that lost less than this share of its light met nothing: not used
 SEEN = 0.2  # rays (sum of their shares) that a cell needs to count as seen
+# Cells seen less are solved for, since they explain part of what rays met, but their features are
+# mostly noise and are not returned; those below this are left out altogether.
+GLIMPSED = 1e-3
 # Pull towards the weighted average, relative to a cell's own weight: it decides between cells that
 # the rays cannot tell apart, and costs less than a per cent of the residual.
 PULL = 1e-2
@@ -37,7 +40,8 @@ class Lifted(NamedTuple):
 
     ``cells`` (n, 3) are the cells with density, ``values`` (n, D) their features, 0 where not
     seen; ``weight`` (n,) is how many rays' worth of light each sent; ``residual`` is the RMS error
-    of the rendered features relative to the RMS feature, over ``rays`` rays.
+    of the rendered features relative to the RMS feature, over ``rays`` rays, before the features of
+    cells that hardly anyone sees were dropped.
     """
 
     cells: np.ndarray
@@ -109,6 +113,8 @@ def lift(
         values = solve(matrix, wanted, iterations=MAX_ITERATIONS if method == "solve" else 0)
     error = matrix @ values - wanted
     residual = float(np.sqrt((error**2).mean() / (wanted**2).mean()))
+    if method != "average":
+        values[weight < SEEN] = 0
     return Lifted(cells, values, weight, residual, len(wanted))
 
 
@@ -209,16 +215,16 @@ def _unit_rows(matrix: csr_array) -> csr_array:
 def solve(
     matrix: csr_array, wanted: Float[np.ndarray, "rays D"], *, iterations: int = MAX_ITERATIONS
 ) -> Float[np.ndarray, "cells D"]:
-    """Least squares features of the seen cells by conjugate gradients, all channels at once.
+    """Least squares features of the glimpsed cells by conjugate gradients, all channels at once.
 
     The start is the average weighted by visibility, W^T F / W^T 1, and the system, scaled by
     W^T 1, is (W^T W + pull W^T 1) Phi = W^T F + pull W^T 1 Phi_0.
     """
     weight = np.asarray(matrix.sum(axis=0)).ravel()
-    seen = weight >= SEEN
-    narrow = matrix[:, seen].tocsr()
+    met = weight >= GLIMPSED
+    narrow = matrix[:, met].tocsr()
     across = narrow.T.tocsr()
-    root = np.sqrt(weight[seen]).astype(np.float32)[:, None]
+    root = np.sqrt(weight[met]).astype(np.float32)[:, None]
     x = (across @ wanted) / root  # of the scaled unknowns root * Phi
     right = x * (1 + PULL)
     residual = right - _normal(narrow, across, root, x)
@@ -235,7 +241,7 @@ def solve(
         direction *= square / np.maximum(before, np.finfo(np.float32).tiny)
         direction += residual
     values = np.zeros((len(weight), wanted.shape[1]), dtype=np.float32)
-    values[seen] = x / root
+    values[met] = x / root
     return values
 
 
@@ -266,8 +272,3 @@ def _averaged(
 def render(lifted: Lifted, matrix: csr_array) -> Float[np.ndarray, "rays D"]:
     """Features that rays see of lifted cells, for the ``ray_weights`` of the same density."""
     return matrix @ lifted.values
-
-
-def part_of_cells(part: Int[np.ndarray, "nx ny nz"], lifted: Lifted) -> Int[np.ndarray, "n"]:
-    """Part label of every lifted cell."""
-    return part[tuple(lifted.cells.T)]
