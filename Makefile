@@ -35,7 +35,7 @@ test: lint types
 
 test-all: lint types
 	@bash .ci/system --all
-	@EXTRAS=external bash .ci/setup
+	@EXTRAS=external,openclip bash .ci/setup
 	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2
 
 bench: $(STAMP)
