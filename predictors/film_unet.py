@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -52,7 +52,8 @@ class NetworkConfig:
     @classmethod
     def from_dict(cls, data: dict) -> NetworkConfig:
         """Rebuild from ``to_dict``."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})
+        plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**plain)
 
 
 class Scene(NamedTuple):
@@ -149,9 +150,10 @@ class Binder(nn.Module):
         self.null_evidence = nn.Parameter(torch.zeros(self.sources))
         self.shape_stats = nn.Linear(config.widths[-1], _GATE_STATS)
         stats = _GATE_STATS + 3 + 4 * self.sources
-        self.gate = nn.Sequential(nn.Linear(stats, 64), nn.SiLU(), nn.Linear(64, 1 + self.sources))
-        nn.init.zeros_(self.gate[-1].weight)
-        nn.init.constant_(self.gate[-1].bias, 0.5)
+        last = nn.Linear(64, 1 + self.sources)
+        nn.init.zeros_(last.weight)
+        nn.init.constant_(last.bias, 0.5)
+        self.gate = nn.Sequential(nn.Linear(stats, 64), nn.SiLU(), last)
 
     def forward(self, scene: Scene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
         """Logits (batch, K + 1, x, y, z), float32; ``features`` fine to coarse."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,8 @@ class Normalisation:
         """E [Pa], nu [1], rho [kg/m^3] of numbers in [-1, 1], shape (..., 3)."""
         unit = (np.clip(np.asarray(normalised, dtype=np.float64), -1.0, 1.0) + 1) / 2
         raw = self.low + unit * self.span
-        return 10 ** raw[..., 0], np.clip(raw[..., 1], 0.0, self.nu_cap), 10 ** raw[..., 2]
+        nu = np.clip(raw[..., 1], 0.0, self.nu_cap)
+        return np.asarray(10 ** raw[..., 0]), np.asarray(nu), np.asarray(10 ** raw[..., 2])
 
     def to_dict(self) -> dict:
         """Plain data for a checkpoint's metadata."""
@@ -50,9 +52,10 @@ class Normalisation:
     def from_dict(cls, data: dict) -> Normalisation:
         """Rebuild from ``to_dict``; a missing or unknown key is an ``InputError``."""
         try:
-            return cls(
-                **{k: tuple(v) if isinstance(v, list | tuple) else v for k, v in data.items()}
-            )
+            plain: dict[str, Any] = {
+                k: tuple(v) if isinstance(v, list | tuple) else v for k, v in data.items()
+            }
+            return cls(**plain)
         except TypeError as error:
             raise InputError(f"not a normalisation: {data} ({error})") from error
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -94,8 +94,8 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
         slots.append(slot)
         colours.append(colour)
     shell = label != EMPTY
-    inside = binary_fill_holes(shell)
-    nearest = distance_transform_edt(~shell, return_distances=False, return_indices=True)
+    inside = np.asarray(binary_fill_holes(shell))
+    nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
     label = np.where(inside, label[tuple(nearest)], EMPTY).astype(np.uint8)
     return RealObject(name, source, label, tuple(slots), np.array(colours))
 

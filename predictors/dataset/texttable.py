@@ -137,4 +137,4 @@ def load_text_table(path: Path) -> TextTable:
             normalisation = Normalisation.from_dict(json.loads(file.metadata()["normalisation"]))
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a table of clauses: {error}") from error
-    return TextTable(*arrays, normalisation)
+    return TextTable(**dict(zip(_ARRAYS, arrays, strict=True)), normalisation=normalisation)

@@ -58,7 +58,9 @@ class TorchMiniLM:
                 self._dense(f"{at}.attention.self.{role}", x).unflatten(-1, (self.heads, -1))
                 for role in ("query", "key", "value")
             )
-            seen = F.scaled_dot_product_attention(*(t.transpose(1, 2) for t in (q, k, v)))
+            seen = F.scaled_dot_product_attention(
+                q.transpose(1, 2), k.transpose(1, 2), v.transpose(1, 2)
+            )
             attended = self._dense(f"{at}.attention.output.dense", seen.transpose(1, 2).flatten(2))
             x = self._norm(f"{at}.attention.output.LayerNorm", x + attended)
             inner = F.gelu(self._dense(f"{at}.intermediate.dense", x))

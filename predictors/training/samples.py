@@ -177,7 +177,7 @@ def settled_values(table: TextTable) -> tuple[np.ndarray, np.ndarray]:
     value[by_level] = table.levels[table.key[by_level], table.level[by_level]]
     plain = (table.role == Role.NAME) & np.isnan(value[:, 0]) & (table.key < kinds)
     value[plain] = table.levels[table.key[plain], -1]
-    return value, ~np.isnan(value).any(axis=1)
+    return value, np.asarray(np.isfinite(value).all(axis=1))
 
 
 class Sampler:

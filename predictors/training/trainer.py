@@ -124,7 +124,8 @@ def train(
     network = FilmUNet(config.network)
     if start is not None:
         _load_matching(network, start)
-    network = network.to(config.device, memory_format=torch.channels_last_3d)
+    network.to(device=config.device)
+    network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
     state = _State(config, network)
     if resume is not None:
         state.load(resume / "state.pt", sampler)
@@ -210,8 +211,10 @@ class _State:
         # A young average would remember the random start.
         decay = min(config.decay, (self.step + 1) / (self.step + 10))
         with torch.no_grad():
-            ours, theirs = list(self.average.parameters()), list(self.network.parameters())
-            torch._foreach_lerp_(ours, theirs, 1 - decay)
+            for ours, theirs in zip(
+                self.average.parameters(), self.network.parameters(), strict=True
+            ):
+                ours.lerp_(theirs, 1 - decay)
         return torch.stack([result.total.detach(), result.mse, result.right])
 
     def save(self, path: Path, sampler: Sampler) -> None:
