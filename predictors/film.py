@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..fem.errors import UsageError
 from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
-from .binding import NamedPart, overlap
+from .binding import NamedPart, is_whole, overlap
 from .field import MaterialField
 from .normalisation import DEFAULT
 from .predictor import TextEncoder
@@ -38,7 +38,7 @@ TRAINED_CELLS, FEWEST_CELLS = 62, 48
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
 VISION = 0.5
 # Reasons of the retrieval predictor that come from the user's words.
-_TOLD = ("text:", "whole sentence:", "override")
+_TOLD, _TOLD_OF_ALL = ("text:", "override"), "whole sentence:"
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
 _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
@@ -188,11 +188,13 @@ class FilmPredictor:
             parts.part_labels, text, overrides=overrides, materials=materials,
             part_volumes=parts.volumes,
         )  # fmt: skip
+        # "the seat is foam" says nothing of the back; "oak chair" speaks of all of it.
+        named = [c for c in parse(text, self._vocabulary) if c.material]
+        told = (*_TOLD, _TOLD_OF_ALL) if all(map(is_whole, named)) else _TOLD
         return {
             index: tuple(choice.value)
             for index, choice in enumerate(chosen)
-            if choice.weight == 1
-            and choice.why.startswith(("text:", "whole sentence:", "override"))
+            if choice.weight == 1 and choice.why.startswith(told)
         }
 
     def _scene(
@@ -316,7 +318,7 @@ class _Frame:
 
     axes: tuple[int, int, int]
     flip: tuple[int, ...]
-    source: tuple[Int[np.ndarray, "n"], ...]
+    source: tuple[np.ndarray, ...]
     inside: tuple[int, int, int]
     low: tuple[int, int, int]
     shape: tuple[int, int, int]

@@ -288,7 +288,7 @@ class Sampler:
         rows = torch.where((owner == own) & said, rows, -1)
         specific = self._chance(n, 0.5) & (category >= 0)
         whole = self.book.pick(Role.WHOLE, torch.where(specific, category + 1, 0), generator)
-        keep = self._chance(n, mix.whole) & ~silent[:, 0]
+        keep = self._chance(n, mix.whole) & ~silent[:, 0] & (whole >= 0)
         keep &= ~(is_real & (self.book.level[whole] >= 0))
         whole = torch.where(keep, whole, -1)
         owner = torch.where((owner == CLAUSES) & exists & keep[:, None], WHOLE, owner)
