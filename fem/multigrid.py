@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,9 @@ import numpy as np
 from .aggregation import boxes, rigid_basis, split_weak
 from .blocks import BlockMatrix
 from .device import start_warp
+from .errors import ConvergenceError
+
+logger = logging.getLogger(__name__)
 
 # Chebyshev polynomials of degree 3 damp the upper part [largest / SPREAD, largest] of the spectrum.
 DEGREE = 3
@@ -88,9 +92,26 @@ def aggregate(A: Any, points: np.ndarray, moving: np.ndarray) -> np.ndarray:
     return split_weak(boxes(points, count), rows, A.indices, strength)
 
 
+def _cholesky(matrix: np.ndarray):
+    """Cholesky factor of the coarse matrix, its diagonal raised as little as makes it positive.
+
+    Aggregates of one or two nodes have dependent rigid modes, so the matrix may be singular to
+    round-off; a preconditioner may be that much off.
+    """
+    from scipy.linalg import LinAlgError, cho_factor
+
+    diagonal = matrix.diagonal().copy()
+    for shift in (0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4):
+        np.fill_diagonal(matrix, (1 + shift) * diagonal)
+        try:
+            return cho_factor(matrix, lower=True)
+        except LinAlgError:
+            logger.info("coarse matrix is not positive with a shift of %g", shift)
+    raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")
+
+
 def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: float) -> Coarse:
     """Smoothed aggregation with rigid-body modes, for nodes at ``points`` (nodes, 3) [m]."""
-    from scipy.linalg import cho_factor
     from scipy.sparse import bsr_array
 
     from . import kernels_solver as k
@@ -110,7 +131,7 @@ def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: floa
     matrix = (P.T @ (A @ P)).toarray()
     empty = matrix.diagonal() <= 0
     matrix[empty, empty] = 1.0
-    factor, inverse = cho_factor(matrix, lower=True, overwrite_a=True), None
+    factor, inverse = _cholesky(matrix), None
     if device.is_cuda:
         from scipy.linalg import cho_solve
 

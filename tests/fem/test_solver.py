@@ -80,3 +80,14 @@ def test_rigid_basis_spans_rigid_motions():
         part = motion[label == k].reshape(-1)
         left[label == k] = (part - Q @ (Q.T @ part)).reshape(-1, 3)
     assert np.abs(left).max() < 1e-12
+
+
+def test_a_coarse_matrix_that_is_singular_to_round_off_is_factored():
+    """Dependent rigid modes (a Gram matrix of rank 40 of 60): L L^T = A to 1e-4 of its diagonal."""
+    from autophyx_tet.fem.multigrid import _cholesky
+
+    rng = np.random.default_rng(0)
+    basis = rng.normal(size=(60, 40))
+    matrix = basis @ basis.T
+    lower = np.tril(_cholesky(matrix.copy())[0])
+    assert np.abs(lower @ lower.T - matrix).max() <= 1e-4 * matrix.diagonal().max()

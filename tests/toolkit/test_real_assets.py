@@ -20,7 +20,7 @@ OBJECTS = [
     "BlendSwap-CC-0/silla2",
     "BlendSwap-CC-0/oakChair",
     "BlendSwap-CC-0/littlePlant",
-    "BlendSwap-CC-0/tableFan",
+    "KatorLegaz/classic-lamppost",
     "KatorLegaz/cafe-chair",
     "KatorLegaz/concrete-bench",
     "KatorLegaz/bar-stool",
