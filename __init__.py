@@ -18,6 +18,7 @@ _HOME = {
     "run": ".toolkit.pipeline",
     "transfer": ".toolkit.carry",
     "export": ".toolkit.carry",
+    "features": ".toolkit.features",
     "load_asset": ".toolkit.load",
     "AutophyxError": ".fem.errors",
     "TetMesh": ".fem.mesh",

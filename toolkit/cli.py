@@ -17,6 +17,7 @@ from .options import (
     Common,
     ConvertOptions,
     ExportOptions,
+    FeatureOptions,
     Repeated,
     SimulateOptions,
     Target,
@@ -200,6 +201,27 @@ class Export:
 
 
 @dataclass(frozen=True)
+class Features:
+    """See an asset from all sides and lift what an encoder sees onto its voxels.
+
+    Example: autophyx-tet features chair.glb -o chair.npz
+    """
+
+    asset: tyro.conf.Positional[Path]
+    """Surface to look at: obj, ply, stl, off, glb, gltf ..."""
+    output: Output
+    """File to write: .npz with cells, values, part and grid."""
+    options: Flat[FeatureOptions] = field(default_factory=FeatureOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .features import features
+
+        return features(self.asset, output=self.output, options=self.options).document()
+
+
+@dataclass(frozen=True)
 class Materials:
     """List the material table, or the rows that match a query.
 
@@ -242,6 +264,7 @@ COMMANDS = {
     "run": Run,
     "transfer": Transfer,
     "export": Export,
+    "features": Features,
     "materials": Materials,
     "info": Info,
 }

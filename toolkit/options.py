@@ -126,6 +126,20 @@ class ExportOptions:
 
 
 @dataclass(frozen=True)
+class FeatureOptions:
+    """How an asset is looked at."""
+
+    encoder: str = "embedded"
+    """embedded, rgb, occupancy, openclip or openclip:TAG (the extra `openclip`)."""
+    cells: int = 64
+    """Voxels along the longest side."""
+    views: int = 15
+    """Cameras on the upper hemisphere."""
+    lower: int = 0
+    """Further cameras below the horizon."""
+
+
+@dataclass(frozen=True)
 class Common:
     """What every command has."""
 

@@ -56,6 +56,11 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
+    if "voxels" in document:
+        yield (
+            f"{document['voxels']:,} voxels, {document['seen']:,} of them seen, "
+            f"{document['channels']} channels of {document['encoder']}"
+        )
     if "values" in document:
         mass = f", opacity-weighted mass {document['mass']:.3g} kg" if document["mass"] else ""
         yield f"{document['values']:,} places got E, nu and rho{mass}"

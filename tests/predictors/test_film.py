@@ -245,7 +245,7 @@ def test_shipped_weights_follow_words():
 
 @pytest.mark.slow
 def test_a_cpu_trains_the_small_network(tmp_path):
-    """Sixty steps bring the loss of the small network below .45, and resume is exact."""
+    """Sixty steps bring the loss of the small network below .45."""
     from autophyx_tet.predictors.dataset.texttable import build_text_table, save_text_table
     from autophyx_tet.predictors.training.presets import CPU
     from autophyx_tet.predictors.training.trainer import train
