@@ -54,7 +54,14 @@ class Minimum(NamedTuple):
     iterations: int
 
 
-def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target: float) -> Minimum:
+def minimise(
+    objective: Objective,
+    u: np.ndarray,
+    *,
+    solve: LinearSolve,
+    target: float,
+    limit: int = MAX_ITERATIONS,
+) -> Minimum:
     """Minimise ``objective`` from ``u`` until its gradient is below ``target`` [N].
 
     The exact Hessian is used where it gives a descent direction, the projected one elsewhere.
@@ -62,7 +69,7 @@ def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target:
     g, value = objective.gradient(u), objective.value(u)
     size = float(np.linalg.norm(g))
     projected = False
-    for iteration in range(MAX_ITERATIONS):
+    for iteration in range(limit):
         if size <= target:
             return Minimum(u, size, iteration)
         step = solve(objective.hessian(u, projected=projected), -g, target)
@@ -85,7 +92,7 @@ def minimise(objective: Objective, u: np.ndarray, *, solve: LinearSolve, target:
         size = float(np.linalg.norm(g))
         logger.debug("Newton %d: residual %.3e N", iteration, size)
     raise ConvergenceError(
-        f"Newton ended with residual {size:.3g} N after {MAX_ITERATIONS} iterations: wanted "
+        f"Newton ended with residual {size:.3g} N after {limit} iterations: wanted "
         f"<= {target:.3g} N; use a smaller load or time step"
     )
 

@@ -11,7 +11,7 @@ from .device import checked_device, start_warp
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError
 from .mesh import TetMesh
-from .newton import minimise
+from .newton import MAX_ITERATIONS, minimise
 from .solver import solve
 from .statics import StaticResult, load_vector, material_of, static_result
 from .supports import Supports
@@ -68,12 +68,13 @@ def solve_nonlinear(
     device: str = "cpu",
     tolerance: float = TOLERANCE,
     start: np.ndarray | None = None,
+    iterations: int = MAX_ITERATIONS,
 ) -> StaticResult:
     """Find the equilibrium of ``mesh`` under dead loads by Newton's method.
 
-    Parameters are those of ``solve_static``; ``law`` is the elastic law and ``start`` the first
-    guess of the displacement [m], shape (nodes, 3). ``strain`` of the result is Green's strain,
-    ``stress`` Cauchy's.
+    Parameters are those of ``solve_static``; ``law`` is the elastic law, ``start`` the first guess
+    of the displacement [m], shape (nodes, 3), and ``iterations`` what Newton may take. ``strain``
+    of the result is Green's strain, ``stress`` Cauchy's.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def solve_nonlinear(
     u = np.zeros_like(load) if start is None else start.copy()
     u[held.fixed] = held.values[held.fixed]
     size = _force_scale(potential, u, load)
-    found = minimise(potential, u, solve=linear, target=tolerance * size)
+    found = minimise(potential, u, solve=linear, target=tolerance * size, limit=iterations)
     residual = found.residual / size
     return static_result(mesh, elastic, found.u, load, held, residual, found.iterations)
 

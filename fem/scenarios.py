@@ -27,6 +27,11 @@ logger = logging.getLogger(__name__)
 Axis = Literal["x", "y", "z"]
 # Beyond this strain the linear law is not enough.
 LINEAR_LIMIT = 0.05
+# Share of the height beyond which a linear displacement means collapse: large strains would have to
+# be followed through folding and self-contact, minutes for what the eye has seen already.
+COLLAPSE = 0.5
+# Newton steps of the repeat: one that converges takes 5 to 15.
+ITERATIONS = 30
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 # Radius of a finger as a share of the body's diagonal.
 FINGER_SHARE = 0.05
@@ -220,12 +225,18 @@ def _settle(
     solve = partial(solve_static, mesh, held, device=device, **loads)
     static = solve(order=order)
     gap = discretisation_gap(static, solve, warnings)
-    if static.max_strain > LINEAR_LIMIT and law is not Law.LINEAR:
-        static = _large(mesh, held, static, device, warnings, loads)
-    for warning in warnings:
-        logger.warning(warning)
     height = float(np.ptp(mesh.bounds[:, axis]))
     largest = float(np.linalg.norm(static.displacement, axis=1).max())
+    if law is not Law.LINEAR and largest > COLLAPSE * height:
+        warnings.append(
+            f"it collapses: the linear answer moves {largest / height:.1f} times its height, which "
+            "says that it cannot stand, not how it lies"
+        )
+    elif law is not Law.LINEAR and static.max_strain > LINEAR_LIMIT:
+        static = _large(mesh, held, static, device, warnings, loads)
+        largest = float(np.linalg.norm(static.displacement, axis=1).max())
+    for warning in warnings:
+        logger.warning(warning)
     supported = np.asarray(held.fixed.any(axis=1))
     ratio = largest / height
     return SagResult(static, height, largest, ratio, gap, supported, tuple(warnings))
@@ -235,7 +246,9 @@ def _large(mesh, held, linear: StaticResult, device: str, warnings: list[str], l
     """Repeat a solve with the neo-Hookean law; the linear answer stays where that fails."""
     said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
     try:
-        static = solve_nonlinear(mesh, held, order=linear.order, device=device, **loads)
+        static = solve_nonlinear(
+            mesh, held, order=linear.order, device=device, iterations=ITERATIONS, **loads
+        )
     except ConvergenceError as error:
         warnings.append(f"{said}it is not to be trusted, and no neo-Hookean rest exists ({error})")
         return linear
