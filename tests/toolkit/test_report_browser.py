@@ -335,7 +335,10 @@ def test_two_texts_share_exaggeration_scale_and_camera(moving):
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     moving.page.mouse.move(*middle)
     moving.page.mouse.down()
-    moving.page.mouse.move(middle[0] + 80, middle[1] + 20, steps=5)
+    for share in np.linspace(0.2, 1, 5):  # as slowly as a hand: the page looks once a frame
+        moving.page.wait_for_timeout(300)
+        moving.page.mouse.move(middle[0] + 80 * share, middle[1] + 20 * share)
+    moving.page.wait_for_timeout(300)
     moving.page.mouse.up()
     read = "report.views.map((v) => Object.values(v.node._fullLayout.scene._scene.getCamera().eye))"
     for _ in range(40):  # until both have come to rest
