@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .material import wave_speed
 from .mesh import TetMesh
 from .modal import Modes
 from .scenarios import SagResult
@@ -84,8 +85,7 @@ def inner_heights(mesh: TetMesh) -> Float[np.ndarray, "tets"]:
 def largest_explicit_step(mesh: TetMesh) -> float:
     """Largest stable explicit time step [s]: the smallest h / c over the tets."""
     material = material_of(mesh)
-    lam, mu = material.lame
-    speed = np.sqrt((lam + 2 * mu) / material.rho)
+    speed = wave_speed(material.E, material.nu, material.rho)
     return float((inner_heights(mesh) / speed).min())
 
 

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from string import Template
 
+from ..converters.files import writing
 from .report_content import Band, Case, PartRow, ReportContent, Verdict
 from .report_data import payload
 from .report_html import sections
@@ -26,9 +27,8 @@ def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:
     path = Path(path)
     page = report_page(content)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(page, encoding="utf-8", newline="\n")
-    partial.replace(path)
+    with writing(path) as partial:
+        partial.write_text(page, encoding="utf-8", newline="\n")
     log.info("wrote %s (%.1f MB)", path, path.stat().st_size / 1e6)
     return path
 
