@@ -189,55 +189,13 @@ def prolong(
 
 @wp.kernel
 def dense_multiply(
-    matrix: wp.array2d(dtype=wp.float64),  # symmetric
+    matrix: wp.array2d(dtype=wp.float64),
     x: wp.array(dtype=wp.float64),
-    width: wp.int32,
     y: wp.array(dtype=wp.float64),
 ):
-    """Add matrix x to y, one part of the columns in every thread."""
-    part, i = wp.tid()
+    """Product y = matrix x, one block of threads a row."""
+    i, lane = wp.tid()
     total = wp.float64(0.0)
-    for k in range(part * width, wp.min((part + 1) * width, x.shape[0])):
-        total += matrix[k, i] * x[k]
-    wp.atomic_add(y, i, total)
-
-
-# Scalars of CG, kept on the device: one array of these.
-RZ = wp.constant(0)
-PAP = wp.constant(1)
-RZ_NEW = wp.constant(2)
-NORM2 = wp.constant(3)
-
-
-@wp.kernel
-def cg_advance(
-    p: wp.array(dtype=wp.vec3d),
-    q: wp.array(dtype=wp.vec3d),
-    lower: wp.array(dtype=wp.mat33d),
-    scalars: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.vec3d),
-    r: wp.array(dtype=wp.vec3d),
-    unscaled: wp.array(dtype=wp.vec3d),
-):
-    """Update x += alpha p, r -= alpha q; ``unscaled`` is the residual of the original system."""
-    i = wp.tid()
-    alpha = scalars[RZ] / scalars[PAP]
-    x[i] = x[i] + alpha * p[i]
-    res = r[i] - alpha * q[i]
-    r[i] = res
-    unscaled[i] = lower[i] * res
-
-
-@wp.kernel
-def cg_direction(
-    z: wp.array(dtype=wp.vec3d),
-    scalars: wp.array(dtype=wp.float64),
-    p: wp.array(dtype=wp.vec3d),
-):
-    i = wp.tid()
-    p[i] = z[i] + (scalars[RZ_NEW] / scalars[RZ]) * p[i]
-
-
-@wp.kernel
-def cg_shift(scalars: wp.array(dtype=wp.float64)):
-    scalars[RZ] = scalars[RZ_NEW]
+    for k in range(lane, x.shape[0], wp.block_dim()):
+        total += matrix[i, k] * x[k]
+    wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)

@@ -8,11 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from .blocks import BlockMatrix, add_diagonal, apply_supports, discretise, stiffness
-from .device import checked_device, start_warp
+from .device import checked_device
 from .errors import ConvergenceError, InputError
+from .krylov import Recorder
 from .mass import consistent_mass, lumped_mass
 from .mesh import TetMesh
-from .multigrid import Recorder, TwoLevel, coarsen, largest_eigenvalue, scale
+from .multigrid import TwoLevel, scale
 from .pieces import rigid_motions
 from .space import Space
 from .statics import material_of
@@ -144,16 +145,12 @@ def _v_cycle(matrix: BlockMatrix, space: Space, held: Supports, mass: np.ndarray
 
     from . import kernels_solver as k
 
-    wp = start_warp()
     add_diagonal(matrix, mass[:, None, None] * np.eye(3))
     apply_supports(matrix, held.fixed, held.springs)
     system = scale(matrix)
-    largest = largest_eigenvalue(system.matrix.to_scipy())
-    coarse = coarsen(system, space.nodes, held.fixed, largest)
-    r = wp.zeros(matrix.nodes, dtype=wp.vec3d, device=matrix.values.device)
-    z = wp.zeros_like(r)
-    cycle = TwoLevel(system, coarse, largest, r, z)
-    launch = Recorder(wp, matrix.nodes, r.device)
+    cycle = TwoLevel(system, space.nodes, held.fixed)
+    r, z = cycle.r, cycle.z
+    launch = Recorder(matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])
     unscaled = launch(k.block_multiply, [system.inverse, z, True, z])
 

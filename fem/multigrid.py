@@ -12,15 +12,13 @@ from .aggregation import boxes, rigid_basis, split_weak
 from .blocks import BlockMatrix
 from .device import start_warp
 from .errors import ConvergenceError
+from .krylov import BLOCK, Recorder, largest_eigenvalue
 
 logger = logging.getLogger(__name__)
 
 # Chebyshev polynomials of degree 3 damp the upper part [largest / SPREAD, largest] of the spectrum.
 DEGREE = 3
 SPREAD = 25.0
-# The largest eigenvalue comes from a few Lanczos steps, which stay a little below it.
-LANCZOS_STEPS = 12
-LANCZOS_MARGIN = 1.08
 # Boxes of the coarse space: six unknowns each, a dense factor of 1536 takes 50 ms.
 BOXES = 256
 NODES_PER_BOX = 100
@@ -49,26 +47,6 @@ def scale(matrix: BlockMatrix) -> Scaled:
     inputs = [*arrays, inverse, matrix.values]
     wp.launch(k.scale_blocks, matrix.nodes, inputs=inputs, device=device)
     return Scaled(matrix, lower, inverse)
-
-
-def largest_eigenvalue(A: Any) -> float:
-    """Largest eigenvalue of a symmetric ``A`` by Lanczos, with a margin."""
-    v = np.random.default_rng(0).normal(size=A.shape[0])
-    v /= np.linalg.norm(v)
-    old, beta = np.zeros_like(v), 0.0
-    diagonal, off = [], []
-    for _ in range(min(LANCZOS_STEPS, A.shape[0])):
-        w = A @ v - beta * old
-        alpha = float(w @ v)
-        w -= alpha * v
-        beta = float(np.linalg.norm(w))
-        diagonal.append(alpha)
-        off.append(beta)
-        if beta < 1e-12:
-            break
-        old, v = v, w / beta
-    T = np.diag(diagonal) + np.diag(off[:-1], 1) + np.diag(off[:-1], -1)
-    return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +113,8 @@ def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: floa
     if device.is_cuda:
         from scipy.linalg import cho_solve
 
-        inverse = wp.array(cho_solve(factor, np.eye(6 * count)), dtype=wp.float64, device=device)
+        whole = cho_solve(factor, np.eye(6 * count))
+        factor, inverse = None, wp.array(whole, dtype=wp.float64, device=device)
     return Coarse(
         wp.array(P.indptr, dtype=wp.int32, device=device),
         wp.array(P.indices, dtype=wp.int32, device=device),
@@ -147,37 +126,43 @@ def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: floa
 
 
 class TwoLevel:
-    """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed."""
+    """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed.
 
-    def __init__(self, scaled: Scaled, coarse: Coarse, largest: float, r: Any, z: Any) -> None:
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space.
+    """
+
+    def __init__(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> None:
         from . import kernels_solver as k
 
         wp = start_warp()
-        self.coarse, self.device = coarse, r.device
-        self.residual = wp.zeros(coarse.count, dtype=k.vec6d, device=self.device)
-        self.correction = wp.zeros(coarse.count, dtype=k.vec6d, device=self.device)
-        work = [wp.empty_like(r) for _ in range(3)]
         matrix = scaled.matrix
+        self.device = matrix.values.device
+        largest = largest_eigenvalue(matrix)
+        self.coarse = coarsen(scaled, points, fixed, largest)
+        self.residual, self.correction = (
+            wp.zeros(self.coarse.count, dtype=k.vec6d, device=self.device) for _ in range(2)
+        )
+        r, z, res, *d = (
+            wp.zeros(matrix.nodes, dtype=wp.vec3d, device=self.device) for _ in range(5)
+        )
+        self.r, self.z = r, z
         A = [matrix.rows, matrix.columns, matrix.values]
-        P = [coarse.start, coarse.aggregates, coarse.transfer]
-        res, d = work[0], work[1:]
+        P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
         theta, steps = chebyshev(largest, DEGREE)
-        launch = Recorder(wp, matrix.nodes, self.device)
-        self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z])]
+        launch = Recorder(matrix.nodes, self.device)
         smooth = [
             launch(k.chebyshev_step, [*A, d[i % 2], keep, gain, res, d[1 - i % 2], z])
             for i, (keep, gain) in enumerate(steps)
         ]
         last = d[len(steps) % 2]
-        self.before += smooth
+        self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z]), *smooth]
         self.before.append(launch(k.restrict_residual, [*A, res, last, *P, self.residual]))
         self.after = [launch(k.prolong, [*P, self.correction, z])]
         self.after.append(launch(k.chebyshev_restart, [*A, r, z, 1 / theta, res, d[0]]))
-        self.after.append(launch(k.add, [z, d[0]]))
-        self.after += smooth
+        self.after += [launch(k.add, [z, d[0]]), *smooth]
 
     def apply(self) -> None:
-        """Compute z from r, the arrays given at construction."""
+        """Compute ``z`` from ``r``."""
         self.residual.zero_()
         for command in self.before:
             command.launch()
@@ -189,35 +174,21 @@ class TwoLevel:
         from . import kernels_solver as k
 
         wp = start_warp()
-        if self.coarse.inverse is None:
+        if self.coarse.factor is not None:
             from scipy.linalg import cho_solve
 
             r = self.residual.numpy().reshape(-1)
-            self.correction.numpy()[:] = cho_solve(
-                self.coarse.factor, r, check_finite=False
-            ).reshape(-1, 6)
+            x = cho_solve(self.coarse.factor, r, check_finite=False)
+            self.correction.numpy()[:] = x.reshape(-1, 6)
             return
-        self.correction.zero_()
-        size, width = 6 * self.coarse.count, 64
         flat = [v.view(wp.float64).flatten() for v in (self.residual, self.correction)]
-        wp.launch(
+        wp.launch_tiled(
             k.dense_multiply,
-            (-(-size // width), size),
-            inputs=[self.coarse.inverse, flat[0], width, flat[1]],
+            dim=[6 * self.coarse.count],
+            inputs=[self.coarse.inverse, *flat],
+            block_dim=BLOCK,
             device=self.device,
         )
-
-
-class Recorder:
-    """Records launches of ``size`` threads, so that a replay costs little."""
-
-    def __init__(self, wp: Any, size: int, device: Any) -> None:
-        self.wp, self.size, self.device = wp, size, device
-
-    def __call__(self, kernel: Any, inputs: list, size: int | None = None) -> Any:
-        """Return a launch command of ``kernel``."""
-        dim = self.size if size is None else size
-        return self.wp.launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
 
 
 def chebyshev(largest: float, degree: int) -> tuple[float, list[tuple[float, float]]]:

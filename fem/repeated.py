@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .blocks import BlockMatrix
 from .device import start_warp
-from .multigrid import Recorder, Scaled, TwoLevel, coarsen, largest_eigenvalue, scale
-from .solver import ConjugateGradients
+from .krylov import ConjugateGradients, Recorder
+from .multigrid import Scaled, TwoLevel, scale
+from .solver import MAX_ITERATIONS
 
 # Unknowns up to which the preconditioner is a direct factor.
 DIRECT = 4_000
@@ -23,17 +24,27 @@ LOOSEST, TIGHTEST = 1e-2, 1e-11
 class Factor:
     """Sparse LU of a scaled matrix as the preconditioner z = M r, on the CPU."""
 
-    def __init__(self, scaled: Scaled, r: Any, z: Any) -> None:
+    def __init__(self, scaled: Scaled) -> None:
         from scipy.sparse.linalg import splu
 
+        wp = start_warp()
         matrix = scaled.matrix.to_scipy().tocsc()
         options = {"SymmetricMode": True}
         self.lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        self.r, self.z = r, z
+        self.r, self.z = (wp.zeros(scaled.matrix.nodes, dtype=wp.vec3d) for _ in range(2))
 
     def apply(self) -> None:
-        """Compute z from r."""
+        """Compute ``z`` from ``r``."""
         self.z.numpy()[:] = self.lu.solve(self.r.numpy().reshape(-1)).reshape(-1, 3)
+
+
+class _Kept(NamedTuple):
+    """What is expensive: scaling and preconditioner of ``system``, CG of the ``current`` matrix."""
+
+    system: Scaled
+    current: BlockMatrix
+    cg: ConjugateGradients
+    r: Any
 
 
 class RepeatedSolver:
@@ -49,7 +60,7 @@ class RepeatedSolver:
 
     def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:
         self.points, self.fixed = points, fixed
-        self._kept: tuple[Scaled, Any, Any, Any] | None = None
+        self._kept: _Kept | None = None
         self._usual = 0
 
     def __call__(self, matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
@@ -57,50 +68,50 @@ class RepeatedSolver:
         share = 0.3 * goal / max(float(np.linalg.norm(b)), 1e-300)
         target = float(np.clip(share, TIGHTEST, LOOSEST) * np.linalg.norm(b))
         if self._kept is not None:
-            x, iterations = self._iterate(matrix, b, target, self._usual + STALE)
+            x, iterations = self._iterate(self._kept, matrix, b, target, self._usual + STALE)
             if x is not None:
                 return x
             self._kept = None
             if iterations == 0:  # not positive: another preconditioner will not help
                 return np.full_like(b, np.nan)
-        return self._fresh(matrix, b, target)
+        self._kept = self._fresh(matrix)
+        if self._kept is None:
+            return np.full_like(b, np.nan)
+        x, self._usual = self._iterate(self._kept, matrix, b, target, MAX_ITERATIONS)
+        return np.full_like(b, np.nan) if x is None else x
 
-    def _fresh(self, matrix: BlockMatrix, b: np.ndarray, target: float) -> np.ndarray:
+    def _fresh(self, matrix: BlockMatrix) -> _Kept | None:
+        """Preconditioner of ``matrix``; none if a diagonal block is not positive."""
         wp = start_warp()
         system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
         if not np.isfinite(system.lower.numpy()).all():
-            return np.full_like(b, np.nan)
-        r = wp.zeros(matrix.nodes, dtype=wp.vec3d, device=matrix.values.device)
-        z = wp.zeros_like(r)
-        if b.size <= DIRECT and not r.device.is_cuda:  # a graph cannot call a host's factor
-            preconditioner = Factor(system, r, z)
+            return None
+        if 3 * matrix.nodes <= DIRECT and not matrix.values.device.is_cuda:
+            cycle = Factor(system)  # a graph of a GPU could not call it
         else:
-            largest = largest_eigenvalue(system.matrix.to_scipy())
-            coarse = coarsen(system, self.points, self.fixed, largest)
-            preconditioner = TwoLevel(system, coarse, largest, r, z)
-        self._kept = (system, preconditioner, r, z)
-        x, self._usual = self._iterate(matrix, b, target, None)
-        return np.full_like(b, np.nan) if x is None else x
+            cycle = TwoLevel(system, self.points, self.fixed)
+        # CG has a matrix of its own, whose values are those of every new system in turn.
+        current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
+        cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
+        return _Kept(system, current, cg, cycle.r)
 
+    @staticmethod
     def _iterate(
-        self, matrix: BlockMatrix, b: np.ndarray, target: float, limit: int | None
+        kept: _Kept, matrix: BlockMatrix, b: np.ndarray, target: float, limit: int
     ) -> tuple[np.ndarray | None, int]:
         from . import kernels_solver as k
 
         wp = start_warp()
-        assert self._kept is not None
-        kept, preconditioner, r, z = self._kept
-        launch = Recorder(wp, matrix.nodes, r.device)
+        system, current, cg, r = kept
+        launch = Recorder(matrix.nodes, r.device)
+        wp.copy(current.values, matrix.values)
         pattern = [matrix.rows, matrix.columns]
-        launch(k.scale_blocks, [*pattern, kept.inverse, matrix.values]).launch()
-        system = Scaled(matrix, kept.lower, kept.inverse)
+        launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
         r.assign(b)
-        launch(k.block_multiply, [kept.inverse, r, False, r]).launch()
-        x = wp.zeros_like(r)
-        cg = ConjugateGradients(system, preconditioner, x, r, z)
+        launch(k.block_multiply, [system.inverse, r, False, r]).launch()
         iterations = cg.run(target, limit)
         if not cg.reached:
-            launch(k.scale_blocks, [*pattern, kept.lower, matrix.values]).launch()  # as it was
             return None, 0 if cg.indefinite else iterations
-        launch(k.block_multiply, [kept.inverse, x, True, x]).launch()
-        return x.numpy().copy(), iterations
+        x = wp.empty_like(cg.x)
+        launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
+        return x.numpy(), iterations

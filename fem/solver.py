@@ -9,7 +9,8 @@ import numpy as np
 
 from .blocks import BlockMatrix
 from .device import start_warp
-from .multigrid import Recorder, Scaled, TwoLevel, coarsen, largest_eigenvalue, scale
+from .krylov import ConjugateGradients, Recorder
+from .multigrid import Scaled, TwoLevel, scale
 
 logger = logging.getLogger(__name__)
 
@@ -21,8 +22,6 @@ MAX_ITERATIONS = 600
 # Compact bodies take 15-30 iterations. One that needs more is thin or slender: there a direct
 # factor has little fill (24k unknowns of a chair: .3 s, against 600 iterations in 20 s).
 PATIENCE = 60
-# On a GPU reading the residual waits for the device: so many iterations go unread.
-GPU_STRIDE = 4
 # A pivot this small, of a matrix scaled to a unit diagonal, may be round-off of a zero: a body that
 # is not held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
@@ -105,99 +104,25 @@ def solve_iterative(
     from . import kernels_solver as k
 
     wp = start_warp()
-    device, nodes = system.matrix.values.device, system.matrix.nodes
-    largest = largest_eigenvalue(system.matrix.to_scipy())
-    coarse = coarsen(system, points, fixed, largest)
-    r = wp.array(b, dtype=wp.vec3d, device=device)
-    x, z, y = wp.zeros_like(r), wp.zeros_like(r), wp.zeros_like(r)
-    launch = Recorder(wp, nodes, device)
-    launch(k.block_multiply, [system.inverse, r, False, r]).launch()
-    cg = ConjugateGradients(system, TwoLevel(system, coarse, largest, r, z), x, r, z)
+    cycle = TwoLevel(system, points, fixed)
+    cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
+    launch = Recorder(system.matrix.nodes, cycle.device)
+    given = wp.array(b, dtype=wp.vec3d, device=cycle.device)
+    launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
     size = float(np.linalg.norm(b)) or 1.0
     limit = PATIENCE if b.size <= DIRECT_RESCUE else MAX_ITERATIONS
     iterations = cg.run(tolerance * size, limit)
-    launch(k.block_multiply, [system.inverse, x, True, y]).launch()
-    solution = y.numpy().copy()
+    solution, residual = wp.empty_like(given), wp.empty_like(given)
+    launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
-    system.matrix.multiply(x, r)
-    launch(k.block_multiply, [system.lower, r, False, r]).launch()
-    residual = float(np.linalg.norm(b - r.numpy())) / size
-    floor = _scaled_round_off(system, x.numpy()) / size if residual > tolerance else 0.0
-    return Solution(solution, residual, iterations, floor)
+    system.matrix.multiply(cg.x, cycle.z)
+    launch(k.block_multiply, [system.lower, cycle.z, False, residual]).launch()
+    error = float(np.linalg.norm(b - residual.numpy())) / size
+    floor = _scaled_round_off(system, cg.x.numpy()) / size if error > tolerance else 0.0
+    return Solution(solution.numpy().copy(), error, iterations, floor)
 
 
 def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:
     weight = (abs(system.matrix.to_scipy()) @ np.abs(x).reshape(-1)).reshape(-1, 3)
     total = np.einsum("nij,nj->ni", np.abs(system.lower.numpy()), weight)
     return 64 * np.finfo(float).eps * float(np.linalg.norm(total))
-
-
-class ConjugateGradients:
-    """Preconditioned CG on a scaled system; vectors and scalars live on the device.
-
-    ``preconditioner.apply()`` computes z from r; ``x`` starts at zero, ``r`` at the scaled right-
-    hand side. ``reached`` and ``indefinite`` say how the loop ended.
-    """
-
-    def __init__(self, system: Scaled, preconditioner: Any, x: Any, r: Any, z: Any) -> None:
-        from . import kernels_linear, kernels_solver
-
-        wp = self.wp = start_warp()
-        self.preconditioner = preconditioner
-        self.reached = self.indefinite = False
-        self.scalars = wp.zeros(4, dtype=wp.float64, device=r.device)
-        p, q, unscaled = wp.zeros_like(r), wp.zeros_like(r), wp.zeros_like(r)
-        launch = Recorder(wp, system.matrix.nodes, r.device)
-        A = [system.matrix.rows, system.matrix.columns, system.matrix.values]
-        self.multiply = launch(kernels_linear.multiply, [*A, p, q])
-        advance = [p, q, system.lower, self.scalars, x, r, unscaled]
-        self.advance = launch(kernels_solver.cg_advance, advance)
-        self.direction = launch(kernels_solver.cg_direction, [z, self.scalars, p])
-        self.shift = launch(kernels_solver.cg_shift, [self.scalars], size=1)
-        vectors = {"p": p, "q": q, "r": r, "z": z, "u": unscaled}
-        self.flat = {name: v.view(wp.float64).flatten() for name, v in vectors.items()}
-        self.host = None if r.device.is_cuda else {n: v.numpy() for n, v in self.flat.items()}
-        self.p, self.z = p, z
-
-    def _dot(self, a: str, b: str, slot: int) -> None:
-        if self.host is not None:
-            self.scalars.numpy()[slot] = self.host[a] @ self.host[b]
-            return
-        out = self.scalars[slot : slot + 1]
-        self.wp.utils.array_inner(self.flat[a], self.flat[b], out=out)
-
-    def step(self) -> None:
-        """One iteration, from a direction p to the next."""
-        self.multiply.launch()
-        self._dot("p", "q", 1)
-        self.advance.launch()
-        self._dot("u", "u", 3)
-        self.preconditioner.apply()
-        self._dot("r", "z", 2)
-        self.direction.launch()
-        self.shift.launch()
-
-    def run(self, target: float, limit: int | None = None) -> int:
-        """Iterate until the unscaled residual is below ``target``; return the iterations."""
-        limit = MAX_ITERATIONS if limit is None else limit
-        self.preconditioner.apply()
-        self.wp.copy(self.p, self.z)
-        self._dot("r", "z", 0)
-        device = self.p.device
-        if not device.is_cuda:
-            return self._loop(self.step, 1, target, limit)
-        with self.wp.ScopedCapture(device=device) as capture:
-            for _ in range(GPU_STRIDE):
-                self.step()
-        graph = capture.graph
-        return self._loop(lambda: self.wp.capture_launch(graph), GPU_STRIDE, target, limit)
-
-    def _loop(self, advance: Any, stride: int, target: float, limit: int) -> int:
-        for done in range(stride, limit + stride, stride):
-            advance()
-            curvature, square = self.scalars.numpy()[[1, 3]]
-            self.indefinite = bool(curvature < 0)
-            if self.indefinite or not square > target**2:  # also ends on NaN
-                self.reached = bool(square <= target**2) and not self.indefinite
-                return done
-        return limit
