@@ -22,6 +22,8 @@ from .meshdata import MATERIAL, Arrays, MeshData, assemble, checked, escape, fro
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
 WANTED = "a Gmsh .msh file (2.2 or 4.1) with tets"
 _TET = "4"
+# Said by our writer, so that a file cut between two sections is not taken for a bare mesh.
+_ANNOUNCED = "sections of data that follow the elements:"
 _CELLS = {"1": "lines", "2": "triangles", "3": "quads", "5": "hexahedra", "15": "points"}
 
 
@@ -41,6 +43,7 @@ def write_msh(
     nodes = checked(point_data, len(mesh.points), "point")
     with writing(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
         file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
+        file.write(f"$Comments\n{_ANNOUNCED} {len(nodes) + len(cells)}\n$EndComments\n")
         file.writelines(_topology(mesh))
         for name, array in nodes.items():
             file.writelines(_data("NodeData", name, array))
@@ -92,6 +95,7 @@ def _rows(line: str, *columns: np.ndarray) -> Iterator[str]:
 def _read_ascii2(text: str) -> MeshData:
     sections = list(_sections(text))
     bodies = dict(sections)
+    _check_whole(sections, bodies.get("Comments", ""))
     for wanted in ("Nodes", "Elements"):
         if wanted not in bodies:
             raise InputError(f"section ${wanted} is missing; wanted {WANTED}")
@@ -127,6 +131,14 @@ def _sections(text: str) -> Iterator[tuple[str, str]]:
         at = end + 1 + len(f"$End{start[1]}")
     if rest := text[at:].strip():
         raise InputError(f"text after the last section: {rest[:40]!r}; wanted {WANTED}")
+
+
+def _check_whole(sections: list[tuple[str, str]], comments: str) -> None:
+    """Refuse a file of ours that holds fewer data sections than it announces."""
+    announced = re.search(rf"^{_ANNOUNCED} (\d+)$", comments, re.MULTILINE)
+    found = sum(kind in ("NodeData", "ElementData") for kind, _ in sections)
+    if announced and found < int(announced[1]):
+        raise InputError(f"{found} sections of data where {announced[1]} were announced")
 
 
 def _table(body: str, columns: int) -> np.ndarray:

@@ -13,6 +13,7 @@ from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from .files import reading, writing
 from .meshdata import Arrays, MeshData, cell_arrays, checked, escape, from_meshio
+from .vtu import load_vtu
 
 WANTED = "a VTK unstructured grid (.vtu or legacy .vtk) with tets"
 # Region names travel as field data: UTF-8 bytes, one name a line, a type that every reader takes.
@@ -56,7 +57,7 @@ def read_vtk(path: str | os.PathLike) -> MeshData:
 
     with reading(path, WANTED) as source:
         if source.suffix.lower() == ".vtu":
-            grid = meshio.vtu.read(str(source))
+            grid = load_vtu(source)
             raw = grid.field_data.pop(_NAMES, None)
             names = None if raw is None else np.asarray(raw, dtype=np.uint8).tobytes()
         else:
