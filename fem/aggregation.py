@@ -1,11 +1,9 @@
-"""Aggregates of nodes and the coarse space of their rigid-body motions."""
+"""Aggregates of nodes: boxes, split where the coupling is weak."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
-
-from .pieces import rigid_motions
 
 # Neighbours couple strongly when |A_ij| >= this share of sqrt(|A_ii| |A_jj|). Within one material
 # the ratio is 0.02 and more; across an interface it falls with the square root of the contrast.
@@ -13,8 +11,6 @@ STRENGTH = 5e-3
 # A strongly coupled part of a box smaller than this joins the rest of its box: a motion of so few
 # nodes is the smoother's work.
 SMALLEST = 4
-# Eigenvalues of an aggregate's motions below this share of the largest are no motion at all.
-RANK = 1e-12
 
 
 def boxes(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "n"]:
@@ -63,29 +59,3 @@ def split_weak(
     largest[owner[by_box][first]] = by_box[first]
     part = np.where(size[part] < SMALLEST, largest[label], part)
     return np.unique(part, return_inverse=True)[1]
-
-
-def rigid_basis(
-    points: Float[np.ndarray, "n 3"],
-    label: Int[np.ndarray, "n"],
-    scaling: Float[np.ndarray, "n 3 3"],
-) -> Float[np.ndarray, "n 3 6"]:
-    """Orthonormal rigid motions of every aggregate, in scaled unknowns ``scaling @ motion``.
-
-    Columns that are no motion (one node, a line of nodes, all fixed) are zero.
-    """
-    count = int(label.max()) + 1
-    size = np.bincount(label)
-    centre = np.stack([np.bincount(label, points[:, k]) for k in range(3)], axis=1) / size[:, None]
-    local = points - centre[label]
-    extent = np.maximum.reduceat(
-        np.abs(local).max(axis=1)[order := np.argsort(label, kind="stable")],
-        start := np.cumsum(size) - size,
-    )
-    extent[extent == 0] = 1.0
-    motion = scaling @ rigid_motions(local / extent[label][:, None])
-    gram = np.add.reduceat((motion.transpose(0, 2, 1) @ motion)[order], start)
-    value, vector = np.linalg.eigh(gram.reshape(count, 6, 6))
-    good = value > RANK * value[:, -1:]
-    weight = np.where(good, 1 / np.sqrt(np.where(good, value, 1.0)), 0.0)
-    return motion @ (vector * weight[:, None, :])[label]

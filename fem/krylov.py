@@ -22,7 +22,7 @@ class Recorder:
     def __init__(self, size: int, device: Any) -> None:
         self.size, self.device = size, device
 
-    def __call__(self, kernel: Any, inputs: list, size: int | None = None) -> Any:
+    def __call__(self, kernel: Any, inputs: list, size: int | tuple | None = None) -> Any:
         """Return a launch command of ``kernel``."""
         dim = self.size if size is None else size
         return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
@@ -123,7 +123,7 @@ class ConjugateGradients:
 
 
 def largest_eigenvalue(matrix: BlockMatrix) -> float:
-    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin."""
+    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one."""
     from . import kernels_krylov as k
 
     wp = start_warp()
@@ -144,4 +144,6 @@ def largest_eigenvalue(matrix: BlockMatrix) -> float:
     # A vector that vanished ended the search: what came after it is no number.
     good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
     T = np.diag(along.numpy()[: good + 1]) + np.diag(off[:good], 1) + np.diag(off[:good], -1)
+    if not np.isfinite(T).all():
+        return np.nan
     return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1])

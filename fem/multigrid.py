@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .aggregation import boxes, rigid_basis, split_weak
 from .blocks import BlockMatrix
+from .coarse import coarsen
 from .device import start_warp
-from .errors import ConvergenceError
 from .krylov import BLOCK, Recorder, largest_eigenvalue
-
-logger = logging.getLogger(__name__)
 
 # Chebyshev polynomials of degree 3 damp the upper part [largest / SPREAD, largest] of the spectrum.
 DEGREE = 3
 SPREAD = 25.0
-# Boxes of the coarse space: six unknowns each, a dense factor of 1536 takes 50 ms.
-BOXES = 256
-NODES_PER_BOX = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """The system with unit diagonal blocks: ``matrix`` = inv(L) A inv(L)^T, L block diagonal."""
+    """The system with unit diagonal blocks: ``matrix`` = inv(L) A inv(L)^T, L block diagonal.
+
+    ``largest`` is its largest eigenvalue; no number where a diagonal block is not positive.
+    """
 
     matrix: BlockMatrix
     lower: Any
     inverse: Any
+    largest: float
 
 
 def scale(matrix: BlockMatrix) -> Scaled:
@@ -46,83 +43,7 @@ def scale(matrix: BlockMatrix) -> Scaled:
     wp.launch(k.factor_diagonal, matrix.nodes, inputs=inputs, device=device)
     inputs = [*arrays, inverse, matrix.values]
     wp.launch(k.scale_blocks, matrix.nodes, inputs=inputs, device=device)
-    return Scaled(matrix, lower, inverse)
-
-
-@dataclass(frozen=True, eq=False)
-class Coarse:
-    """Prolongation P (block CSR of 3 x 6) on the device and the factored coarse matrix."""
-
-    start: Any
-    aggregates: Any
-    transfer: Any
-    count: int
-    factor: tuple | None
-    inverse: Any
-
-
-def aggregate(A: Any, points: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Aggregate of every node of the scaled matrix ``A``; nodes not ``moving`` join any."""
-    count = min(BOXES, max(1, len(points) // NODES_PER_BOX))
-    rows = np.repeat(np.arange(len(points)), np.diff(A.indptr))
-    strength = np.sqrt(np.einsum("bij,bij->b", A.data, A.data) / 3)
-    strength[~(moving[rows] & moving[A.indices])] = 1.0
-    return split_weak(boxes(points, count), rows, A.indices, strength)
-
-
-def _cholesky(matrix: np.ndarray):
-    """Cholesky factor of the coarse matrix, its diagonal raised as little as makes it positive.
-
-    Aggregates of one or two nodes have dependent rigid modes, so the matrix may be singular to
-    round-off; a preconditioner may be that much off.
-    """
-    from scipy.linalg import LinAlgError, cho_factor
-
-    diagonal = matrix.diagonal().copy()
-    for shift in (0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4):
-        np.fill_diagonal(matrix, (1 + shift) * diagonal)
-        try:
-            return cho_factor(matrix, lower=True)
-        except LinAlgError:
-            logger.info("coarse matrix is not positive with a shift of %g", shift)
-    raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")
-
-
-def coarsen(scaled: Scaled, points: np.ndarray, fixed: np.ndarray, largest: float) -> Coarse:
-    """Smoothed aggregation with rigid-body modes, for nodes at ``points`` (nodes, 3) [m]."""
-    from scipy.sparse import bsr_array
-
-    from . import kernels_solver as k
-
-    wp = start_warp()
-    A, device = scaled.matrix.to_scipy(), scaled.matrix.values.device
-    free = ~fixed
-    label = aggregate(A, points, np.asarray(free.any(axis=1)))
-    count, nodes = int(label.max()) + 1, len(points)
-    scaling = scaled.lower.numpy().transpose(0, 2, 1) * free[:, None, :]
-    basis = rigid_basis(points, label, scaling)
-    P = bsr_array((basis, label, np.arange(nodes + 1)), shape=(3 * nodes, 6 * count))
-    smoothing = A @ P
-    smoothing.data *= -4 / (3 * largest)
-    P = (P + smoothing).tobsr(blocksize=(3, 6))
-    del smoothing
-    matrix = (P.T @ (A @ P)).toarray()
-    empty = matrix.diagonal() <= 0
-    matrix[empty, empty] = 1.0
-    factor, inverse = _cholesky(matrix), None
-    if device.is_cuda:
-        from scipy.linalg import cho_solve
-
-        whole = cho_solve(factor, np.eye(6 * count))
-        factor, inverse = None, wp.array(whole, dtype=wp.float64, device=device)
-    return Coarse(
-        wp.array(P.indptr, dtype=wp.int32, device=device),
-        wp.array(P.indices, dtype=wp.int32, device=device),
-        wp.array(P.data, dtype=k.mat36d, device=device, copy=device.is_cuda),
-        count,
-        factor,
-        inverse,
-    )
+    return Scaled(matrix, lower, inverse, largest_eigenvalue(matrix))
 
 
 class TwoLevel:
@@ -137,8 +58,8 @@ class TwoLevel:
         wp = start_warp()
         matrix = scaled.matrix
         self.device = matrix.values.device
-        largest = largest_eigenvalue(matrix)
-        self.coarse = coarsen(scaled, points, fixed, largest)
+        largest = scaled.largest
+        self.coarse = coarsen(matrix, scaled.lower, points, fixed, largest)
         self.residual, self.correction = (
             wp.zeros(self.coarse.count, dtype=k.vec6d, device=self.device) for _ in range(2)
         )

@@ -84,7 +84,7 @@ class RepeatedSolver:
         """Preconditioner of ``matrix``; none if a diagonal block is not positive."""
         wp = start_warp()
         system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
-        if not np.isfinite(system.lower.numpy()).all():
+        if np.isnan(system.largest):
             return None
         if 3 * matrix.nodes <= DIRECT and not matrix.values.device.is_cuda:
             cycle = Factor(system)  # a graph of a GPU could not call it

@@ -51,7 +51,7 @@ def solve(
     if b.size <= DIRECT:
         return solve_direct(matrix.to_scipy(), b)
     system = scale(matrix)
-    if not np.isfinite(system.lower.numpy()).all():  # a diagonal block is not positive
+    if np.isnan(system.largest):  # a diagonal block is not positive
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     solution = solve_iterative(system, b, points=points, fixed=fixed, tolerance=tolerance)
     failed = not solution.residual <= max(tolerance, solution.floor)

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import solver
-from autophyx_tet.fem.aggregation import boxes, rigid_basis
+from autophyx_tet.fem.aggregation import boxes
 from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.coarse import _cholesky, _motions, invert, make_groups
+from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.pieces import rigid_motions
 from autophyx_tet.fem.statics import solve_static
@@ -66,12 +68,15 @@ def test_boxes_are_equal():
     assert sizes.max() - sizes.min() <= 4
 
 
-def test_rigid_basis_spans_rigid_motions():
-    """Every rigid motion of the whole is a combination of those of the aggregates."""
+def test_coarse_motions_span_rigid_motions():
+    """Every rigid motion of the whole is a combination of those of the groups."""
+    wp = start_warp()
     rng = np.random.default_rng(0)
     points = rng.random((60, 3))
     label = boxes(points, 4)
-    basis = rigid_basis(points, label, np.broadcast_to(np.eye(3), (60, 3, 3)))
+    lower = wp.array(np.broadcast_to(np.eye(3), (60, 3, 3)).copy(), dtype=wp.mat33d)
+    free = wp.array(np.ones((60, 3)), dtype=wp.vec3d)
+    basis = _motions(make_groups(points, label, "cpu"), points, lower, free).numpy()
     motion = rigid_motions(points) @ rng.normal(size=6)
     left = motion.copy()
     for k in range(4):
@@ -82,10 +87,28 @@ def test_rigid_basis_spans_rigid_motions():
     assert np.abs(left).max() < 1e-12
 
 
+def test_motions_that_a_group_cannot_make_are_dropped():
+    """Three nodes on a line, clamped in x: two translations and two rotations are left."""
+    wp = start_warp()
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    lower = wp.array(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), dtype=wp.mat33d)
+    free = wp.array([[0.0, 1, 1]] * 3, dtype=wp.vec3d)
+    groups = make_groups(points, np.zeros(3, dtype=int), "cpu")
+    basis = _motions(groups, points, lower, free).numpy().reshape(-1, 6)
+    assert np.linalg.norm(basis, axis=0) == pytest.approx([0, 1, 1, 0, 1, 1])
+
+
+def test_gauss_jordan_inverts():
+    """A A^-1 = 1 for the dense kernels that a GPU solves the coarse system with."""
+    wp = start_warp()
+    half = np.random.default_rng(0).normal(size=(80, 60))
+    matrix = half.T @ half
+    inverse = invert(wp.array(matrix, dtype=wp.float64)).numpy()
+    assert inverse @ matrix == pytest.approx(np.eye(60), abs=1e-10)
+
+
 def test_a_coarse_matrix_that_is_singular_to_round_off_is_factored():
     """Dependent rigid modes (a Gram matrix of rank 40 of 60): L L^T = A to 1e-4 of its diagonal."""
-    from autophyx_tet.fem.multigrid import _cholesky
-
     rng = np.random.default_rng(0)
     basis = rng.normal(size=(60, 40))
     matrix = basis @ basis.T

@@ -1,0 +1,69 @@
+"""Krylov methods: inner products, the largest eigenvalue, conjugate gradients."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.blocks import add_diagonal, discretise, stiffness
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.device import start_warp
+from autophyx_tet.fem.krylov import ConjugateGradients, largest_eigenvalue
+
+
+@pytest.fixture
+def matrix():
+    """Stiffness of a cube that stands on springs."""
+    grid = discretise(box_mesh((1, 1, 1), (3, 3, 3)), 1)
+    count = len(grid.space.elements)
+    matrix = stiffness(grid, np.full(count, 2.0), np.full(count, 1.0))
+    add_diagonal(matrix, np.broadcast_to(0.1 * np.eye(3), (matrix.nodes, 3, 3)).copy())
+    return matrix
+
+
+class Nothing:
+    """The preconditioner z = r."""
+
+    def __init__(self, r):
+        self.r, self.z = r, start_warp().zeros_like(r)
+
+    def apply(self):
+        """Copy."""
+        start_warp().copy(self.z, self.r)
+
+
+def test_lanczos_bounds_the_spectrum(matrix):
+    """The largest eigenvalue, raised by its margin: above the true one, by 10 % at most."""
+    exact = np.linalg.eigvalsh(matrix.to_scipy().toarray())[-1]
+    assert exact <= largest_eigenvalue(matrix) <= 1.1 * exact
+
+
+def test_lanczos_of_no_number_is_no_number(matrix):
+    """A matrix with NaN has no largest eigenvalue, and says so."""
+    matrix.values.numpy()[0] = np.nan
+    assert np.isnan(largest_eigenvalue(matrix))
+
+
+def test_conjugate_gradients_solve_again_and_again(matrix):
+    """A x = b to the residual asked for; the same object serves the next right-hand side."""
+    wp = start_warp()
+    eye = wp.array(np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d)
+    plain = Nothing(wp.zeros(matrix.nodes, dtype=wp.vec3d))
+    cg = ConjugateGradients(matrix, eye, plain, plain.r, plain.z)
+    for seed in range(2):
+        b = np.random.default_rng(seed).normal(size=(matrix.nodes, 3))
+        plain.r.assign(b)
+        iterations = cg.run(1e-8, 200)
+        assert cg.reached
+        assert iterations < 200
+        assert np.linalg.norm(matrix.times(cg.x.numpy()) - b) < 1.1e-8
+
+
+def test_conjugate_gradients_notice_negative_curvature(matrix):
+    """An indefinite matrix ends the loop, and is told apart from a slow one."""
+    wp = start_warp()
+    shift = np.broadcast_to(-3 * np.eye(3), (matrix.nodes, 3, 3)).copy()
+    add_diagonal(matrix, shift)
+    eye = wp.array(np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d)
+    plain = Nothing(wp.array(np.ones((matrix.nodes, 3)), dtype=wp.vec3d))
+    cg = ConjugateGradients(matrix, eye, plain, plain.r, plain.z)
+    cg.run(1e-8, 200)
+    assert cg.indefinite
+    assert not cg.reached
