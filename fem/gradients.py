@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .blocks import Discretisation, discretise, displacement_gradients, stiffness
+from .device import checked_device
 from .dynamics import Dynamics
 from .elastic import Law
 from .loads import TET_POINTS, shape_functions
@@ -92,6 +93,7 @@ def static_displacement(
     gravity=(0.0, 0.0, 0.0),
     order: int = 1,
     tolerance: float = TOLERANCE,
+    device: str = "cpu",
     **loads: Any,
 ) -> torch.Tensor:
     """Displacement [m] (nodes, 3) of the linear static solve, differentiable by E, nu and rho.
@@ -99,14 +101,14 @@ def static_displacement(
     ``E`` [Pa], ``nu`` [1] and ``rho`` [kg/m^3] have shape (tets,); the other arguments are those of
     ``solve_static``. The backward pass is one more solve with the same matrix.
     """
-    grid = discretise(mesh, order)
+    grid = discretise(mesh, order, checked_device(device))
     held = supports.on(grid.space)
     kept: dict[str, Any] = {}
 
     def forward(material: ElementMaterial) -> np.ndarray:
         body = mesh.with_material(material)
-        options = {"gravity": gravity, "order": order, "tolerance": tolerance, **loads}
-        u = solve_static(body, held, **options).node_displacement
+        options = {"gravity": gravity, "order": order, "tolerance": tolerance, "device": device}
+        u = solve_static(body, held, **options, **loads).node_displacement
         kept.update(material=material, u=u)
         return u
 
