@@ -19,8 +19,11 @@ from .space import Space
 from .statics import material_of
 from .supports import Supports
 
-# Unknowns up to which a direct factor of the shifted stiffness is cheap; LOBPCG beyond.
+# Unknowns up to which a direct factor of the shifted stiffness is cheap; LOBPCG beyond. A thin body
+# fills in little: 46,000 unknowns of a bonsai took 4 s, and 89 s (without an end) by LOBPCG.
 DIRECT = 45_000
+DIRECT_THIN = 150_000
+THIN = 0.6  # share of the mesh points that lie on the surface; a cube of 10^3 cells has 0.45
 # Relative residual of a mode: its frequency is then good to the square of it.
 TOLERANCE = 1e-3
 MAX_ITERATIONS = 200
@@ -81,7 +84,7 @@ def natural_modes(
     M = kron(consistent_mass(mesh, space), np.eye(3), format="csr")
     K, M = K[free][:, free].tocsc(), M[free][:, free].tocsc()
     slow = _slowest(mesh)
-    if K.shape[0] <= DIRECT:
+    if K.shape[0] <= (DIRECT_THIN if _is_thin(mesh) else DIRECT):
         square, x = _shift_invert(K, M, count + rigid, -SHIFT * slow)
     else:
         motions = rigid_motions(space.nodes - space.nodes.mean(axis=0)).reshape(-1, 6)[free]
@@ -108,6 +111,11 @@ def _diagonal(values: np.ndarray):
     from scipy.sparse import diags_array
 
     return diags_array(values, format="csr")
+
+
+def _is_thin(mesh: TetMesh) -> bool:
+    surface = np.unique(mesh.boundary.faces)
+    return len(surface) > THIN * len(np.unique(mesh.tets))
 
 
 def _slowest(mesh: TetMesh) -> float:
