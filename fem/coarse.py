@@ -179,7 +179,7 @@ def invert(matrix: Any) -> Any:
 
 
 def _cholesky(matrix: np.ndarray):
-    """Cholesky factor of the coarse matrix, its diagonal raised as little as makes it positive.
+    """Cholesky factor of ``matrix``, in place, its diagonal raised as little as makes it positive.
 
     Aggregates of one or two nodes have dependent rigid modes, so the matrix may be singular to
     round-off; a preconditioner may be that much off.
@@ -187,10 +187,12 @@ def _cholesky(matrix: np.ndarray):
     from scipy.linalg import LinAlgError, cho_factor
 
     diagonal = matrix.diagonal().copy()
+    matrix = matrix.T  # LAPACK's order: the lower triangle is factored in place, the upper one kept
     for shift in (0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4):
         np.fill_diagonal(matrix, (1 + shift) * diagonal)
         try:
-            return cho_factor(matrix, lower=True)
+            return cho_factor(matrix, lower=True, overwrite_a=True)
         except LinAlgError:
             logger.info("coarse matrix is not positive with a shift of %g", shift)
+            matrix[:] = np.triu(matrix) + np.triu(matrix, 1).T
     raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")

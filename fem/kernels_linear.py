@@ -283,6 +283,21 @@ def multiply(
 
 
 @wp.kernel
+def body_force(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    density: wp.array(dtype=wp.vec3d),
+    share: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+):
+    """Add the force of a density, constant on every tet: every node takes its ``share``."""
+    t = wp.tid()
+    total = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+    for a in range(elements.shape[1]):
+        wp.atomic_add(force, elements[t, a], share[a] * total)
+
+
+@wp.kernel
 def displacement_gradient(
     points: wp.array(dtype=wp.vec3d),
     elements: wp.array2d(dtype=wp.int32),

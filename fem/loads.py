@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .device import start_warp
 from .errors import InputError
-from .mesh import TetMesh, signed_volumes
+from .mesh import TetMesh
 from .space import EDGES, Space
 
 # Four-point rule of a tet, exact for degree 2: barycentric coordinates of point q are b everywhere
@@ -67,15 +68,23 @@ def body_force(
     mesh: TetMesh, space: Space, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
 ) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
-    volumes = signed_volumes(mesh.points, mesh.tets)
     N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
     if callable(density):
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
-        return scatter(space, np.einsum("t,tqd,qi->tid", volumes / 4, f, N))
-    force = np.broadcast_to(density, (len(mesh.tets), 3)) * volumes[:, None]
-    share = N.mean(axis=0)
-    return sum_at_nodes(space, lambda i: force * share[i])
+        return scatter(space, np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N))
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    force = np.zeros((len(space.nodes), 3))
+    each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
+    vectors = [wp.array(v, dtype=wp.vec3d, device="cpu", copy=False) for v in (mesh.points, each)]
+    elements = wp.array(space.elements, dtype=wp.int32, device="cpu", copy=False)
+    share = wp.array(N.mean(axis=0), dtype=wp.float64, device="cpu")
+    out = wp.array(force, dtype=wp.vec3d, device="cpu", copy=False)
+    inputs = [vectors[0], elements, vectors[1], share, out]
+    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device="cpu")
+    return force
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
