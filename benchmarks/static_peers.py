@@ -1,0 +1,212 @@
+"""Peers of the static benchmark, each as ``solve(mesh, order) -> row``; see ``statics.py``."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import resource
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from statics import GRAVITY, TOLERANCE, make_row, tip
+
+# The system's Python, for which Debian packages dolfinx.
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+def assembled(mesh, order: int):
+    """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
+    from autophyx_tet.fem.blocks import discretise, stiffness
+    from autophyx_tet.fem.statics import load_vector, reduced_load
+    from autophyx_tet.fem.supports import Supports
+
+    grid = discretise(mesh, order)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
+    load = load_vector(mesh, grid.space, GRAVITY, None, (), None)
+    matrix = stiffness(grid, *mesh.material.lame)
+    rhs = reduced_load(matrix, load, held, np.zeros_like(load))
+    return grid, matrix.to_scipy(), rhs.reshape(-1), held
+
+
+def rigid(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    from autophyx_tet.fem.pieces import rigid_motions
+
+    return (rigid_motions(nodes - nodes.mean(axis=0)) * ~fixed[:, :, None]).reshape(-1, 6)
+
+
+def pyamg(mesh, order: int) -> dict:
+    """Smoothed aggregation with rigid modes on our matrix; only the solve is pyamg's."""
+    import pyamg as amg
+    from scipy.sparse import bsr_matrix
+
+    start = time.process_time()
+    grid, A, b, held = assembled(mesh, order)
+    middle = time.process_time()
+    hierarchy = amg.smoothed_aggregation_solver(
+        bsr_matrix(A), B=rigid(grid.space.nodes, held.fixed), max_coarse=500
+    )
+    residuals: list[float] = []
+    x = hierarchy.solve(b, tol=TOLERANCE, accel="cg", residuals=residuals)
+    residual = np.linalg.norm(b - A @ x) / np.linalg.norm(b)
+    return make_row(mesh, b.size, start, middle, x.reshape(-1, 3), len(residuals) - 1, residual)
+
+
+def scikit_fem(mesh, order: int) -> dict:
+    """scikit-fem's assembly, pyamg's solve."""
+    import pyamg as amg
+    import skfem
+    from skfem.helpers import ddot, eye, sym_grad, trace
+
+    start = time.process_time()
+    element = skfem.ElementTetP1() if order == 1 else skfem.ElementTetP2()
+    grid = skfem.MeshTet(mesh.points.T, mesh.tets.T.astype(np.int64))
+    basis = skfem.Basis(grid, skfem.ElementVector(element), intorder=2 * order - 1)
+    lam, mu = (m[:, None] for m in mesh.material.lame)
+    rho = mesh.material.rho[:, None]
+
+    @skfem.BilinearForm
+    def stiffness(u, v, w):
+        e = sym_grad(u)
+        return ddot(lam * eye(trace(e), 3) + 2 * mu * e, sym_grad(v))
+
+    @skfem.LinearForm
+    def weight(v, w):
+        return -9.81 * rho * v[2]
+
+    A, b = stiffness.assemble(basis), weight.assemble(basis)
+    fixed = basis.get_dofs(lambda x: np.isclose(x[0], 0)).all()
+    A, b, x, inner = skfem.condense(A, b, D=fixed)
+    middle = time.process_time()
+    location = basis.doflocs.T  # one row a dof; components in turn
+    modes = np.zeros((len(location), 6))
+    axis = np.arange(len(location)) % 3
+    from autophyx_tet.fem.pieces import rigid_motions
+
+    modes[:] = rigid_motions(location - location.mean(axis=0))[np.arange(len(location)), axis]
+    residuals: list[float] = []
+    hierarchy = amg.smoothed_aggregation_solver(A.tocsr(), B=modes[inner], max_coarse=500)
+    y = hierarchy.solve(b, tol=TOLERANCE, accel="cg", residuals=residuals)
+    x[inner] = y
+    residual = np.linalg.norm(b - A @ y) / np.linalg.norm(b)
+    points = x[basis.nodal_dofs].T
+    return make_row(mesh, x.size, start, middle, points, len(residuals) - 1, residual)
+
+
+def pardiso(mesh, order: int) -> dict:
+    """MKL Pardiso on our matrix; the cache of pypardiso is emptied, or it would time nothing."""
+    import pypardiso
+
+    start = time.process_time()
+    _, A, b, _ = assembled(mesh, order)
+    A = A.tocsr()
+    middle = time.process_time()
+    solver = pypardiso.PyPardisoSolver()
+    x = solver.solve(A, b)
+    solver.free_memory(everything=True)
+    residual = np.linalg.norm(b - A @ x) / np.linalg.norm(b)
+    return make_row(mesh, b.size, start, middle, x.reshape(-1, 3), 0, residual)
+
+
+def dolfinx(mesh, order: int, preconditioner: str = "icc") -> dict:
+    """PETSc's CG in the system's Python: ``preconditioner`` icc (level 0) or gamg (rigid modes)."""
+    script = Path(__file__).with_name("static_dolfinx.py")
+    lam, mu = mesh.material.lame
+    arrays = {"points": mesh.points, "tets": mesh.tets, "lam": lam, "mu": mu}
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "mesh.npz")
+        np.savez(path, **arrays, rho=mesh.material.rho)
+        command = [SYSTEM_PYTHON, str(script), path, str(order), preconditioner, str(TOLERANCE)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"dolfinx ended with {done.returncode}: {done.stderr[-500:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def dolfinx_gamg(mesh, order: int) -> dict:
+    """Same, with PETSc's algebraic multigrid."""
+    return dolfinx(mesh, order, "gamg")
+
+
+def calculix(mesh, order: int) -> dict:
+    """CalculiX with its iterative solver on a deck of ours; file reading and writing count too."""
+    from autophyx_tet.fem.space import make_space
+
+    space = make_space(mesh, order)
+    with tempfile.TemporaryDirectory() as folder:
+        deck = Path(folder) / "deck.inp"
+        deck.write_text(_deck(mesh, space))
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        table = [line.split() for line in (Path(folder) / "deck.dat").read_text().splitlines()]
+    u = np.zeros(mesh.points.shape)
+    for entry in table:
+        if len(entry) == 4 and entry[0].isdigit():
+            u[int(entry[0]) - 1] = [float(value) for value in entry[1:]]
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {
+        "tets": len(mesh.tets),
+        "dof": space.nodes.size,
+        "assemble_cpu_s": 0.0,
+        "solve_cpu_s": spent,
+        "cpu_s": spent,
+        "iterations": 0,
+        "tip": tip(mesh, u),
+        "rel_residual": float("nan"),
+        "rss_mb": after.ru_maxrss / 1024,
+    }
+
+
+def _deck(mesh, space) -> str:
+    """Deck with one element set a material, gravity, and the end face printed."""
+    table = np.stack([mesh.material.E, mesh.material.nu, mesh.material.rho], axis=1)
+    kinds, index = np.unique(table, axis=0, return_inverse=True)
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{i},{x:.17g},{y:.17g},{z:.17g}" for i, (x, y, z) in enumerate(space.nodes, 1)]
+    element = "C3D4" if space.order == 1 else "C3D10"
+    for kind, (E, nu, rho) in enumerate(kinds):
+        lines.append(f"*ELEMENT, TYPE={element}, ELSET=E{kind}")
+        members = np.flatnonzero(index.ravel() == kind)
+        lines += [f"{t + 1},{','.join(map(str, space.elements[t] + 1))}" for t in members]
+        lines += [f"*MATERIAL, NAME=M{kind}", "*ELASTIC", f"{E:.17g},{nu:.17g}"]
+        lines += ["*DENSITY", f"{rho:.17g}", f"*SOLID SECTION, ELSET=E{kind}, MATERIAL=M{kind}"]
+    for name, ids in {
+        "HELD": np.flatnonzero(space.nodes[:, 0] == 0),
+        "TIP": np.flatnonzero(np.isclose(mesh.points[:, 0], 1.0)),
+    }.items():
+        lines += [f"*NSET, NSET={name}", *(str(i + 1) for i in ids)]
+    lines += ["*BOUNDARY", "HELD,1,3", "*STEP", "*STATIC, SOLVER=ITERATIVE CHOLESKY", "*DLOAD"]
+    lines += [f"E{kind},GRAV,{-GRAVITY[2]:.17g},0,0,-1" for kind in range(len(kinds))]
+    return "\n".join([*lines, "*NODE PRINT, NSET=TIP", "U", "*END STEP", ""])
+
+
+PEERS = {
+    "pyamg": pyamg,
+    "scikit-fem": scikit_fem,
+    "pardiso": pardiso,
+    "dolfinx": dolfinx,
+    "dolfinx-gamg": dolfinx_gamg,
+    "calculix": calculix,
+}
+MODULES = {"pyamg": ["pyamg"], "scikit-fem": ["skfem", "pyamg"], "pardiso": ["pypardiso"]}
+
+
+def missing(tool: str) -> str | None:
+    """Why the peer ``tool`` cannot run here, or None."""
+    if tool not in PEERS:
+        return f"no adapter: have {sorted(PEERS)}"
+    if tool == "calculix":
+        return None if shutil.which("ccx") else "apt-get install calculix-ccx"
+    if tool.startswith("dolfinx"):
+        command = [SYSTEM_PYTHON, "-c", "import dolfinx"]
+        found = (
+            shutil.which(SYSTEM_PYTHON)
+            and not subprocess.run(command, capture_output=True, check=False).returncode
+        )
+        return None if found else "apt-get install python3-dolfinx"
+    absent = [m for m in MODULES[tool] if importlib.util.find_spec(m) is None]
+    return f"pip install {' '.join(absent)}" if absent else None
