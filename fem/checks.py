@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from .material import wave_speed
-from .mesh import TetMesh
+from .mesh import TetMesh, altitudes
 from .modal import Modes
+from .motions import MotionResult
 from .scenarios import SagResult
 from .statics import material_of
 from .table import outside_band
@@ -71,22 +71,11 @@ def first_frequency(modes: Modes) -> Check:
     )  # fmt: skip
 
 
-def inner_heights(mesh: TetMesh) -> Float[np.ndarray, "tets"]:
-    """Smallest height [m] of every tet: three volumes over its largest face."""
-    corner = mesh.points[mesh.tets]
-    faces = [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)]
-    areas = [
-        np.linalg.norm(np.cross(corner[:, b] - corner[:, a], corner[:, c] - corner[:, a]), axis=1)
-        for a, b, c in faces
-    ]
-    return 6 * mesh.volumes / np.max(areas, axis=0)
-
-
 def largest_explicit_step(mesh: TetMesh) -> float:
-    """Largest stable explicit time step [s]: the smallest h / c over the tets."""
+    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less."""
     material = material_of(mesh)
     speed = wave_speed(material.E, material.nu, material.rho)
-    return float((inner_heights(mesh) / speed).min())
+    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
 def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:
@@ -125,6 +114,17 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
         "distinguishable", passed, factor, DIFFERENT,
         f"The two materials {do}: their displacements differ {factor:.3g}-fold, the larger is "
         f"{high / max(one.height, two.height):.2%} of the height.",
+    )  # fmt: skip
+
+
+def no_penetration(motion: MotionResult) -> Check:
+    """Whether the body kept its distance from every obstacle."""
+    gap = motion.smallest_gap
+    passed = gap > 0
+    return Check(
+        "no penetration", passed, gap, 0.0,
+        f"It {'never goes into' if passed else 'goes into'} an obstacle: the smallest distance is "
+        f"{gap:.2g} m.",
     )  # fmt: skip
 
 

@@ -30,6 +30,22 @@ def signed_volumes(
     return np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) / 6
 
 
+def area_vectors(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets 4 3"]:
+    """Outward area vector [m^2] of the face opposite to each vertex."""
+    a, b, c = (points[tets[:, FACES[:, i]]] for i in range(3))
+    return np.cross(b - a, c - a) / 2
+
+
+def altitudes(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets 4"]:
+    """Distance [m] of every vertex of every tet from the opposite face."""
+    area = np.linalg.norm(area_vectors(points, tets), axis=-1)
+    return 3 * signed_volumes(points, tets)[:, None] / area
+
+
 def boundary_faces(tets: Int[np.ndarray, "tets 4"]) -> Boundary:
     """Faces that belong to one tet only, oriented outward for positively oriented tets."""
     faces = tets[:, FACES].reshape(-1, 3)

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..fem.errors import InputError
-from ..fem.material import wave_speed
-from ..fem.mesh import FACES, TetMesh, boundary_faces
+from ..fem.mesh import TetMesh, altitudes, area_vectors, boundary_faces, signed_volumes
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -78,58 +76,28 @@ def quality(mesh: TetMesh) -> Quality:
     )
 
 
-def explicit_time_step(mesh: TetMesh) -> float:
-    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less.
-
-    The wave speed is sqrt((lam + 2 mu) / rho) [m/s]; needs a mesh with materials.
-    """
-    if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
-    speed = wave_speed(mesh.material.E, mesh.material.nu, mesh.material.rho)
-    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
-
-
-def _area_vectors(points, tets) -> Float[np.ndarray, "tets 4 3"]:
-    """Outward area vector [m^2] of the face opposite to each vertex."""
-    a, b, c = (points[tets[:, FACES[:, i]]] for i in range(3))
-    return np.cross(b - a, c - a) / 2
-
-
 def dihedral_angles(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets 6"]:
     """Inner dihedral angles [degrees] at the six edges of every tet."""
-    normal = _area_vectors(points, tets)
+    normal = area_vectors(points, tets)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     i, j = FACE_PAIRS.T
     cosine = -np.einsum("tek,tek->te", normal[:, i], normal[:, j])
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def altitudes(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> Float[np.ndarray, "tets 4"]:
-    """Distance [m] of every vertex of every tet from the opposite face."""
-    area = np.linalg.norm(_area_vectors(points, tets), axis=-1)
-    return 3 * _volumes(points, tets)[:, None] / area
-
-
 def radius_ratios(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets"]:
     """Return 3 r / R of every tet: inradius by circumradius, 1 for a regular one."""
-    volume = _volumes(points, tets)
-    area = np.linalg.norm(_area_vectors(points, tets), axis=-1).sum(axis=1)
+    volume = signed_volumes(points, tets)
+    area = np.linalg.norm(area_vectors(points, tets), axis=-1).sum(axis=1)
     a, b, c = (points[tets[:, i]] - points[tets[:, 0]] for i in (1, 2, 3))
     squares = [np.einsum("ti,ti->t", e, e)[:, None] for e in (a, b, c)]
     center = squares[0] * np.cross(b, c) + squares[1] * np.cross(c, a) + squares[2] * np.cross(a, b)
     circumradius = np.linalg.norm(center, axis=1) / (12 * volume)
     return 3 * (3 * volume / area) / circumradius
-
-
-def _volumes(points, tets) -> Float[np.ndarray, "tets"]:
-    a, b, c = (points[tets[:, i]] - points[tets[:, 0]] for i in (1, 2, 3))
-    return np.einsum("ti,ti->t", np.cross(a, b), c) / 6
 
 
 def component_count(tets: Int[np.ndarray, "tets 4"]) -> int:

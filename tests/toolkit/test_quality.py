@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.checks import largest_explicit_step
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.mesh import TetMesh, boundary_faces
+from autophyx_tet.fem.mesh import TetMesh, altitudes, boundary_faces
 from autophyx_tet.toolkit.manifold import separate
 from autophyx_tet.toolkit.quality import (
-    altitudes,
     boundary_kind,
     dihedral_angles,
-    explicit_time_step,
     quality,
     radius_ratios,
 )
@@ -55,14 +54,14 @@ def test_quality_is_free_of_units_and_place():
     assert a.components == 1
 
 
-def test_explicit_time_step():
+def test_largest_explicit_step():
     """h / c on one corner tet: altitude 1/sqrt(3), c^2 = E/rho for nu = 0; none without E."""
     points, tets = _tet(np.vstack([np.zeros(3), np.eye(3)]))
     mesh = TetMesh.oriented(points, tets)
     with pytest.raises(InputError, match="assign"):
-        explicit_time_step(mesh)
+        largest_explicit_step(mesh)
     steel = mesh.with_material(ElementMaterial.uniform(1, E=4e6, nu=0.0, rho=1e2))
-    assert explicit_time_step(steel) == pytest.approx(1 / np.sqrt(3) / 200)
+    assert largest_explicit_step(steel) == pytest.approx(1 / np.sqrt(3) / 200)
 
 
 def _boxes(*corners):
