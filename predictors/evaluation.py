@@ -15,6 +15,7 @@ from .dataset.objects import make_objects
 from .dataset.real import RealObject
 from .dataset.texttable import TextTable, build_text_table
 from .encoders.minilm import MiniLM
+from .lexicon import HintedEncoder
 
 if TYPE_CHECKING:
     from .film_unet import FilmUNet
@@ -99,7 +100,7 @@ def evaluate(
 
 def held_out_text(seed: int, *, per_part: int = 12, real: Sequence[RealObject] = ()) -> TextTable:
     """Clauses of frames, wordings and pairs that training never sees, embedded."""
-    encoder = MiniLM()
+    encoder = HintedEncoder(MiniLM())
     return build_text_table(
         np.random.default_rng(seed), encoder.text, per_part=per_part, held_out=True, real=real
     )
@@ -123,6 +124,7 @@ def held_out_batches(
     mixture = Mixture(
         composite=0, relabelled=0, real=0, no_text=0.1, mention=0.7, whole=0.1,
         object_name=0.5 if split == "validation" else 0.0, names=float(names), vision=0.0,
+        no_hints=0.0, augment=0.0,
     )  # fmt: skip
     book = Phrasebook(text, "cpu")
     if split == "procedural":
@@ -285,7 +287,7 @@ def level_response(
     from .film import WEIGHTS
     from .training.trainer import load_checkpoint
 
-    network, encoder = load_checkpoint(weights or WEIGHTS), MiniLM()
+    network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)
     seen = [i for i, kind in enumerate(grammar.kinds) if not kind.held_out]
     keys = np.random.default_rng(seed).choice(seen, parts, replace=False)
@@ -316,7 +318,7 @@ def named_materials(*, weights: Path | None = None, seed: int = 0) -> dict[str, 
     from .normalisation import DEFAULT
     from .training.trainer import load_checkpoint
 
-    network, encoder = load_checkpoint(weights or WEIGHTS), MiniLM()
+    network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)
     rows = grammar.rows
     texts = [grammar.whole(0, row).text for row in rows]

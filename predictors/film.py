@@ -21,6 +21,7 @@ from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
 from .binding import NamedPart, is_whole, overlap
 from .field import MaterialField
+from .lexicon import with_lexicon
 from .normalisation import DEFAULT
 from .predictor import TextEncoder
 from .retrieval import RetrievalPredictor
@@ -209,7 +210,8 @@ class FilmPredictor:
         named = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in parts.part_labels]
         spoken = [_own_name(part) for part in named]
         k = max(len(clauses), 1)
-        vectors = self.encoder.text([c.text for c in clauses] + spoken + [text or "object"])
+        texts = [c.text for c in clauses] + spoken + [text or "object"]
+        vectors = with_lexicon(self.encoder.text(texts), texts)
         dim = vectors.shape[1]
         embedded = np.zeros((1, k, dim), dtype=np.float32)
         embedded[0, : len(clauses)] = vectors[: len(clauses)]
@@ -227,7 +229,8 @@ class FilmPredictor:
             reliability[0, 1] = SHARED_WORD
             if not score.any():
                 nouns = self.encoder.text([" ".join(c.parts) or c.text for c in clauses])
-                score, reliability[0, 1] = nouns @ own.T, LIKE_WORD
+                plain = own[:, : nouns.shape[1]]
+                score, reliability[0, 1] = nouns @ plain.T, LIKE_WORD
             evidence[0, 1] = _standard(score.T[part.clip(min=0)], part >= 0)
         inputs = frame.inputs(part, appearance.colours)
         known = [bool(name) and names for name in spoken]

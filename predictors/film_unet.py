@@ -25,12 +25,17 @@ STEP = 16  # sizes of a grid must be multiples: four halvings
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
 NO_CLAUSE = -1e4  # logit of a clause that is not there; finite, and safe in bfloat16
 TEXT_NOISE = 0.2  # of embeddings in training, against their unit variance
+TRUST = 2.0  # a source of middling reliability counts as it is
 _GATE_STATS = 32
 
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Sizes of the network; ``sources`` are the channels of evidence, in fixed order."""
+    """Sizes of the network; ``sources`` are the channels of evidence, in fixed order.
+
+    ``text_dim`` holds the lexicon's channels too; ``fine_width`` 0 is the first of ``widths``;
+    ``graded`` evidence counts in proportion to its reliability.
+    """
 
     widths: tuple[int, ...] = (16, 32, 64, 128, 208)
     text_dim: int = 384
@@ -39,6 +44,8 @@ class NetworkConfig:
     conditioning: Conditioning = "grounded"
     sources: tuple[str, ...] = ("vision", "names")
     fine: bool = False  # a stage at twice the resolution refines what the U-Net finds at half of it
+    fine_width: int = 0
+    graded: bool = False
 
     @property
     def step(self) -> int:
@@ -69,7 +76,8 @@ class Scene(NamedTuple):
         Embedding of what the object is (batch, D), and whether it is known (batch,).
     evidence, reliability
         Standardised evidence (batch, S, K, x, y, z) that clause k speaks of a voxel, 0 where a
-        source is silent, and how good the source is known to be, in [0, 1], 0 if absent (batch, S).
+        source is silent (for a network with a fine stage, at half the resolution if you like),
+        and how good the source is known to be, in [0, 1], 0 if absent (batch, S).
     names, name_mask
         Embeddings of the parts' own names (batch, P, D) and whether each is known (batch, P).
     part
@@ -138,7 +146,7 @@ class Binder(nn.Module):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         scales, width = config.widths[:-1], config.key_width
-        self.sources = len(config.sources)
+        self.sources, self.graded = len(config.sources), config.graded
         self.queries = nn.ModuleList(nn.Conv3d(c, width, 1) for c in scales)
         self.keys = nn.Sequential(
             nn.Linear(config.text_dim, config.slot_width),
@@ -165,7 +173,9 @@ class Binder(nn.Module):
         logits = words * gate[:, 0, None, None, None, None]
         for source in range(self.sources):
             bias = self.null_evidence[source].expand_as(words[:, :1])
-            scale = gate[:, 1 + source] * (scene.reliability[:, source] > 0)
+            trust = scene.reliability[:, source]
+            trust = TRUST * trust if self.graded else (trust > 0).float()
+            scale = gate[:, 1 + source] * trust
             full = torch.cat([evidence[:, source], bias], dim=1)
             logits = logits + full * scale[:, None, None, None, None]
         return logits.masked_fill(closed, NO_CLAUSE)
@@ -247,9 +257,10 @@ class FineStage(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        width, key = config.widths[0], config.key_width
+        coarse, key = config.widths[0], config.key_width
+        width = config.fine_width or coarse
         self.stem = nn.Conv3d(INPUTS, width, 3, padding=1)
-        self.up_query, self.up = nn.Conv3d(width, width, 1), nn.Conv3d(width, width, 1)
+        self.up_query, self.up = nn.Conv3d(coarse, width, 1), nn.Conv3d(coarse, width, 1)
         self.bind = FilmBlock(width, config.slot_width, modulated=False)
         self.decode = FilmBlock(width, config.slot_width)
         self.query = nn.Conv3d(width, key, 1)
@@ -287,7 +298,8 @@ def halve(scene: Scene) -> Scene:
     mask = scene.inputs[:, :1]
     b, s, k = scene.evidence.shape[:3]
     evidence = scene.evidence.reshape(b, s * k, *scene.evidence.shape[3:])
-    evidence = pool(evidence, mask.to(evidence.dtype))
+    if evidence.shape[2:] == mask.shape[2:]:
+        evidence = pool(evidence, mask.to(evidence.dtype))
     part = F.max_pool3d(scene.part.float()[:, None], 2)[:, 0].long()
     inputs = torch.cat([pool_mask(mask), pool(scene.inputs[:, 1:], mask)], dim=1)
     return scene._replace(
@@ -322,6 +334,7 @@ class FilmUNet(nn.Module):
 
     def forward(self, scene: Scene) -> Output:
         """Return values and binding; values on empty voxels mean nothing."""
+        scene = self._heard(scene)
         slots = self._all_slots(scene)
         half = scene if self.fine is None else halve(scene)
         masks = [half.inputs[:, :1]]
@@ -334,6 +347,12 @@ class FilmUNet(nn.Module):
             return self.fine(scene, coarse, slots, direct)
         value = coarse.residual + mix(coarse.weights, direct)
         return Output(torch.tanh(value.float()), coarse.logits)
+
+    def _heard(self, scene: Scene) -> Scene:
+        """Return the scene with as much of the embeddings as the network was built to hear."""
+        dim = self.config.text_dim
+        fields = ("clauses", "object_name", "names")
+        return scene._replace(**{name: getattr(scene, name)[..., :dim] for name in fields})
 
     def _coarse(self, scene: Scene, slots: Tensor, masks: list[Tensor]) -> Coarse:
         """Bind the clauses in a first pass, decode what they say in a second."""
@@ -351,7 +370,8 @@ class FilmUNet(nn.Module):
 
     def text_values(self, embedding: Tensor, kind: Tensor) -> Tensor:
         """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
-        hidden = [self.slots(embedding[:, None], k)[:, 0] for k in (0, 3)]
+        heard = embedding[:, None, : self.config.text_dim]
+        hidden = [self.slots(heard, k)[:, 0] for k in (0, 3)]
         chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
         return torch.tanh(self.direct(chosen).float())
 

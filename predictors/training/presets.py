@@ -10,10 +10,12 @@ import numpy as np
 from ..dataset.real import RealObject
 from ..dataset.texttable import TextTable, build_text_table
 from ..film_unet import NetworkConfig
+from ..lexicon import CHANNELS, HintedEncoder
 from .embedding import TorchMiniLM
 from .samples import Mixture
 from .trainer import TrainingConfig
 
+TEXT_DIM = 384 + len(CHANNELS)  # a sentence embedding with the lexicon's hints behind
 # One after the other; each began with the weights of the one before.
 SHIPPED = {
     "a-32": TrainingConfig(
@@ -32,7 +34,9 @@ SHIPPED = {
 CPU = TrainingConfig(
     cells=16, batch=16, steps=60, rate=3e-3, warm_up=5, text_batch=256, objects=64, composites=0,
     device="cpu", bfloat16=False, every=20, decay=0.9,
-    network=NetworkConfig(widths=(8, 16, 32, 32, 32), slot_width=64, key_width=16),
+    network=NetworkConfig(
+        widths=(8, 16, 32, 32, 32), text_dim=TEXT_DIM, slot_width=64, key_width=16
+    ),
     mixture=Mixture(composite=0, relabelled=0, real=0),
 )  # fmt: skip
 
@@ -46,6 +50,6 @@ def device_text_table(
     real: Sequence[RealObject] = (),
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device; ``folder`` holds the encoder's weights."""
-    encoder = TorchMiniLM(folder, device=device)
+    encoder = HintedEncoder(TorchMiniLM(folder, device=device))
     rng = np.random.default_rng(seed)
     return build_text_table(rng, encoder.text, per_part=per_part, real=real)

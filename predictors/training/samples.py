@@ -15,17 +15,20 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..dataset.grammar import Role
+from ..dataset.grammar import Role, spoken_names
 from ..dataset.objects import Objects
 from ..dataset.parts import part_kinds
 from ..dataset.real import RealObject, kind_index
 from ..dataset.shapes import EMPTY, MAX_PARTS, rasterise
 from ..dataset.texttable import TextTable
+from ..encoders.kinds import KINDS
 from ..film_unet import Scene
+from ..lexicon import CHANNELS
 
 CLAUSES = MAX_PARTS + 1  # one for each part, one for the whole
 WHOLE = MAX_PARTS
 _CHUNK = 64  # objects rasterised at once
+UNHINTED = 0.2  # of the clauses that train alone
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,9 @@ class Mixture:
     vision_without_shape: float = 0.85
     colour: float = 0.85
     strength: float = 4.0  # evidence is drawn with strengths from 0 to this
+    no_hints: float = 0.15  # the lexicon is silent on a whole object
+    augment: float = 1.0  # of the colours of real slots
+    dressed: float = 0.0  # of the real ones: procedural shapes in slots of real objects
     noise: tuple[float, float, float] = (0.7, 0.7, 0.7)  # of evidence: by part, smooth, by voxel
 
 
@@ -93,11 +99,18 @@ def procedural_store(objects: Objects, *, cells: int, device: str) -> Store:
 
 def real_store(objects: list[RealObject], table: TextTable, *, cells: int, device: str) -> Store:
     """Bring real objects to ``cells``^3 voxels."""
-    from ..normalisation import DEFAULT
-
     label = torch.tensor(np.stack([o.label for o in objects]), device=device)
     if cells != label.shape[1]:
         label = torch.cat([_coarsen(chunk, cells) for chunk in label.split(_CHUNK)])
+    kinds, value, colour = _slots(objects)
+    columns = (kinds, np.full(len(objects), -1), value, colour, table.real_names.astype(int))
+    return Store(label, *(torch.tensor(column, device=device) for column in columns))
+
+
+def _slots(objects: list[RealObject]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Kinds (n, 6), values (n, 6, 3) and colours (n, 6, 3) of the slots of real objects."""
+    from ..normalisation import DEFAULT
+
     n = len(objects)
     kinds = np.full((n, MAX_PARTS), -1)
     value, colour = (np.full((n, MAX_PARTS, 3), np.nan, dtype=np.float32) for _ in range(2))
@@ -107,11 +120,48 @@ def real_store(objects: list[RealObject], table: TextTable, *, cells: int, devic
             kinds[i, j] = kind_index(slot)
             if row is not None:
                 value[i, j] = DEFAULT.normalise(*row.value())
-    tensors = (
-        torch.tensor(a, device=device) for a in (value, colour, table.real_names.astype(int))
+    return kinds, value, colour
+
+
+class Wardrobe:
+    """Slots of real objects by kind of matter: colour, value and name of each belong together."""
+
+    def __init__(self, objects: list[RealObject], table: TextTable) -> None:
+        kinds, self._value, self._colour = (a.reshape(-1, *a.shape[2:]) for a in _slots(objects))
+        self._name = table.real_names[:, 1:].reshape(-1)
+        self._of_kind = [np.flatnonzero(kinds == k) for k in range(len(KINDS))]
+
+    def dress(self, store: Store, matter: np.ndarray, rng: np.random.Generator) -> Store:
+        """Give every part whose ``matter`` (n, 6) is known a slot of that kind."""
+        value, colour = store.value.cpu().numpy().copy(), store.colour.cpu().numpy().copy()
+        text = store.text.cpu().numpy().copy()
+        for kind, slots in enumerate(self._of_kind):
+            i, j = np.nonzero(matter == kind)
+            if slots.size and i.size:
+                chosen = rng.choice(slots, size=i.size)
+                value[i, j], colour[i, j] = self._value[chosen], self._colour[chosen]
+                text[i, 1 + j] = self._name[chosen]
+        # A kind without a slot is unknown matter.
+        empty = [k for k, slots in enumerate(self._of_kind) if not slots.size]
+        kinds = np.where(np.isin(matter, empty), -1, matter)
+        columns = (kinds, np.full(len(kinds), -1), value, colour, text)
+        return Store(store.label, *(torch.tensor(c, device=store.label.device) for c in columns))
+
+
+def dressed_store(shapes: Store, wardrobe: Wardrobe, book: Phrasebook, seed: int) -> Store:
+    """Procedural shapes in plausible slots of real objects: kinds of matter without end."""
+    rng = np.random.default_rng(seed)
+    plausible = [
+        [k for m in kind.materials if (k := kind_index(spoken_names(m)[0])) >= 0] or [-1]
+        for kind in part_kinds().values()
+    ]
+    matter = np.array(
+        [[rng.choice(plausible[k]) if k >= 0 else -1 for k in row] for row in shapes.kinds.tolist()]
     )
-    category = torch.full((n,), -1, device=device)
-    return Store(label, torch.tensor(kinds, device=device), category, *tensors)
+    text = torch.full_like(shapes.text, -1)
+    text[:, 0] = book.first(Role.OBJECT, shapes.category)
+    nothing = torch.full_like(shapes.value, torch.nan)
+    return wardrobe.dress(shapes._replace(text=text, value=nothing), matter, rng)
 
 
 def _coarsen(label: Tensor, cells: int) -> Tensor:
@@ -121,6 +171,17 @@ def _coarsen(label: Tensor, cells: int) -> Tensor:
     stacked = torch.stack(count)
     best = stacked.argmax(0).to(torch.uint8)
     return torch.where(stacked.sum(0) > 0, best, EMPTY)
+
+
+def with_changes_of_dress(
+    store: Store, wardrobe: Wardrobe, rng: np.random.Generator, *, changes: int = 3
+) -> Store:
+    """Real objects as they are, and again with each slot from another object of its kind."""
+    stores = [store]
+    for _ in range(changes):
+        dressed = wardrobe.dress(store, store.kinds.cpu().numpy(), rng)
+        stores.append(dressed)
+    return Store(*(torch.cat(columns) for columns in zip(*stores, strict=True)))
 
 
 class Phrasebook:
@@ -158,16 +219,25 @@ class Phrasebook:
         row = self._first[role][key] + (u * count).long().clamp(max=(count - 1).clamp(min=0))
         return torch.where(inside & (count > 0), row, -1)
 
+    def first(self, role: Role, key: Tensor) -> Tensor:
+        """Return the first row of each key."""
+        return self._first[role][key]
+
     def clauses(self, n: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Random clauses whose value needs no object: embeddings, slot types, values (n, 3)."""
         u = torch.rand(n, generator=generator, device=self.value.device)
         row = self._settled[(u * len(self._settled)).long()]
         kind = torch.where(self.role[row] == Role.NAME, 3, 0)
-        return self.embed(row), kind, self._value[row]
+        hinted = torch.rand(n, generator=generator, device=self.value.device) > UNHINTED
+        return self.embed(row, hinted), kind, self._value[row]
 
-    def embed(self, row: Tensor) -> Tensor:
-        """Embeddings of rows, zeros where the row is -1."""
-        return self.embedding[row.clamp(min=0)].float() * (row >= 0)[..., None]
+    def embed(self, row: Tensor, hinted: Tensor | None = None) -> Tensor:
+        """Embeddings of rows (n, ...), zeros where the row is -1, hints where ``hinted`` (n,)."""
+        out = self.embedding[row.clamp(min=0)].float() * (row >= 0)[..., None]
+        if hinted is not None:
+            plain = torch.arange(out.shape[-1], device=out.device) < out.shape[-1] - len(CHANNELS)
+            out = out * (plain | hinted.reshape(-1, *(1,) * (out.ndim - 1)))
+        return out
 
 
 def settled_values(table: TextTable) -> tuple[np.ndarray, np.ndarray]:
@@ -192,8 +262,11 @@ class Sampler:
         *,
         mixture: Mixture,
         seed: int,
+        dressed: Store | None = None,
+        coarse_evidence: bool = False,
     ) -> None:
-        self.book, self.mixture = book, mixture
+        self.book, self.mixture, self.dressed = book, mixture, dressed
+        self.coarse_evidence = coarse_evidence  # at half the resolution: all that a fine net reads
         self.shapes, self.composites, self.real = shapes, composites, real
         self.device = shapes.label.device
         self.generator = torch.Generator(self.device).manual_seed(seed)
@@ -217,7 +290,11 @@ class Sampler:
         if wanted_heap and self.composites is not None:
             items.append(_take(self.composites, wanted_heap, self._rand))
         if wanted_real and self.real is not None:
-            items.append(_take(self.real, wanted_real, self._rand))
+            dressed = round(wanted_real * mix.dressed) if self.dressed is not None else 0
+            if dressed and self.dressed is not None:
+                items.append(_take(self.dressed, dressed, self._rand))
+            real = _take(self.real, wanted_real - dressed, self._rand)
+            items.append(real._replace(label=self._stretch(real.label)))
         item = Store(*(torch.cat(columns) for columns in zip(*items, strict=True)))
         order = torch.arange(n, device=self.device)
         is_real = order >= n - wanted_real
@@ -238,12 +315,30 @@ class Sampler:
             out[half] = turned.flip(1) if mirror % 2 else turned
         return out
 
+    def _stretch(self, label: Tensor) -> Tensor:
+        """Shrink each object along each axis by up to a third."""
+        n, cells = label.shape[:2]
+        scale = 1 - self._rand(n, 3) / 3
+        line = torch.arange(cells, device=self.device) + 0.5 - cells / 2
+        at = (line[None, None] / scale[..., None] + cells / 2).floor().long()
+        outside = (at < 0) | (at >= cells)
+        x, y, z = at.clamp(0, cells - 1).unbind(1)
+        which = torch.arange(n, device=self.device)[:, None, None, None]
+        out = label[which, x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]]
+        a, b, c = outside.unbind(1)
+        empty = a[:, :, None, None] | b[:, None, :, None] | c[:, None, None, :]
+        return torch.where(empty, EMPTY, out)
+
     def compose(self, item: Store, is_real: Tensor, random_words: Tensor) -> Batch:
         """Give objects words, colours and evidence."""
         n = len(item.label)
         exists = _exists(item)
         words = self._rand(n, len(self.seen)).argsort(1)[:, :MAX_PARTS]
-        kinds = torch.where(random_words[:, None] & exists, self.seen[words], item.kinds)
+        # Of half of the relabelled objects some parts keep their words: shape then tells a little.
+        all_parts = (item.category < 0) | self._chance(n, 0.5)
+        swapped = all_parts[:, None] | (self._rand(n, MAX_PARTS) < 0.5)
+        swapped &= random_words[:, None] & exists
+        kinds = torch.where(swapped, self.seen[words], item.kinds)
         rows, owner = self._clauses(kinds, exists, is_real, item.category)
         name_rows, object_row = self._names(item, kinds, exists, is_real, random_words)
         value, known = self._values(item, kinds, rows, owner, name_rows, is_real, random_words)
@@ -251,16 +346,21 @@ class Sampler:
         clause = _by_part(owner, part, CLAUSES)
         present = rows >= 0
         has_names = (name_rows >= 0).any(1)
-        evidence, reliability = self._evidence(part, clause, present, has_names, random_words)
+        seen_at, said_at = part, clause
+        if self.coarse_evidence:
+            seen_at = F.max_pool3d(part.float()[:, None], 2)[:, 0].long()
+            said_at = _by_part(owner, seen_at, CLAUSES)
+        evidence, reliability = self._evidence(seen_at, said_at, present, has_names, random_words)
+        hinted = self._chance(n, 1 - self.mixture.no_hints)
         scene = Scene(
             self._inputs(item, part),
-            self.book.embed(rows),
+            self.book.embed(rows, hinted),
             present,
             self.book.embed(object_row),
             object_row >= 0,
             evidence,
             reliability,
-            self.book.embed(name_rows),
+            self.book.embed(name_rows, hinted),
             name_rows >= 0,
             part,
         )
@@ -355,8 +455,10 @@ class Sampler:
         """Occupancy, colour (dropped at times) and place."""
         n, cells = len(part), part.shape[-1]
         palette = self._rand(n, MAX_PARTS, 3)
-        jitter = 0.1 * (self._rand(n, 1, 3) - 0.5)
-        palette = torch.where(item.colour.isnan(), palette, item.colour + jitter)
+        jitter = 0.1 * (self._rand(n, 1, 3) - 0.5) + 0.15 * (self._rand(n, MAX_PARTS, 3) - 0.5)
+        light = 0.5 * self._rand(n, 1, 1) - 0.3
+        lit = item.colour + self.mixture.augment * (item.colour * light + jitter)
+        palette = torch.where(item.colour.isnan(), palette, lit)
         noise = 0.08 * (self._rand(n, *part.shape[1:], 3) - 0.5)
         shown = self._chance(n, self.mixture.colour).float()[:, None, None, None, None]
         colour = (_by_part(palette, part, 0.0) + noise).clamp(0, 1) * shown
@@ -375,7 +477,9 @@ class Sampler:
         seen = self._chance(n, mix.vision)
         seen = torch.where(random_words, self._chance(n, mix.vision_without_shape), seen)
         names = has_names & self._chance(n, 0.85)
-        strength = self._rand(n, 2) * mix.strength * (self._rand(n, 2) > 0.15)
+        # A fifth useless, a quarter poor: how far to trust it is learned where it is in doubt.
+        reach = torch.where(self._rand(n, 2) < 0.3, 1.0, mix.strength)
+        strength = self._rand(n, 2) * reach * (self._rand(n, 2) > 0.2)
         strength[:, 1] = 1 + strength[:, 1]
         given = torch.stack([seen, names], dim=1)
         fields = [

@@ -1,4 +1,8 @@
-"""The trainer: Adam, warm-up and cosine, bfloat16, moving average, clipping, exact resume."""
+"""The trainer: Adam, warm-up and cosine, bfloat16, moving average, clipping, exact resume.
+
+Started by ``torchrun``, every process trains on batches of its own and the gradients are averaged
+(``DistributedDataParallel``); the first process alone reports and writes.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +18,28 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor, distributed, nn
 from torch.nn import functional as F
+from torch.nn.parallel import DistributedDataParallel
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from ...fem.errors import InputError
 from ..dataset.objects import make_composites, make_objects
 from ..dataset.real import load_real
 from ..dataset.texttable import load_text_table
-from ..film_unet import FilmUNet, NetworkConfig
+from ..film_unet import FilmUNet, NetworkConfig, Scene
 from ..normalisation import DEFAULT
 from .loss import losses
-from .samples import Mixture, Phrasebook, Sampler, procedural_store, real_store
+from .samples import (
+    Mixture,
+    Phrasebook,
+    Sampler,
+    Wardrobe,
+    dressed_store,
+    procedural_store,
+    real_store,
+    with_changes_of_dress,
+)
 
 log = logging.getLogger(__name__)
 
@@ -78,20 +93,26 @@ class Trained(NamedTuple):
 
 
 def make_sampler(config: TrainingConfig, text: Path, real: Path | None) -> Sampler:
-    """Build the stores of shapes and load the clauses."""
-    rng = np.random.default_rng(config.seed)
+    """Build the stores of shapes and load the clauses; each process draws its own."""
+    rng = np.random.default_rng((config.seed, _rank()))
     table = load_text_table(text)
     cells, device = config.cells, config.device
+    book = Phrasebook(table, device)
     shapes = procedural_store(make_objects(config.objects, rng), cells=cells, device=device)
-    heaps = None
+    heaps = furniture = dressed = None
     if config.composites:
         heaps = make_composites(config.composites, rng)
         heaps = procedural_store(heaps, cells=cells, device=device)
-    furniture = None
     if real is not None:
-        furniture = real_store(load_real(real), table, cells=cells, device=device)
-    book = Phrasebook(table, device)
-    return Sampler(book, shapes, heaps, furniture, mixture=config.mixture, seed=config.seed)
+        objects = load_real(real)
+        wardrobe = Wardrobe(objects, table)
+        furniture = real_store(objects, table, cells=cells, device=device)
+        dressed = dressed_store(shapes, wardrobe, book, config.seed)
+        furniture = with_changes_of_dress(furniture, wardrobe, rng)
+    return Sampler(
+        book, shapes, heaps, furniture, mixture=config.mixture, seed=config.seed + 7919 * _rank(),
+        dressed=dressed, coarse_evidence=config.network.fine,
+    )  # fmt: skip
 
 
 def train(
@@ -103,6 +124,7 @@ def train(
     resume: Path | None = None,
     report: Report | None = None,
     sampler: Sampler | None = None,
+    pause: float | None = None,
 ) -> Trained:
     """Train a network.
 
@@ -118,67 +140,124 @@ def train(
         Called with each report: step, loss, mse, right, rate, samples per second.
     sampler
         Where batches come from, if not from ``text`` and ``real``.
+    pause
+        Seconds after which to stop for now: ``resume`` holds the state to go on from.
     """
-    torch.manual_seed(config.seed)
+    torch.manual_seed(config.seed + _rank())
     sampler = make_sampler(config, text, real) if sampler is None else sampler
+    torch.manual_seed(config.seed)  # the same first weights in every process
     network = FilmUNet(config.network)
     if start is not None:
         _load_matching(network, start)
     network.to(device=config.device)
     network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
+    torch.manual_seed(config.seed + _rank())
     state = _State(config, network)
     if resume is not None:
-        state.load(resume / "state.pt", sampler)
-    state.run(sampler, report or _log, resume)
+        state.load(resume / STATE, sampler)
+    state.run(sampler, report or _log, resume, pause)
     return Trained(state.average, state.history, state.step)
 
 
+STATE = "state.pt"
+_CLOCK = 10  # steps between two looks at the first process's clock
+
+
+def _rank() -> int:
+    return distributed.get_rank() if distributed.is_initialized() else 0
+
+
+def _processes() -> int:
+    return distributed.get_world_size() if distributed.is_initialized() else 1
+
+
+def _clock(seconds: float, device: str) -> float:
+    """Return the first process's seconds, the same in every process."""
+    if _processes() == 1:
+        return seconds
+    tensor = torch.tensor([seconds], device=device, dtype=torch.float64)
+    distributed.broadcast(tensor, 0)
+    return float(tensor)
+
+
+class _Step(nn.Module):
+    """All that a step asks of the network, as one call: what parallel training needs."""
+
+    def __init__(self, network: FilmUNet, compiled: bool) -> None:
+        super().__init__()
+        self.network = network
+        if compiled:
+            network.compile(dynamic=False)
+
+    def forward(self, scene: Scene, clauses: tuple[Tensor, Tensor] | None):
+        """Return the output for a scene, and the values of clauses alone."""
+        output = self.network(scene)
+        return output, None if clauses is None else self.network.text_values(*clauses)
+
+
 class _State:
-    """Weights, their average, the optimiser and the step."""
+    """Weights, their average, the optimiser, the step and the seconds it took."""
 
     def __init__(self, config: TrainingConfig, network: FilmUNet) -> None:
         self.config, self.network = config, network
         self.average = copy.deepcopy(network).requires_grad_(False).eval()
-        fused = config.device.startswith("cuda")
+        self.on_gpu = config.device.startswith("cuda")
         self.optimiser = torch.optim.Adam(
-            network.parameters(), lr=config.rate, betas=(0.9, 0.98), fused=fused
+            network.parameters(), lr=config.rate, betas=(0.9, 0.98), fused=self.on_gpu
         )
-        self.step, self.history = 0, []
-        self.began = time.monotonic()
+        self.step, self.history, self.seconds = 0, [], 0.0
 
-    def run(self, sampler: Sampler, report: Report, folder: Path | None) -> None:
-        """Take the steps that are left."""
-        config = self.config
-        model: nn.Module = self.network
-        if config.compile:
-            model = torch.compile(self.network)  # type: ignore[assignment]
-        sums, since = torch.zeros(3, device=config.device), time.monotonic()
-        while self.progress < 1:
+    def run(
+        self, sampler: Sampler, report: Report, folder: Path | None, pause: float | None
+    ) -> None:
+        """Take the steps that are left, or those that fit before the pause."""
+        config, model = self.config, self._parallel()
+        began, before = time.monotonic(), self.seconds
+        sums, taken, since = torch.zeros(3, device=config.device), 0, began
+        stop = False
+        while self.progress < 1 and not stop:
             sums += self._train_step(model, sampler)
-            self.step += 1
-            if self.step % config.every == 0 or self.progress >= 1:
+            self.step, taken = self.step + 1, taken + 1
+            timed = config.minutes is not None or pause is not None
+            if timed and self.step % _CLOCK == 0:
+                elapsed = _clock(time.monotonic() - began, config.device)
+                self.seconds = before + elapsed
+                stop = pause is not None and elapsed >= pause
+            if self.step % config.every == 0 or self.progress >= 1 or stop:
                 now = time.monotonic()
-                taken = (self.step - 1) % config.every + 1
-                loss, mse, right = (sums / taken).tolist()
-                rate = taken * config.batch / (now - since)
-                line = {"step": self.step, "loss": loss, "mse": mse, "right": right}
-                self.history.append(
-                    {**line, "rate": self.rate, "samples_per_second": round(rate, 1)}
-                )
-                report(self.history[-1])
-                if not math.isfinite(loss):
-                    raise InputError(f"training diverged at step {self.step}: lower `rate`")
+                speed = taken * config.batch * _processes() / (now - since)
+                self._report(sums / taken, speed, report)
                 if folder is not None:
-                    self.save(folder / "state.pt", sampler)
-                sums.zero_()
-                since = now
+                    self.save(folder / STATE, sampler)
+                sums, taken, since = torch.zeros_like(sums), 0, now
+
+    def _parallel(self) -> nn.Module:
+        step = _Step(self.network, self.config.compile)
+        if _processes() == 1:
+            return step
+        unused = self.config.network.conditioning != "grounded"
+        return DistributedDataParallel(
+            step, find_unused_parameters=unused, gradient_as_bucket_view=True
+        )
+
+    def _report(self, means: Tensor, speed: float, report: Report) -> None:
+        if _processes() > 1:
+            distributed.all_reduce(means)
+            means = means / _processes()
+        loss, mse, right = means.tolist()
+        if not math.isfinite(loss):
+            raise InputError(f"training diverged at step {self.step}: lower `rate`")
+        line = {"step": self.step, "loss": loss, "mse": mse, "right": right}
+        self.history.append({**line, "rate": self.rate, "samples_per_second": round(speed, 1)})
+        if _rank() == 0:
+            report(self.history[-1])
 
     @property
     def progress(self) -> float:
         """Share of the run that is done, by steps or by time, whichever is further."""
         done = self.step / self.config.steps
         if self.config.minutes is not None:
-            done = max(done, (time.monotonic() - self.began) / 60 / self.config.minutes)
+            done = max(done, self.seconds / 60 / self.config.minutes)
         return done
 
     @property
@@ -193,15 +272,16 @@ class _State:
         config = self.config
         with torch.no_grad():
             batch = sampler.draw(config.batch)
-        kind = "cuda" if config.device.startswith("cuda") else "cpu"
+            alone = None
+            if config.text_batch:
+                alone = sampler.book.clauses(config.text_batch, sampler.generator)
+        kind = "cuda" if self.on_gpu else "cpu"
         with torch.autocast(kind, dtype=torch.bfloat16, enabled=config.bfloat16):
-            output = model(batch.scene)
-        supervised = config.network.conditioning == "grounded"
-        result = losses(output, batch, supervise=supervised)
+            output, said = model(batch.scene, alone and alone[:2])
+        result = losses(output, batch, supervise=config.network.conditioning == "grounded")
         total = result.total
-        if config.text_batch:
-            embedding, slot, value = sampler.book.clauses(config.text_batch, sampler.generator)
-            total = total + F.mse_loss(self.network.text_values(embedding, slot), value)
+        if alone is not None:
+            total = total + F.mse_loss(said, alone[2])
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate
         self.optimiser.zero_grad(set_to_none=True)
@@ -211,28 +291,35 @@ class _State:
         # A young average would remember the random start.
         decay = min(config.decay, (self.step + 1) / (self.step + 10))
         with torch.no_grad():
-            for ours, theirs in zip(
-                self.average.parameters(), self.network.parameters(), strict=True
-            ):
-                ours.lerp_(theirs, 1 - decay)
+            average = get_ema_multi_avg_fn(decay)
+            average(list(self.average.parameters()), list(self.network.parameters()), None)
         return torch.stack([result.total.detach(), result.mse, result.right])
 
     def save(self, path: Path, sampler: Sampler) -> None:
-        """Write all that an exact continuation needs."""
+        """Write all that an exact continuation needs; every process has to call it."""
+        dice = {"sampler": sampler.generator.get_state().cpu(), "cpu": torch.get_rng_state()}
+        if self.on_gpu:
+            dice["cuda"] = torch.cuda.get_rng_state(self.config.device)
+        every = [dice]
+        if _processes() > 1:
+            every = [{} for _ in range(_processes())]
+            distributed.all_gather_object(every, dice)
+        if _rank() != 0:
+            return
+        state = {
+            "step": self.step,
+            "seconds": self.seconds,
+            "history": self.history,
+            "network": self.network.state_dict(),
+            "average": self.average.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "dice": every,
+            "config": json.dumps(asdict(self.config)),
+        }
         path.parent.mkdir(parents=True, exist_ok=True)
-        torch.save(
-            {
-                "step": self.step,
-                "elapsed": time.monotonic() - self.began,
-                "history": self.history,
-                "network": self.network.state_dict(),
-                "average": self.average.state_dict(),
-                "optimiser": self.optimiser.state_dict(),
-                "generator": sampler.generator.get_state(),
-                "config": json.dumps(asdict(self.config)),
-            },
-            path,
-        )
+        half = path.with_suffix(".part")
+        torch.save(state, half)
+        half.replace(path)
 
     def load(self, path: Path, sampler: Sampler) -> None:
         """Continue from ``path`` if it is there; another config is an ``InputError``."""
@@ -241,12 +328,20 @@ class _State:
         saved = torch.load(path, map_location=self.config.device, weights_only=True)
         if json.loads(saved["config"]) != json.loads(json.dumps(asdict(self.config))):
             raise InputError(f"{path} was written with another config: resume with the same one")
+        if len(saved["dice"]) != _processes():
+            raise InputError(
+                f"{path} is the state of {len(saved['dice'])} processes, not of {_processes()}"
+            )
         self.step, self.history = saved["step"], saved["history"]
-        self.began = time.monotonic() - saved["elapsed"]
+        self.seconds = saved["seconds"]
         self.network.load_state_dict(saved["network"])
         self.average.load_state_dict(saved["average"])
         self.optimiser.load_state_dict(saved["optimiser"])
-        sampler.generator.set_state(saved["generator"].cpu())
+        dice = saved["dice"][_rank()]
+        sampler.generator.set_state(dice["sampler"].cpu())
+        torch.set_rng_state(dice["cpu"].cpu())
+        if self.on_gpu:
+            torch.cuda.set_rng_state(dice["cuda"].cpu(), self.config.device)
 
 
 def _log(line: dict) -> None:

@@ -28,6 +28,7 @@ from autophyx_tet.predictors.film_unet import (
     halve,
 )
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.lexicon import with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT, PIXIE, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -255,7 +256,8 @@ def test_a_cpu_trains_the_small_network(tmp_path):
     def embed(texts):
         return np.stack([np.random.default_rng(len(t)).normal(size=384) / 20 for t in texts])
 
-    save_text_table(tmp_path / "text", build_text_table(rng, embed, per_part=4))
+    table = build_text_table(rng, lambda texts: with_lexicon(embed(texts), texts), per_part=4)
+    save_text_table(tmp_path / "text", table)
     whole = train(CPU, text=tmp_path / "text")
     assert whole.history[-1]["loss"] < 0.45
     assert whole.history[-1]["loss"] < whole.history[0]["loss"]

@@ -1,0 +1,65 @@
+"""Laws of the lexicon: what a clause says word by word."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.dataset.wordings import LEVELS, sentence, wordings
+from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
+from autophyx_tet.predictors.normalisation import DEFAULT
+from scipy.stats import spearmanr
+
+
+def channel(text: str, name: str) -> float:
+    return float(Lexicon().channels(text)[CHANNELS.index(name)])
+
+
+@pytest.mark.parametrize(
+    ("name", "field"), [("stiffness score", "stiffness"), ("weight score", "density")]
+)
+def test_scores_rise_with_the_level(name, field):
+    """Over all wordings of all levels the score and the asked level correlate by >= .97."""
+    asked, found = [], []
+    for level, shares in LEVELS.items():
+        share = getattr(shares, field)
+        if share is not None and shares.nu is None:
+            said = [w for held_out in (False, True) for w in wordings(level, held_out=held_out)]
+            asked += [share] * len(said)
+            found += [channel(sentence("the seat", w), name) for w in said]
+    assert spearmanr(asked, found)[0] >= 0.97
+
+
+def test_a_material_is_read_exactly():
+    """A named row gives its own normalised value; what is only compared with it does not."""
+    oak = DEFAULT.normalise(*load_table().exact("oak").value())
+    hints = Lexicon().channels("the chair legs are made of oak")
+    assert np.allclose(hints[:4], [1, *oak], atol=1e-6)
+    assert channel("the base is heavy as lead", "material") == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "sign"),
+    [
+        ("the seat does not bend at all", "stiffness score", 1),
+        ("a flexible seat", "stiffness score", -1),
+        ("the pole is not heavy", "weight score", -1),
+        ("a hefty base", "weight score", 1),
+    ],
+)
+def test_negation_turns_the_sign(text, name, sign):
+    """What does not bend is stiff, what is not heavy is light."""
+    assert channel(text, name) * sign > 0
+
+
+def test_water():
+    """What floats and what sinks are told apart, negated or not."""
+    assert channel("the hull floats", "floats") == channel("it never sinks", "floats") == 1
+    assert channel("it cannot float", "sinks") == channel("heavier than water", "sinks") == 1
+
+
+def test_hints_follow_the_embedding():
+    """The embedding comes first and unchanged; a silent clause has no hint."""
+    unit = np.eye(3, dtype=np.float32)[:2]
+    joined = with_lexicon(unit, ["the leg", "steel leg"])
+    assert np.array_equal(joined[:, :3], unit)
+    assert not joined[0, 3:].any()
+    assert np.isclose(joined[1, 3], LOUDNESS / np.sqrt(3))
