@@ -10,12 +10,13 @@ from .blocks import BlockMatrix
 from .device import start_warp
 from .krylov import ConjugateGradients, Recorder
 from .multigrid import Scaled, TwoLevel, scale
-from .solver import MAX_ITERATIONS
 
 # Unknowns up to which the preconditioner is a direct factor.
 DIRECT = 4_000
 # The preconditioner is made anew when CG takes so many more iterations than right after it was.
 STALE = 4
+# Iterations after which a system counts as not solvable: Newton then tries another Hessian.
+LIMIT = 600
 # Relative residuals of a linear system: never looser, so that Newton converges fast, nor tighter
 # than fp64 allows.
 LOOSEST, TIGHTEST = 1e-2, 1e-11
@@ -77,7 +78,7 @@ class RepeatedSolver:
         self._kept = self._fresh(matrix)
         if self._kept is None:
             return np.full_like(b, np.nan)
-        x, self._usual = self._iterate(self._kept, matrix, b, target, MAX_ITERATIONS)
+        x, self._usual = self._iterate(self._kept, matrix, b, target, LIMIT)
         return np.full_like(b, np.nan) if x is None else x
 
     def _fresh(self, matrix: BlockMatrix) -> _Kept | None:

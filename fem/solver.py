@@ -18,7 +18,8 @@ logger = logging.getLogger(__name__)
 DIRECT = 6_000
 # Above this many a direct factor would not fit as a second chance.
 DIRECT_RESCUE = 150_000
-MAX_ITERATIONS = 600
+# The iterations grow as 1 / sqrt(1 - 2 nu): P2 at nu = .4999 takes about 600.
+MAX_ITERATIONS = 1000
 # Compact bodies take 15-30 iterations. One that needs more is thin or slender: there a direct
 # factor has little fill (24k unknowns of a chair: .3 s, against 600 iterations in 20 s).
 PATIENCE = 60

@@ -7,6 +7,7 @@ from autophyx_tet.fem.aggregation import boxes
 from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.coarse import _cholesky, _motions, invert, make_groups
 from autophyx_tet.fem.device import start_warp
+from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.pieces import rigid_motions
 from autophyx_tet.fem.statics import solve_static
@@ -58,6 +59,17 @@ def test_both_solvers_agree(monkeypatch):
     assert direct.iterations == 0 < iterated.iterations
     scale = np.abs(direct.displacement).max()
     assert iterated.displacement == pytest.approx(direct.displacement, abs=1e-6 * scale)
+
+
+def test_nearly_incompressible_is_named(iterative, monkeypatch):
+    """Too large for a factor, nu = .4999, out of iterations: an error that says what to do."""
+    monkeypatch.setattr(solver, "PATIENCE", 20)
+    monkeypatch.setattr(solver, "MAX_ITERATIONS", 20)
+    mesh = box_mesh((1, 0.5, 0.5), (4, 2, 2))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.4999, rho=1e3))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    with pytest.raises(ConvergenceError, match=r"nearly incompressible: take nu <= 0\.499"):
+        solve_static(mesh, held, gravity=(0, 0, -1), order=2)
 
 
 def test_boxes_are_equal():

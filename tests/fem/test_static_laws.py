@@ -227,13 +227,18 @@ def test_cook():
     assert result.displacement[corner, 1].mean() == pytest.approx(32.27, rel=0.01)
 
 
-def elliptic_membrane(n):
-    """Quarter of NAFEMS LE1: between x^2/2^2 + y^2 = 1 and (x/3.25)^2 + (y/2.75)^2 = 1 [m]."""
-    box = box_mesh((1, np.pi / 2, 0.1), (n, 2 * n, 1))
+def elliptic_quarter(cells, thickness):
+    """Quarter of a plate between x^2/2^2 + y^2 = 1 and (x/3.25)^2 + (y/2.75)^2 = 1 [m].
+
+    ``cells`` in r, angle, z; also returns which points lie on the outer edge.
+    """
+    box = box_mesh((1, np.pi / 2, thickness), cells)
     r, angle, z = box.points.T
     x, y = (2 + 1.25 * r) * np.cos(angle), (1 + 1.75 * r) * np.sin(angle)
     points = np.stack([x, y, z], axis=1)
-    return TetMesh.oriented(np.where(np.abs(points) < 1e-12, 0.0, points), box.tets)
+    mesh = TetMesh.oriented(np.where(np.abs(points) < 1e-12, 0.0, points), box.tets)
+    outer = np.abs((x / 3.25) ** 2 + (y / 2.75) ** 2 - 1) < 1e-9
+    return with_uniform(mesh, E=210e9, nu=0.3), outer
 
 
 @pytest.mark.slow
@@ -241,16 +246,35 @@ def test_le1():
     """NAFEMS LE1: outward pressure of 10 MPa on the outer edge, sigma_yy at (2, 0) is 92.7 MPa."""
     found = []
     for n in (6, 12):
-        mesh = with_uniform(elliptic_membrane(n), E=210e9, nu=0.3)
-        faces = mesh.boundary.faces
-        x = mesh.points
-        outer = np.abs((x[:, 0] / 3.25) ** 2 + (x[:, 1] / 2.75) ** 2 - 1) < 1e-9
+        mesh, outer = elliptic_quarter((n, 2 * n, 1), 0.1)
+        faces, x = mesh.boundary.faces, mesh.points
         load = pressure(mesh, faces[outer[faces].all(axis=1)], -10e6)
         result = solve_static(mesh, symmetry_planes(x), traction=load, order=2)
         at = np.isclose(x[:, 0], 2) & (x[:, 1] == 0)
         found.append(nodal_stress(result)[at, 1, 1].mean())
     fine = found[1] + (found[1] - found[0]) / 3  # facets of a curved edge: O(h^2)
     assert fine == pytest.approx(92.7e6, rel=0.02)
+
+
+@pytest.mark.slow
+def test_le10():
+    """NAFEMS LE10: thick plate under 1 MPa from above, sigma_yy at (2, 0, top) is -5.38 MPa.
+
+    Rollers on the planes of symmetry, the outer edge held sideways, its middle line in z.
+    """
+    found = []
+    for n in (6, 12):
+        mesh, outer = elliptic_quarter((n, 2 * n, n // 3), 0.6)
+        x = mesh.points
+        middle = outer & np.isclose(x[:, 2], 0.3)
+        held = Supports.none(len(x)).with_fixed(x[:, 0] == 0, 0).with_fixed(x[:, 1] == 0, 1)
+        held = held.with_fixed(outer, (0, 1)).with_fixed(middle, 2)
+        load = pressure(mesh, faces_at(mesh, 2, 0.6), 1e6)
+        result = solve_static(mesh, held, traction=load, order=2)
+        at = np.isclose(x, [2, 0, 0.6]).all(axis=1)
+        found.append(nodal_stress(result)[at, 1, 1].mean())
+    fine = found[1] + (found[1] - found[0]) / 3  # facets of a curved edge: O(h^2)
+    assert fine == pytest.approx(-5.38e6, rel=0.01)
 
 
 def test_unit_bulk_of_whole_cube_is_invariant_to_shuffling():
