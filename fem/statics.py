@@ -31,6 +31,8 @@ from .supports import Supports
 TOLERANCE = 1e-8
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
 LOCKING = 0.45
+# Up to here the iterative solver is sure of bodies that are too large for a direct one.
+COMPRESSIBLE = 0.499
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +171,15 @@ def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance:
     if solution.suspect:
         _check_held(mesh, held)
     if not solution.residual <= max(tolerance, solution.floor):
+        nu = float(material_of(mesh).nu.max())
+        advice = (
+            f"nu = {nu:g} is nearly incompressible: take nu <= {COMPRESSIBLE:g} or fewer tets"
+            if nu > COMPRESSIBLE
+            else "check that every piece is held, that no tet is nearly flat, and that E is sane"
+        )
         raise ConvergenceError(
             f"linear solve ended with relative residual {solution.residual:.3g} after "
-            f"{solution.iterations} iterations: wanted <= {tolerance:g}; check that every piece "
-            "is held, that no tet is nearly flat, and that E and nu are sane"
+            f"{solution.iterations} iterations: wanted <= {tolerance:g}; {advice}"
         )
 
 
