@@ -26,7 +26,7 @@ _HOME = {
     "Dynamics": "dynamics",
     "Damping": "incremental",
     "Motion": "dynamics",
-    "Scheme": "dynamics",
+    "Scheme": "schemes",
     "Plane": "obstacles",
     "Box": "obstacles",
     "Sphere": "obstacles",

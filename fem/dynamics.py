@@ -5,15 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from jaxtyping import Float
 
 from .blocks import discretise
 from .contact import Contact
-from .device import checked_device, start_warp
-from .elastic import ElasticBody, Law
+from .device import checked_device
+from .elastic import ElasticBody, Law, Response
 from .errors import ConvergenceError, InputError
 from .incremental import Damping, Incremental, Rayleigh
 from .mass import lumped_mass
@@ -21,6 +20,7 @@ from .mesh import TetMesh
 from .newton import minimise
 from .obstacles import Obstacle
 from .repeated import RepeatedSolver
+from .schemes import Forecast, Kinematics, Scheme, Step
 from .statics import material_of
 from .supports import Supports
 
@@ -32,18 +32,8 @@ TOLERANCE = 1e-4
 HALVINGS = 8
 # Normal forces of friction are frozen during a solve: two solves settle them.
 FRICTION_PASSES = 2
-
-
 # Forces below this strain of the whole body, times its E, count as none [N].
 NOISE = 1e-10
-
-
-class Scheme(Enum):
-    """Time integration: first order and damping, second order and damping little, conserving."""
-
-    IMPLICIT_EULER = "implicit Euler"
-    BDF2 = "BDF2"
-    TRAPEZOIDAL = "trapezoidal"
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,37 +132,42 @@ class Dynamics:
             raise InputError(
                 f"the body starts {-self.contact.gap(u):g} m inside an obstacle: wanted a gap"
             )
-        self.state = self._measured(0.0, u, v, self._acceleration(u, v), 0)
-        self._previous: Motion | None = None  # for BDF2
+        self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
+        start = Kinematics(u, v, self._acceleration(u, v))
+        self.state = self._measured(0.0, start, 0)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start anew from the state: its past has other steps, or none."""
+        self._before: Kinematics | None = None  # for BDF2
+        self._forecast, self._dt = Forecast(), 0.0
 
     def _acceleration(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        force = self.load - self._internal(u) - self.held.springs * u
+        force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))
+        if self.damping:
+            force -= self.damping.force(v, 1.0)
         mass = np.where(self.mass > 0, self.mass, 1.0)[:, None]
         return np.where(self.held.fixed, 0.0, force / mass)
 
-    def _array(self, u: np.ndarray):
-        wp = start_warp()
-        return wp.array(u, dtype=wp.vec3d, device=self.body.grid.device)
+    def response(self, u: np.ndarray) -> Response:
+        """Elastic energy and force at ``u`` [m]; the last one is remembered."""
+        if self._known[0] is not u:
+            self._known = (u, self.body.response(u))
+        return self._known[1]
 
-    def _internal(self, u: np.ndarray) -> np.ndarray:
-        field = self._array(u)
-        force = start_warp().zeros_like(field)
-        self.body.add_force(field, force)
-        return force.numpy()
-
-    def _measured(self, time, u, v, a, iterations) -> Motion:
+    def _measured(self, time: float, motion: Kinematics, iterations: int) -> Motion:
+        u, v, _ = motion
+        springs = 0.5 * float((self.held.springs * u**2).sum())
         return Motion(
             time,
-            u,
-            v,
-            a,
-            self.contact.forces(u, len(u)),
-            self.contact.gap(u),
-            0.5 * float((self.mass[:, None] * v**2).sum()),
-            self.body.energy(self._array(u)) + 0.5 * float((self.held.springs * u**2).sum()),
-            -float((self.load * u).sum()),
-            iterations,
+            *motion,
+            contact_force=self.contact.forces(u, len(u)),
+            gap=self.contact.gap(u),
+            kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
+            elastic=self.response(u).energy + springs,
+            potential=-float((self.load * u).sum()),
+            iterations=iterations,
         )
 
     def step(self, dt: float) -> Motion:
@@ -192,10 +187,8 @@ class Dynamics:
             if halvings == 0:
                 raise
             logger.info("step of %g s failed (%s): halved", dt, error)
-            self._previous = None  # BDF2 needs equal steps
             for _ in range(2):
                 self._step(dt / 2, halvings - 1)
-            self._previous = None
         return self.state
 
     def run(self, dt: float, steps: int) -> list[Motion]:
@@ -203,47 +196,32 @@ class Dynamics:
         return [self.state, *(self.step(dt) for _ in range(steps))]
 
     def _advance(self, dt: float) -> None:
-        old, state = self._previous, self.state
+        if dt != self._dt:
+            self._forget()
+        state = self.state
+        now = Kinematics(state.u, state.v, state.a)
+        step = Step.of(self.scheme, dt, now, self._before)
         self.contact.begin(state.u, state.time + dt, dt)
-        scheme = self.scheme
-        if old is None and scheme is Scheme.BDF2:
-            scheme = Scheme.IMPLICIT_EULER  # the first step has no history
-        if scheme is Scheme.IMPLICIT_EULER:
-            factor, target = 1 / dt**2, state.u + dt * state.v
-        elif scheme is Scheme.TRAPEZOIDAL:
-            factor = 4 / dt**2
-            target = state.u + dt * state.v + dt**2 / 4 * state.a
-        else:
-            assert old is not None
-            factor = 9 / (4 * dt**2)
-            target = (4 * state.u - old.u) / 3 + 2 * dt / 9 * (4 * state.v - old.v)
-        u, iterations = self._solve(factor, np.where(self.held.fixed, state.u, target), dt)
-        if scheme is Scheme.IMPLICIT_EULER:
-            v = (u - state.u) / dt
-            a = (v - state.v) / dt
-        elif scheme is Scheme.TRAPEZOIDAL:
-            a = factor * (u - target)
-            v = state.v + dt / 2 * (state.a + a)
-        else:
-            assert old is not None
-            v = (3 * u - 4 * state.u + old.u) / (2 * dt)
-            a = factor * (u - target)
+        u, iterations = self._solve(step)
+        u, v, a = step.ended(u)
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
-        self._previous = state
-        self.state = self._measured(state.time + dt, u, v, a, iterations)
+        self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
+        self._before, self._dt = now, dt
+        self._forecast.add(a)
 
-    def _solve(self, factor: float, target: np.ndarray, dt: float) -> tuple[np.ndarray, int]:
-        start = self.contact.allowed(self.state.u)
+    def _solve(self, step: Step) -> tuple[np.ndarray, int]:
+        old, fixed = self.state.u, self.held.fixed
+        start = self.contact.allowed(old)
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("an obstacle moves through the body: use a smaller step")
-        ahead = target + self._foreseen(factor) - start
+        ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
-        potential = Incremental(self, factor, target, dt)
+        target = np.where(fixed, old, step.target)
+        potential = Incremental(self, step.factor, target, step.dt)
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
-            goal = self.tolerance * potential.scale()
-            found = minimise(potential, u, solve=self._solver, target=goal)
+            found = minimise(potential, u, solve=self._solver, tolerance=self.tolerance)
             u, count = found.u, count + found.iterations
         return u, count
 
@@ -251,9 +229,3 @@ class Dynamics:
         """Solve H x = b with the Hessian [N/m] of the last step at ``u``, for its gradients."""
         potential = Incremental(self, factor, u, 1.0)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
-
-    def _foreseen(self, factor: float) -> np.ndarray:
-        """Way that the last acceleration adds to inertia: the first guess of a smooth step."""
-        if self.contact.gap(self.state.u) < self.contact.thickness:
-            return np.zeros_like(self.state.u)
-        return np.where(self.held.fixed, 0.0, self.state.a / factor)

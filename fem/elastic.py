@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,13 @@ class Law(Enum):
     LINEAR = 0
     NEO_HOOKEAN = 1
     COROTATED = 2
+
+
+class Response(NamedTuple):
+    """Elastic ``energy`` W [J] and its gradient, the ``force`` [N] (nodes, 3) of resistance."""
+
+    energy: float
+    force: np.ndarray
 
 
 class ElasticBody:
@@ -39,41 +46,41 @@ class ElasticBody:
     def __init__(self, grid: Discretisation, material: ElementMaterial, law: Law) -> None:
         wp = start_warp()
         self.grid, self.law = grid, law
-        moduli = [wp.array(m, dtype=wp.float64, device=grid.device) for m in material.lame]
-        self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli, law.value]
+        self._moduli = [wp.array(m, dtype=wp.float64, device=grid.device) for m in material.lame]
+        self._arrays = [grid.points, grid.elements, grid.quadrature, *self._moduli, law.value]
         self._tets = len(grid.space.elements)
 
     def _launch(self, kernel: Any, inputs: list) -> None:
-        arrays = [*self._arrays, *inputs]
-        start_warp().launch(kernel, self._tets, inputs=arrays, device=self.grid.device)
+        start_warp().launch(kernel, self._tets, inputs=inputs, device=self.grid.device)
 
-    def energy(self, u: Any) -> float:
-        """Elastic energy [J] of the displacement ``u``, a warp array of vec3d (nodes,)."""
-        return float(self.element_energy(u).sum())
+    def _field(self, u: np.ndarray) -> Any:
+        wp = start_warp()
+        return wp.array(u, dtype=wp.vec3d, device=self.grid.device)
 
-    def element_energy(self, u: Any) -> Float[np.ndarray, "tets"]:
-        """Elastic energy [J] of every tet."""
+    def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
+        """Energy and force at the displacement ``u`` [m]."""
         from . import kernels_law as k
 
         wp = start_warp()
-        out = wp.empty(self._tets, dtype=wp.float64, device=self.grid.device)
-        self._launch(k.element_energy, [u, out])
-        return out.numpy()
+        field = self._field(u)
+        energy = wp.empty(self._tets, dtype=wp.float64, device=self.grid.device)
+        force = wp.zeros_like(field)
+        self._launch(k.energy_and_force, [*self._arrays, field, energy, force])
+        return Response(float(energy.numpy().sum()), force.numpy())
 
-    def add_force(self, u: Any, out: Any) -> None:
-        """Add the gradient dW/du [N] to ``out``, a warp array of vec3d (nodes,)."""
-        from . import kernels_law as k
-
-        self._launch(k.internal_force, [u, out])
-
-    def tangent(self, u: Any, *, projected: bool = False) -> BlockMatrix:
-        """Second derivative of W [N/m]; ``projected``: every tet made positive semi-definite."""
-        from . import kernels_law as k
+    def tangent(self, u: Float[np.ndarray, "nodes 3"], *, projected: bool = False) -> BlockMatrix:
+        """Second derivative of W [N/m] at ``u`` [m]; ``projected``: no tet has a negative part."""
+        from . import kernels_law, kernels_projected
 
         wp = start_warp()
         pattern = self.grid.pattern
         values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=self.grid.device)
-        exact = self.law is Law.LINEAR or (self.law is Law.NEO_HOOKEAN and not projected)
-        kernel = k.tangent if exact else k.projected_tangent
-        self._launch(kernel, [u, pattern.slots, values])
+        inputs = [self._field(u), pattern.slots, values]
+        if self.law is Law.COROTATED or (self.law is Law.NEO_HOOKEAN and projected):
+            self._launch(kernels_projected.projected_tangent, [*self._arrays, *inputs])
+        elif self.law is Law.NEO_HOOKEAN and self.grid.space.order == 1:
+            arrays = [self.grid.points, self.grid.elements, *self._moduli]
+            self._launch(kernels_law.neo_hookean_tangent_p1, [*arrays, *inputs])
+        else:
+            self._launch(kernels_law.tangent, [*self._arrays, *inputs])
         return BlockMatrix(pattern.rows, pattern.columns, values)

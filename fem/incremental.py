@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 
 from .blocks import BlockMatrix, add_diagonal, apply_supports
+from .newton import Point
+
+# Terms of a residual are known to this share of their size.
+ROUND_OFF = 1e-14
 
 
 @dataclass(frozen=True)
@@ -25,33 +29,33 @@ class Incremental:
         self.of, self.target, self.dt = body, target, dt
         self.inertia = factor * body.mass[:, None]
         self.start = body.state.u
+        round_off = ROUND_OFF * np.linalg.norm(self.inertia * np.abs(target))
+        # No smaller force than these counts, however tight the tolerance.
+        self.least = max(body.noise, round_off / body.tolerance)
 
-    def value(self, u: np.ndarray) -> float:
-        """Energy [J]; infinite on contact."""
-        of = self.of
+    def evaluate(self, u: np.ndarray) -> Point:
+        """Energy, infinite on contact; gradient; size of the external and inertial force."""
+        of, away = self.of, u - self.target
         barrier = of.contact.value(u)
         if not np.isfinite(barrier):
-            return np.inf
-        motion = 0.5 * float((self.inertia * (u - self.target) ** 2).sum())
-        springs = 0.5 * float((of.held.springs * u**2).sum())
-        elastic = of.body.energy(of._array(u))
-        total = motion + elastic + springs - float((of.load * u).sum()) + barrier
-        return total + (of.damping.value(u - self.start, self.dt) if of.damping else 0.0)
-
-    def gradient(self, u: np.ndarray) -> np.ndarray:
-        """Gradient [N]."""
-        of = self.of
-        g = self.inertia * (u - self.target) + of._internal(u) + of.held.springs * u - of.load
-        of.contact.add_gradient(u, g)
+            return Point(np.inf, np.zeros_like(u), 0.0)
+        elastic, push, springs = of.response(u), self.inertia * away, of.held.springs * u
+        contact = np.zeros_like(u)
+        of.contact.add_gradient(u, contact)
+        energy = elastic.energy - float((of.load * u).sum()) + barrier
+        energy += 0.5 * float((push * away).sum() + (springs * u).sum())
+        gradient = elastic.force + push + springs + contact - of.load
         if of.damping:
-            g += of.damping.force(u - self.start, self.dt)
-        g[of.held.fixed] = 0.0
-        return g
+            energy += of.damping.value(u - self.start, self.dt)
+            gradient += of.damping.force(u - self.start, self.dt)
+        gradient[of.held.fixed] = 0.0
+        scale = max(float(np.linalg.norm(f)) for f in (of.load, push, contact))
+        return Point(energy, gradient, max(scale, self.least))
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
         of = self.of
-        matrix = of.body.tangent(of._array(u), projected=projected)
+        matrix = of.body.tangent(u, projected=projected)
         if of.damping:
             of.damping.add_to(matrix, self.dt)
         blocks = (self.inertia + of.held.springs)[:, :, None] * np.eye(3)
@@ -64,21 +68,14 @@ class Incremental:
         """Share of ``step`` that keeps the body out of the obstacles."""
         return self.of.contact.longest_step(u, step)
 
-    def scale(self) -> float:
-        """Size of the external and inertial force [N] that a residual is compared with."""
-        of = self.of
-        inertia = np.linalg.norm(self.inertia * (self.target - self.start))
-        contact = np.linalg.norm(of.state.contact_force)
-        return float(max(np.linalg.norm(of.load), inertia, contact, of.noise))
-
 
 class Rayleigh:
     """Damping energy |u - start|_C^2 / 2 dt with C = alpha M + beta K at rest."""
 
     def __init__(self, of: Any, damping: Damping) -> None:
         self.mass = damping.mass * of.mass[:, None]
-        zero = of._array(np.zeros((len(of.mass), 3)))
-        self.beta, self.stiffness = damping.stiffness, of.body.tangent(zero)
+        self.beta = damping.stiffness
+        self.stiffness = of.body.tangent(np.zeros((len(of.mass), 3)))
 
     def force(self, move: np.ndarray, dt: float) -> np.ndarray:
         """Damping force C move / dt [N]."""

@@ -20,9 +20,6 @@ LINEAR = wp.constant(0)
 NEO_HOOKEAN = wp.constant(1)
 COROTATED = wp.constant(2)
 
-mat99d = wp.types.matrix(shape=(9, 9), dtype=wp.float64)
-vec9d = wp.types.vector(length=9, dtype=wp.float64)
-
 
 @wp.func
 def cofactor(F: wp.mat33d) -> wp.mat33d:
@@ -43,46 +40,34 @@ def rotation(F: wp.mat33d) -> wp.mat33d:
 
 
 @wp.func
-def energy_density(law: int, H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.float64:
-    """Energy per volume of the displacement gradient H."""
-    one = wp.float64(1.0)
+def energy_and_stress(law: int, H: wp.mat33d, lam: wp.float64, mu: wp.float64):
+    """Energy per volume and first Piola stress of the displacement gradient H."""
     half = wp.float64(0.5)
+    eye = wp.identity(n=3, dtype=wp.float64)
     if law == LINEAR:
-        e = half * (H + wp.transpose(H))
-        t = wp.trace(e)
-        return half * lam * t * t + mu * wp.ddot(e, e)
-    F = H + wp.identity(n=3, dtype=wp.float64)
+        sigma = lam * wp.trace(H) * eye + mu * (H + wp.transpose(H))
+        return half * wp.ddot(sigma, H), sigma
     if law == COROTATED:
+        F = H + eye
         R = rotation(F)
         t = wp.ddot(R, F) - wp.float64(3.0)
-        return mu * wp.ddot(F - R, F - R) + half * lam * t * t
-    # |F|^2 - 3 - 2 (J - 1) without cancellation at small H: J - 1 = tr H + tr cof H + det H
-    grow = volume_change(H)
-    stretch = wp.ddot(H, H) - wp.float64(2.0) * (grow - wp.trace(H))
-    return half * mu * stretch + half * (lam + mu) * grow * grow * one
+        D = F - R
+        return mu * wp.ddot(D, D) + half * lam * t * t, wp.float64(2.0) * mu * D + lam * t * R
+    # |F|^2 - 3 - 2 (J - 1) and mu F - mu cof F without cancellation at small H:
+    # J - 1 = tr H + tr cof H + det H and cof(I + H) = I + (tr H) I - H^T + cof H.
+    cof = cofactor(H)
+    trace = wp.trace(H)
+    grow = trace + wp.trace(cof) + wp.determinant(H)
+    stretch = wp.ddot(H, H) - wp.float64(2.0) * (grow - trace)
+    rest = trace * eye - wp.transpose(H) + cof
+    bulk = (lam + mu) * grow
+    return half * (mu * stretch + bulk * grow), mu * (H - rest) + bulk * (eye + rest)
 
 
 @wp.func
 def volume_change(H: wp.mat33d) -> wp.float64:
     """J - 1 = det(I + H) - 1, exact for small H."""
     return wp.trace(H) + wp.trace(cofactor(H)) + wp.determinant(H)
-
-
-@wp.func
-def first_piola(law: int, H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
-    """First Piola stress of the displacement gradient H."""
-    eye = wp.identity(n=3, dtype=wp.float64)
-    if law == LINEAR:
-        return lam * wp.trace(H) * eye + mu * (H + wp.transpose(H))
-    F = H + eye
-    if law == COROTATED:
-        R = rotation(F)
-        t = wp.ddot(R, F) - wp.float64(3.0)
-        return wp.float64(2.0) * mu * (F - R) + lam * t * R
-    # mu F - mu cof F without cancellation: cof(I + H) = I + (tr H) I - H^T + cof H
-    grow = volume_change(H)
-    rest = wp.trace(H) * eye - wp.transpose(H) + cofactor(H)
-    return mu * (H - rest) + (lam + mu) * grow * (eye + rest)
 
 
 @wp.func
@@ -119,7 +104,7 @@ def gradient_p1(
 
 
 @wp.kernel
-def element_energy(
+def energy_and_force(
     points: wp.array(dtype=wp.vec3d),
     elements: wp.array2d(dtype=wp.int32),
     quadrature: wp.array(dtype=wp.vec4d),
@@ -128,48 +113,33 @@ def element_energy(
     law: wp.int32,
     u: wp.array(dtype=wp.vec3d),
     energy: wp.array(dtype=wp.float64),
-):
-    """Elastic energy of every tet."""
-    t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
-    total = wp.float64(0.0)
-    if elements.shape[1] == 4:
-        total = w * energy_density(law, gradient_p1(g, elements, u, t), lam[t], mu[t])
-    else:
-        for q in range(quadrature.shape[0]):
-            H = gradient_at(gradients_p2(g, quadrature[q]), elements, u, t)
-            total += w * energy_density(law, H, lam[t], mu[t])
-    energy[t] = total
-
-
-@wp.kernel
-def internal_force(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
-    law: wp.int32,
-    u: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
 ):
-    """Add dW/du, the elastic force with which nodes resist, to ``force``."""
+    """Elastic energy of every tet; add dW/du, with which nodes resist, to ``force``."""
     t = wp.tid()
     six = six_volumes(points, elements, t)
     g = gradients(points, elements, t) * (wp.float64(1.0) / six)
     w = six / wp.float64(6 * quadrature.shape[0])
     if elements.shape[1] == 4:
-        P = w * first_piola(law, gradient_p1(g, elements, u, t), lam[t], mu[t])
-        for a in range(4):
-            wp.atomic_add(force, elements[t, a], P * row3(g, a))
+        W, P = energy_and_stress(law, gradient_p1(g, elements, u, t), w * lam[t], w * mu[t])
+        energy[t] = W
+        p = P * row3(g, 1)
+        q = P * row3(g, 2)
+        r = P * row3(g, 3)
+        wp.atomic_add(force, elements[t, 0], -(p + q + r))
+        wp.atomic_add(force, elements[t, 1], p)
+        wp.atomic_add(force, elements[t, 2], q)
+        wp.atomic_add(force, elements[t, 3], r)
     else:
-        for q in range(quadrature.shape[0]):
-            d = gradients_p2(g, quadrature[q])
-            P = w * first_piola(law, gradient_at(d, elements, u, t), lam[t], mu[t])
+        total = wp.float64(0.0)
+        for n in range(quadrature.shape[0]):
+            d = gradients_p2(g, quadrature[n])
+            H = gradient_at(d, elements, u, t)
+            W, P = energy_and_stress(law, H, w * lam[t], w * mu[t])
+            total += W
             for a in range(10):
                 wp.atomic_add(force, elements[t, a], P * row10(d, a))
+        energy[t] = total
 
 
 @wp.func
@@ -182,6 +152,85 @@ def neo_hookean_block(
     d = mu * wp.dot(p, q)
     block = (lam + mu) * wp.outer(C * p, C * q)
     return block + wp.mat33d(d, v[2], -v[1], -v[2], d, v[0], v[1], -v[0], d)
+
+
+@wp.func
+def neo_hookean_pair(
+    P: wp.vec3d, Q: wp.vec3d, p: wp.vec3d, q: wp.vec3d, v: wp.vec3d, m: wp.float64, n: wp.float64
+) -> wp.mat33d:
+    """Block m (P . Q) I + n p q^T + [v]_x."""
+    d = m * wp.dot(P, Q)
+    s = n * p
+    return wp.mat33d(
+        s[0] * q[0] + d, s[0] * q[1] - v[2], s[0] * q[2] + v[1],
+        s[1] * q[0] + v[2], s[1] * q[1] + d, s[1] * q[2] - v[0],
+        s[2] * q[0] - v[1], s[2] * q[1] + v[0], s[2] * q[2] + d,
+    )  # fmt: skip
+
+
+@wp.func
+def add_pair(
+    values: wp.array(dtype=wp.mat33d),
+    slots: wp.array2d(dtype=wp.int32),
+    t: int,
+    a: int,
+    b: int,
+    block: wp.mat33d,
+):
+    """Add a block of nodes a, b of tet t, and its transpose."""
+    wp.atomic_add(values, slots[t, 4 * a + b], block)
+    wp.atomic_add(values, slots[t, 4 * b + a], wp.transpose(block))
+
+
+@wp.kernel
+def neo_hookean_tangent_p1(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    lam: wp.array(dtype=wp.float64),
+    mu: wp.array(dtype=wp.float64),
+    u: wp.array(dtype=wp.vec3d),
+    slots: wp.array2d(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+):
+    """Exact tangent of P1 tets, from edges X and doubled face areas P at rest, x and p deformed.
+
+    Of ``tangent``'s terms, cof F p is a deformed face and F (p x q) a deformed edge.
+    """
+    t = wp.tid()
+    i = elements[t, 0]
+    X = points[elements[t, 1]] - points[i]
+    Y = points[elements[t, 2]] - points[i]
+    Z = points[elements[t, 3]] - points[i]
+    x = X + (u[elements[t, 1]] - u[i])
+    y = Y + (u[elements[t, 2]] - u[i])
+    z = Z + (u[elements[t, 3]] - u[i])
+    P = wp.cross(Y, Z)
+    Q = wp.cross(Z, X)
+    R = wp.cross(X, Y)
+    S = -(P + Q + R)
+    p = wp.cross(y, z)
+    q = wp.cross(z, x)
+    r = wp.cross(x, y)
+    s = -(p + q + r)
+    six = wp.dot(X, P)
+    m = mu[t] / (wp.float64(6.0) * six)
+    n = (lam[t] + mu[t]) / (wp.float64(6.0) * six)
+    grow = wp.dot(x, p) / six - wp.float64(1.0)
+    k = (mu[t] - (lam[t] + mu[t]) * grow) / wp.float64(6.0)
+    x = k * x
+    y = k * y
+    z = k * z
+    none = wp.vec3d()
+    wp.atomic_add(values, slots[t, 0], neo_hookean_pair(S, S, s, s, none, m, n))
+    wp.atomic_add(values, slots[t, 5], neo_hookean_pair(P, P, p, p, none, m, n))
+    wp.atomic_add(values, slots[t, 10], neo_hookean_pair(Q, Q, q, q, none, m, n))
+    wp.atomic_add(values, slots[t, 15], neo_hookean_pair(R, R, r, r, none, m, n))
+    add_pair(values, slots, t, 0, 1, neo_hookean_pair(S, P, s, p, z - y, m, n))
+    add_pair(values, slots, t, 0, 2, neo_hookean_pair(S, Q, s, q, x - z, m, n))
+    add_pair(values, slots, t, 0, 3, neo_hookean_pair(S, R, s, r, y - x, m, n))
+    add_pair(values, slots, t, 1, 2, neo_hookean_pair(P, Q, p, q, z, m, n))
+    add_pair(values, slots, t, 2, 3, neo_hookean_pair(Q, R, q, r, x, m, n))
+    add_pair(values, slots, t, 3, 1, neo_hookean_pair(R, P, r, p, y, m, n))
 
 
 @wp.kernel
@@ -206,19 +255,6 @@ def tangent(
     g = gradients(points, elements, t) * (wp.float64(1.0) / six)
     w = six / wp.float64(6 * quadrature.shape[0])
     size = elements.shape[1]
-    if law == NEO_HOOKEAN and size == 4:  # the common case, with nothing of P2 in its way
-        H = gradient_p1(g, elements, u, t)
-        F = H + wp.identity(n=3, dtype=wp.float64)
-        C = cofactor(F)
-        k = w * ((lam[t] + mu[t]) * volume_change(H) - mu[t])
-        for a in range(4):
-            p = row3(g, a)
-            for b in range(a, 4):
-                block = neo_hookean_block(p, row3(g, b), F, C, k, w * lam[t], w * mu[t])
-                wp.atomic_add(values, slots[t, 4 * a + b], block)
-                if b > a:
-                    wp.atomic_add(values, slots[t, 4 * b + a], wp.transpose(block))
-        return
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
         H = gradient_at(d, elements, u, t)
@@ -233,113 +269,6 @@ def tangent(
                     block = stiffness_block(p, q, w * lam[t], w * mu[t])
                 else:
                     block = neo_hookean_block(p, q, F, C, k, w * lam[t], w * mu[t])
-                wp.atomic_add(values, slots[t, size * a + b], block)
-                if b > a:
-                    wp.atomic_add(values, slots[t, size * b + a], wp.transpose(block))
-
-
-@wp.func
-def add_mode(A: mat99d, U: wp.mat33d, M: wp.mat33d, V: wp.mat33d, value: wp.float64) -> mat99d:
-    """Add ``value`` m m^T with m the nine entries of U M V^T, column by column."""
-    T = U * M * wp.transpose(V)
-    m = vec9d()
-    for c in range(3):
-        for r in range(3):
-            m[3 * c + r] = T[r, c]
-    return A + value * wp.outer(m, m)
-
-
-@wp.func
-def twist(axis: int, sign: wp.float64) -> wp.mat33d:
-    """Unit matrix with entries 1/sqrt(2) and sign/sqrt(2) in the plane across ``axis``."""
-    M = wp.mat33d()
-    i = (axis + 1) % 3
-    j = (axis + 2) % 3
-    M[i, j] = wp.float64(0.7071067811865476)
-    M[j, i] = sign * wp.float64(0.7071067811865476)
-    return M
-
-
-@wp.func
-def projected_density_tangent(law: int, F: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
-    """Second derivative of the density, negative eigenvalues set to zero (Smith et al. 2018)."""
-    zero = wp.float64(0.0)
-    U = wp.mat33d()
-    s = wp.vec3d()
-    V = wp.mat33d()
-    wp.svd3(F, U, s, V)
-    scaling = wp.mat33d()
-    A = mat99d()
-    t = s[0] + s[1] + s[2] - wp.float64(3.0)
-    J = s[0] * s[1] * s[2]
-    k = (lam + mu) * (J - wp.float64(1.0)) - mu
-    for i in range(3):
-        a = s[(i + 1) % 3]
-        b = s[(i + 2) % 3]
-        if law == NEO_HOOKEAN:
-            A = add_mode(A, U, twist(i, wp.float64(-1.0)), V, wp.max(mu + k * s[i], zero))
-            A = add_mode(A, U, twist(i, wp.float64(1.0)), V, wp.max(mu - k * s[i], zero))
-        else:
-            two = wp.float64(2.0) * mu
-            turn = wp.float64(2.0) * (two - lam * t) / wp.max(a + b, wp.float64(1.0e-6))
-            A = add_mode(A, U, twist(i, wp.float64(-1.0)), V, wp.max(two - turn, zero))
-            A = add_mode(A, U, twist(i, wp.float64(1.0)), V, two)
-            for j in range(3):
-                scaling[i, j] = lam
-    for i in range(3):
-        j = (i + 1) % 3
-        if law == NEO_HOOKEAN:
-            c = wp.vec3d(s[1] * s[2], s[2] * s[0], s[0] * s[1])
-            scaling[i, i] = mu + (lam + mu) * c[i] * c[i]
-            scaling[i, j] = (lam + mu) * c[i] * c[j] + k * s[(i + 2) % 3]
-            scaling[j, i] = scaling[i, j]
-        else:
-            scaling[i, i] = scaling[i, i] + wp.float64(2.0) * mu
-    Q = wp.mat33d()
-    e = wp.vec3d()
-    wp.eig3(scaling, Q, e)
-    for i in range(3):
-        A = add_mode(A, U, wp.diag(wp.vec3d(Q[0, i], Q[1, i], Q[2, i])), V, wp.max(e[i], zero))
-    return A
-
-
-@wp.func
-def contract(A: mat99d, p: wp.vec3d, q: wp.vec3d) -> wp.mat33d:
-    """Block sum_cd A[(., c), (., d)] p_c q_d."""
-    block = wp.mat33d()
-    for c in range(3):
-        for d in range(3):
-            for i in range(3):
-                for j in range(3):
-                    block[i, j] = block[i, j] + A[3 * c + i, 3 * d + j] * p[c] * q[d]
-    return block
-
-
-@wp.kernel
-def projected_tangent(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
-    law: wp.int32,  # NEO_HOOKEAN or COROTATED
-    u: wp.array(dtype=wp.vec3d),
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-):
-    """Tangent stiffness whose density is projected to positive semi-definite."""
-    t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
-    size = elements.shape[1]
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        F = gradient_at(d, elements, u, t) + wp.identity(n=3, dtype=wp.float64)
-        A = projected_density_tangent(law, F, w * lam[t], w * mu[t])
-        for a in range(size):
-            for b in range(a, size):
-                block = contract(A, row10(d, a), row10(d, b))
                 wp.atomic_add(values, slots[t, size * a + b], block)
                 if b > a:
                     wp.atomic_add(values, slots[t, size * b + a], wp.transpose(block))

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from .dynamics import Dynamics, Motion, Scheme
+from .dynamics import Dynamics, Motion
 from .elastic import Law
 from .errors import InputError
 from .mesh import TetMesh
 from .obstacles import Plane, gripper
 from .rest import up_axis
 from .scenarios import Axis
+from .schemes import Scheme
 
 # A drop is followed for this many fall times, so that the bounce is seen.
 FALLS = 3.0

@@ -21,16 +21,29 @@ HALVINGS = 30
 ENERGY_NOISE = 1e-12
 
 
+class Point(NamedTuple):
+    """What an objective is at a place.
+
+    ``energy`` [J], infinite where the place is not allowed; ``gradient`` [N] (nodes, 3), zero at
+    prescribed components; ``scale``, the size of the forces [N] that the gradient is a balance of.
+    """
+
+    energy: float
+    gradient: np.ndarray
+    scale: float
+
+    @property
+    def residual(self) -> float:
+        """Size of the unbalanced force [N]."""
+        return float(np.linalg.norm(self.gradient))
+
+
 @runtime_checkable
 class Objective(Protocol):
-    """An energy of nodal displacements (nodes, 3): its value, gradient and Hessian."""
+    """An energy of nodal displacements (nodes, 3)."""
 
-    def value(self, u: np.ndarray) -> float:
-        """Energy [J]; infinite where ``u`` is not allowed."""
-        ...
-
-    def gradient(self, u: np.ndarray) -> np.ndarray:
-        """Gradient [N], zero at prescribed components."""
+    def evaluate(self, u: np.ndarray) -> Point:
+        """Energy, gradient and scale."""
         ...
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
@@ -59,57 +72,48 @@ def minimise(
     u: np.ndarray,
     *,
     solve: LinearSolve,
-    target: float,
+    tolerance: float,
     limit: int = MAX_ITERATIONS,
 ) -> Minimum:
-    """Minimise ``objective`` from ``u`` until its gradient is below ``target`` [N].
+    """Minimise ``objective`` from ``u`` until |gradient| <= ``tolerance`` times its scale.
 
     The exact Hessian is used where it gives a descent direction, the projected one elsewhere.
     """
-    g, value = objective.gradient(u), objective.value(u)
-    size = float(np.linalg.norm(g))
+    here = objective.evaluate(u)
     projected = False
     for iteration in range(limit):
-        if size <= target:
+        size, goal = here.residual, tolerance * here.scale
+        if size <= goal:
             return Minimum(u, size, iteration)
-        step = solve(objective.hessian(u, projected=projected), -g, target)
-        slope = float((g * step).sum())
-        if not (np.isfinite(step).all() and slope < 0):
-            if projected:
-                raise ConvergenceError(
-                    f"Newton found no descent direction at residual {size:.3g} N"
-                )
+        step = solve(objective.hessian(u, projected=projected), -here.gradient, goal)
+        moved = _backtrack(objective, u, step, here)
+        if moved is not None:
+            (u, here), projected = moved, False
+            logger.debug("Newton %d: residual %.3e N", iteration, size)
+        elif projected:
+            raise ConvergenceError(f"Newton's line search failed at residual {size:.3g} N")
+        else:
             projected = True
-            continue
-        moved = _backtrack(objective, u, step, slope, size, value)
-        if moved is None:
-            if projected:
-                raise ConvergenceError(f"Newton's line search failed at residual {size:.3g} N")
-            projected = True
-            continue
-        u, g, value = moved
-        projected = False
-        size = float(np.linalg.norm(g))
-        logger.debug("Newton %d: residual %.3e N", iteration, size)
     raise ConvergenceError(
-        f"Newton ended with residual {size:.3g} N after {limit} iterations: wanted "
-        f"<= {target:.3g} N; use a smaller load or time step"
+        f"Newton ended with residual {here.residual:.3g} N after {limit} iterations: wanted "
+        f"<= {tolerance * here.scale:.3g} N; use a smaller load or time step"
     )
 
 
 def _backtrack(
-    objective: Objective, u: np.ndarray, step: np.ndarray, slope: float, size: float, here: float
-) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """First of the halved steps that lowers the energy; gradient and energy there."""
+    objective: Objective, u: np.ndarray, step: np.ndarray, here: Point
+) -> tuple[np.ndarray, Point] | None:
+    """First of the halved steps that lowers the energy; none if the step does not descend."""
+    slope = float((here.gradient * step).sum())
+    if not (np.isfinite(step).all() and slope < 0):
+        return None
     share = min(1.0, objective.longest_step(u, step))
     for _ in range(HALVINGS):
         trial = u + share * step
-        there = objective.value(trial)
-        if there <= here + SUFFICIENT * share * slope:
-            return trial, objective.gradient(trial), there
-        if abs(there - here) <= ENERGY_NOISE * max(abs(here), -slope):
-            g = objective.gradient(trial)
-            if np.linalg.norm(g) < size:
-                return trial, g, there
+        there = objective.evaluate(trial)
+        change = there.energy - here.energy
+        unclear = abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
+        if change <= SUFFICIENT * share * slope or (unclear and there.residual < here.residual):
+            return trial, there
         share /= 2
     return None

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from .blocks import BlockMatrix, apply_supports, discretise
-from .device import checked_device, start_warp
+from .device import checked_device
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError
 from .mesh import TetMesh
-from .newton import MAX_ITERATIONS, minimise
+from .newton import MAX_ITERATIONS, Point, minimise
 from .solver import solve
 from .statics import StaticResult, load_vector, material_of, static_result
 from .supports import Supports
@@ -23,30 +23,25 @@ LINEAR_TOLERANCE = 1e-5
 
 
 class Potential:
-    """Total potential of a held elastic body: W(u) - f . u + springs."""
+    """Total potential of a held elastic body: W(u) - f . u + springs.
 
-    def __init__(self, body: ElasticBody, load: np.ndarray, held: Supports) -> None:
-        self.body, self.load, self.held = body, load, held
-        self._wp = start_warp()
+    ``scale`` is the size of the forces in play [N].
+    """
 
-    def _array(self, u: np.ndarray):
-        return self._wp.array(u, dtype=self._wp.vec3d, device=self.body.grid.device)
+    def __init__(self, body: ElasticBody, load: np.ndarray, held: Supports, scale: float) -> None:
+        self.body, self.load, self.held, self.scale = body, load, held, scale
 
-    def value(self, u: np.ndarray) -> float:
-        """Energy [J]."""
-        springs = 0.5 * float((self.held.springs * u**2).sum())
-        return self.body.energy(self._array(u)) + springs - float((self.load * u).sum())
-
-    def gradient(self, u: np.ndarray) -> np.ndarray:
-        """Gradient [N], zero at prescribed components."""
-        field = self._array(u)
-        force = self._wp.zeros_like(field)
-        self.body.add_force(field, force)
-        return np.where(self.held.fixed, 0.0, force.numpy() + self.held.springs * u - self.load)
+    def evaluate(self, u: np.ndarray) -> Point:
+        """Energy, gradient (zero at prescribed components) and scale."""
+        held, elastic = self.held, self.body.response(u)
+        springs = held.springs * u
+        energy = elastic.energy + 0.5 * float((springs * u).sum()) - float((self.load * u).sum())
+        gradient = np.where(held.fixed, 0.0, elastic.force + springs - self.load)
+        return Point(energy, gradient, self.scale)
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
-        matrix = self.body.tangent(self._array(u), projected=projected)
+        matrix = self.body.tangent(u, projected=projected)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
 
@@ -88,7 +83,6 @@ def solve_nonlinear(
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
     load = load_vector(mesh, grid.space, gravity, body, traction, forces)
     elastic = ElasticBody(grid, material, law)
-    potential = Potential(elastic, load, held)
     nodes = grid.space.nodes
 
     def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
@@ -96,15 +90,9 @@ def solve_nonlinear(
 
     u = np.zeros_like(load) if start is None else start.copy()
     u[held.fixed] = held.values[held.fixed]
-    size = _force_scale(potential, u, load)
-    found = minimise(potential, u, solve=linear, target=tolerance * size, limit=iterations)
-    residual = found.residual / size
+    # The load, or what the prescribed motion makes.
+    scale = float(max(np.linalg.norm(load), np.linalg.norm(elastic.response(u).force))) or 1.0
+    potential = Potential(elastic, load, held, scale)
+    found = minimise(potential, u, solve=linear, tolerance=tolerance, limit=iterations)
+    residual = found.residual / scale
     return static_result(mesh, elastic, found.u, load, held, residual, found.iterations)
-
-
-def _force_scale(potential: Potential, u: np.ndarray, load: np.ndarray) -> float:
-    """Size of the forces in play [N]: the load, or what the prescribed motion makes."""
-    field = potential._array(u)
-    force = start_warp().zeros_like(field)
-    potential.body.add_force(field, force)
-    return float(max(np.linalg.norm(load), np.linalg.norm(force.numpy()))) or 1.0

@@ -15,7 +15,7 @@ from .blocks import (
     displacement_gradients,
     stiffness,
 )
-from .device import checked_device, start_warp
+from .device import checked_device
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError, InputError
 from .loads import Traction, body_force, traction_force
@@ -203,13 +203,10 @@ def static_result(
     iterations: int,
 ) -> StaticResult:
     """Strain, stress, reaction and energy of the nodal displacement ``u`` (nodes, 3) [m]."""
-    wp = start_warp()
     grid = body.grid
     centre = np.full((1, 4), 0.25)  # P2 strain is linear: its mean is its value at the centroid
     H = displacement_gradients(grid, u, centre)[:, 0]
-    field = wp.array(u, dtype=wp.vec3d, device=grid.device)
-    force = wp.zeros_like(field)
-    body.add_force(field, force)
+    energy, force = body.response(u)
     strain, stress = strain_and_stress(body.law, H, material_of(mesh))
     return StaticResult(
         mesh,
@@ -219,8 +216,8 @@ def static_result(
         body.law,
         strain,
         stress,
-        np.where(held.fixed, force.numpy() - load, 0.0) - held.springs * u,
-        body.energy(field),
+        np.where(held.fixed, force - load, 0.0) - held.springs * u,
+        energy,
         residual,
         iterations,
     )

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.dynamics import Damping, Dynamics, Scheme
+from autophyx_tet.fem.dynamics import Damping, Dynamics
 from autophyx_tet.fem.elastic import Law
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mass import consistent_mass, lumped_mass
 from autophyx_tet.fem.obstacles import Box, Capsule, Plane, Sphere, gripper
+from autophyx_tet.fem.schemes import Scheme
 from autophyx_tet.fem.space import make_space
 from autophyx_tet.fem.supports import Supports
 from hypothesis import given, settings

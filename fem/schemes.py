@@ -1,0 +1,83 @@
+"""Time integration: where inertia alone carries a body, and what its motion is after a step."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+# Most accelerations that a forecast continues.
+DEGREE = 5
+
+
+class Scheme(Enum):
+    """Time integration: first order and damping, second order and damping little, conserving."""
+
+    IMPLICIT_EULER = "implicit Euler"
+    BDF2 = "BDF2"
+    TRAPEZOIDAL = "trapezoidal"
+
+
+class Kinematics(NamedTuple):
+    """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (nodes, 3)."""
+
+    u: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+class Step(NamedTuple):
+    """An implicit step of ``dt`` [s]: M ``factor`` (u - ``target``) balances the forces at u."""
+
+    scheme: Scheme
+    dt: float
+    factor: float
+    target: np.ndarray
+    now: Kinematics
+    before: Kinematics | None
+
+    @staticmethod
+    def of(scheme: Scheme, dt: float, now: Kinematics, before: Kinematics | None) -> Step:
+        """Step from ``now``; BDF2 has its second order from the state one ``dt`` ``before``."""
+        if scheme is Scheme.BDF2 and before is not None:
+            target = (4 * now.u - before.u) / 3 + 2 * dt / 9 * (4 * now.v - before.v)
+            return Step(scheme, dt, 9 / (4 * dt**2), target, now, before)
+        if scheme is Scheme.TRAPEZOIDAL:
+            target = now.u + dt * now.v + dt**2 / 4 * now.a
+            return Step(scheme, dt, 4 / dt**2, target, now, before)
+        return Step(Scheme.IMPLICIT_EULER, dt, 1 / dt**2, now.u + dt * now.v, now, None)
+
+    def ended(self, u: np.ndarray) -> Kinematics:
+        """Motion at the end of the step, where the displacement is ``u``."""
+        now, before, dt = self.now, self.before, self.dt
+        a = self.factor * (u - self.target)
+        if self.scheme is Scheme.TRAPEZOIDAL:
+            return Kinematics(u, now.v + dt / 2 * (now.a + a), a)
+        if before is None:
+            return Kinematics(u, (u - now.u) / dt, a)
+        return Kinematics(u, (3 * u - 4 * now.u + before.u) / (2 * dt), a)
+
+
+class Forecast:
+    """Acceleration of the next step from those of the last ones, a polynomial in time.
+
+    The sum of the first n backward differences continues n values; what it misses the next one by
+    is the n-th difference. As many are summed as would have foreseen the last value best.
+    """
+
+    def __init__(self) -> None:
+        self.differences: list[np.ndarray] = []
+        self.terms = 0
+
+    def add(self, a: np.ndarray) -> None:
+        """Take in the acceleration of a step."""
+        new = [a]
+        for old in self.differences[:DEGREE]:
+            new.append(new[-1] - old)
+        self.differences = new
+        self.terms = int(np.argmin([np.linalg.norm(d) for d in new]))
+
+    def next(self) -> np.ndarray | float:
+        """Acceleration to expect [m/s^2]; zero without a past."""
+        return sum(self.differences[: self.terms], 0.0)
