@@ -19,7 +19,7 @@ from .lexicon import HintedEncoder
 
 if TYPE_CHECKING:
     from .film_unet import FilmUNet
-    from .training.samples import Batch
+    from .training.batch import Batch
 
 Split = Literal["procedural", "validation"]
 BASELINES = ("constant", "table-mean", "table-first")
@@ -119,7 +119,9 @@ def held_out_batches(
     """Yield batches of one object each, for a split."""
     import torch
 
-    from .training.samples import Mixture, Phrasebook, Sampler, Store, procedural_store, real_store
+    from .training.phrasebook import Phrasebook
+    from .training.samples import Mixture, Sampler
+    from .training.stores import Store, procedural_store, real_store
 
     mixture = Mixture(
         composite=0, relabelled=0, real=0, no_text=0.1, mention=0.7, whole=0.1,
@@ -224,7 +226,7 @@ def _film(name: str, weights: Path | None) -> Guess:
     import torch
 
     from .film import WEIGHTS
-    from .training.trainer import load_checkpoint
+    from .training.checkpoint import load_checkpoint
 
     network: FilmUNet = load_checkpoint(weights or WEIGHTS)
 
@@ -254,7 +256,7 @@ def _baseline(name: str, text: TextTable) -> Guess:
     """
     import torch
 
-    from .training.samples import settled_values
+    from .training.phrasebook import settled_values
 
     if name not in BASELINES:
         raise UsageError(f"unknown row {name!r}: wanted film, film-... or one of {BASELINES}")
@@ -285,7 +287,7 @@ def level_response(
     from .dataset.grammar import Grammar
     from .dataset.wordings import LEVELS
     from .film import WEIGHTS
-    from .training.trainer import load_checkpoint
+    from .training.checkpoint import load_checkpoint
 
     network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)
@@ -316,7 +318,7 @@ def named_materials(*, weights: Path | None = None, seed: int = 0) -> dict[str, 
     from .dataset.grammar import Grammar
     from .film import WEIGHTS
     from .normalisation import DEFAULT
-    from .training.trainer import load_checkpoint
+    from .training.checkpoint import load_checkpoint
 
     network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)

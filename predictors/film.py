@@ -21,6 +21,7 @@ from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
 from .binding import NamedPart, is_whole, overlap
 from .field import MaterialField
+from .film_frame import Frame
 from .lexicon import with_lexicon
 from .normalisation import DEFAULT
 from .predictor import TextEncoder
@@ -30,11 +31,10 @@ from .vocabulary import Vocabulary
 from .voxels import PartVoxels
 
 if TYPE_CHECKING:
-    from .film_unet import FilmUNet, Scene
+    from .film_scene import Scene
+    from .film_unet import FilmUNet
 
 WEIGHTS = Path(__file__).parent / "weights" / "film.safetensors"
-# Cells along the longest side in training; a grid far from it is resampled.
-TRAINED_CELLS, FEWEST_CELLS = 62, 48
 # How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
 VISION = 0.5
@@ -97,7 +97,7 @@ class FilmPredictor:
     @cached_property
     def network(self) -> FilmUNet:
         """The network, loaded on the first prediction."""
-        from .training.trainer import load_checkpoint
+        from .training.checkpoint import load_checkpoint
 
         return load_checkpoint(self._weights)
 
@@ -154,7 +154,7 @@ class FilmPredictor:
         """
         if alpha is not None:
             raise UsageError("the film predictor has no --alpha: use --predictor retrieval")
-        frame = _Frame.of(parts, up)
+        frame = Frame.of(parts, up)
         clauses = self.clauses(text)
         scene = self._scene(parts, frame, text, appearance or Appearance(), names)
         values, taken = self._run(scene, frame, turns)
@@ -199,12 +199,12 @@ class FilmPredictor:
         }
 
     def _scene(
-        self, parts: PartVoxels, frame: _Frame, text: str, appearance: Appearance, names: bool
+        self, parts: PartVoxels, frame: Frame, text: str, appearance: Appearance, names: bool
     ) -> Scene:
         """Put everything that is known into the tensors of the network."""
         import torch
 
-        from .film_unet import Scene
+        from .film_scene import Scene
 
         clauses = self.clauses(text)
         named = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in parts.part_labels]
@@ -242,7 +242,7 @@ class FilmPredictor:
         )  # fmt: skip
         return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
 
-    def _run(self, scene: Scene, frame: _Frame, turns: int):
+    def _run(self, scene: Scene, frame: Frame, turns: int):
         """Values (turns, x, y, z, 3) and the clause of every voxel (-1: none) in the frame."""
         import torch
 
@@ -310,75 +310,6 @@ def _bindings(
         doubt = float(spread[cells].mean()) if total else 0.0
         out.append(Binding(name, clause, share, total, doubt, index in fixed))
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """The network's grid: the object's box, z up, resampled if need be, padded to its step.
-
-    ``source`` holds, for the three upright axes, the cell of the given grid behind each cell.
-    """
-
-    axes: tuple[int, int, int]
-    flip: tuple[int, ...]
-    source: tuple[np.ndarray, ...]
-    inside: tuple[int, int, int]
-    low: tuple[int, int, int]
-    shape: tuple[int, int, int]
-
-    @classmethod
-    def of(cls, parts: PartVoxels, up: UpAxis, *, step: int = 32) -> _Frame:
-        """Frame of the occupied box of ``parts``."""
-        axes, flip = {"z": ((0, 1, 2), ()), "y": ((0, 2, 1), (1,)), "x": ((2, 1, 0), (0,))}[up]
-        upright = np.flip(parts.occupied.transpose(axes), flip)
-        box = [np.flatnonzero(upright.any(axis=tuple({0, 1, 2} - {i}))) for i in range(3)]
-        size = [int(cells[-1] - cells[0] + 1) for cells in box]
-        longest = max(size)
-        scale = 1.0 if FEWEST_CELLS <= longest <= TRAINED_CELLS else TRAINED_CELLS / longest
-        inside = [max(1, round(n * scale)) for n in size]
-        source = tuple(
-            cells[0] + np.minimum((np.arange(m) + 0.5) * n / m, n - 1).astype(np.int64)
-            for cells, n, m in zip(box, size, inside, strict=True)
-        )
-        shape = [-(-(m + 2) // step) * step for m in inside]
-        low = [(s - m) // 2 for s, m in zip(shape, inside, strict=True)]
-        return cls(axes, flip, source, *(tuple(x) for x in (inside, low, shape)))  # type: ignore
-
-    def forward(self, cells: np.ndarray, *, outside: float = 0) -> np.ndarray:
-        """Bring an array over the cells (nx, ny, nz, ...) into the frame."""
-        more = tuple(range(3, cells.ndim))
-        upright = np.flip(cells.transpose((*self.axes, *more)), self.flip)
-        out = np.full((*self.shape, *cells.shape[3:]), outside, dtype=cells.dtype)
-        box = tuple(slice(a, a + m) for a, m in zip(self.low, self.inside, strict=True))
-        out[box] = upright[np.ix_(*self.source)]
-        return out
-
-    def back(self, values: np.ndarray, parts: PartVoxels) -> np.ndarray:
-        """Bring an array of the frame (x, y, z, ...) back to the cells of ``parts``."""
-        shape = [parts.grid.shape[axis] for axis in self.axes]
-        index = []
-        for cells, m, a, n in zip(self.source, self.inside, self.low, shape, strict=True):
-            first, count = cells[0], cells[-1] - cells[0] + 1
-            place = (np.arange(n) - first + 0.5) * m / count
-            index.append(a + place.astype(np.int64).clip(0, m - 1))
-        upright = np.flip(values[np.ix_(*index)], self.flip)
-        more = tuple(range(3, values.ndim))
-        return np.ascontiguousarray(upright.transpose((*np.argsort(self.axes), *more)))
-
-    def place(self, shape: tuple[int, int, int]) -> Float[np.ndarray, "3 x y z"]:
-        """Return places in the object's box, the longest side from -1 to 1."""
-        half = max(self.inside) / 2
-        lines = [((np.arange(n) + 0.5) - n / 2) / half for n in shape]
-        return np.stack(np.meshgrid(*lines, indexing="ij")).astype(np.float32)
-
-    def inputs(self, part: np.ndarray, colours: np.ndarray | None) -> Float[np.ndarray, "8 x y z"]:
-        """Input channels: occupancy, colour, its flag, place."""
-        occupied = (part >= 0).astype(np.float32)
-        colour, flag = np.zeros((*part.shape, 3), np.float32), np.zeros_like(occupied)
-        if colours is not None:
-            colour, flag = self.forward(colours.astype(np.float32)), occupied
-        channels = [occupied[None], np.moveaxis(colour, -1, 0), flag[None], self.place(part.shape)]
-        return np.concatenate(channels) * occupied
 
 
 def with_names(parts: PartVoxels, names: Sequence[str]) -> PartVoxels:

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..film_unet import Output
-from .samples import CLAUSES, Batch
+from ..film_scene import Output
+from .batch import CLAUSES, Batch
 
 BINDING_WEIGHT = 0.3  # of the cross-entropy beside the squared error
 

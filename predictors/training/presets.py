@@ -9,11 +9,11 @@ import numpy as np
 
 from ..dataset.real import RealObject
 from ..dataset.texttable import TextTable, build_text_table
-from ..film_unet import NetworkConfig
+from ..film_scene import NetworkConfig
 from ..lexicon import CHANNELS, HintedEncoder
+from .config import TrainingConfig
 from .embedding import TorchMiniLM
 from .samples import Mixture
-from .trainer import TrainingConfig
 
 TEXT_DIM = 384 + len(CHANNELS)  # a sentence embedding with the lexicon's hints behind
 # One after the other; each began with the weights of the one before.

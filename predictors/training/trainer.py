@@ -12,7 +12,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,61 +27,19 @@ from ...fem.errors import InputError
 from ..dataset.objects import make_composites, make_objects
 from ..dataset.real import load_real
 from ..dataset.texttable import load_text_table
-from ..film_unet import FilmUNet, NetworkConfig, Scene
-from ..normalisation import DEFAULT
+from ..film_scene import Scene
+from ..film_unet import FilmUNet
+from .checkpoint import load_matching
+from .config import TrainingConfig
 from .loss import losses
-from .samples import (
-    Mixture,
-    Phrasebook,
-    Sampler,
-    Wardrobe,
-    dressed_store,
-    procedural_store,
-    real_store,
-    with_changes_of_dress,
-)
+from .phrasebook import Phrasebook
+from .samples import Sampler
+from .stores import procedural_store, real_store
+from .wardrobe import Wardrobe, dressed_store, with_changes_of_dress
 
 log = logging.getLogger(__name__)
 
 Report = Callable[[dict], None]
-
-
-@dataclass(frozen=True)
-class TrainingConfig:
-    """A run. ``minutes`` ends it early; a run is repeatable only if ``steps`` end it."""
-
-    cells: int = 32
-    batch: int = 96
-    steps: int = 10_000
-    minutes: float | None = None
-    rate: float = 1e-3
-    final_rate: float = 2e-5
-    warm_up: int = 200
-    decay: float = 0.999  # of the moving average of the weights
-    clip: float = 1.0
-    text_batch: int = 2048  # clauses a step that train the slots alone, without an object
-    objects: int = 12_000
-    composites: int = 4_000
-    seed: int = 0
-    device: str = "cuda"
-    bfloat16: bool = True
-    compile: bool = False
-    every: int = 100  # steps between two reports
-    network: NetworkConfig = field(default_factory=NetworkConfig)
-    mixture: Mixture = field(default_factory=Mixture)
-
-    @classmethod
-    def from_dict(cls, data: dict) -> TrainingConfig:
-        """Build from plain data, as a TOML file holds it."""
-        data = dict(data)
-        network = NetworkConfig.from_dict(data.pop("network", {}))
-        mixture = data.pop("mixture", {})
-        if "noise" in mixture:
-            mixture = {**mixture, "noise": tuple(mixture["noise"])}
-        try:
-            return cls(**data, network=network, mixture=Mixture(**mixture))
-        except TypeError as error:
-            raise InputError(f"training config: {error}") from error
 
 
 class Trained(NamedTuple):
@@ -148,7 +106,7 @@ def train(
     torch.manual_seed(config.seed)  # the same first weights in every process
     network = FilmUNet(config.network)
     if start is not None:
-        _load_matching(network, start)
+        load_matching(network, start)
     network.to(device=config.device)
     network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
     torch.manual_seed(config.seed + _rank())
@@ -349,43 +307,3 @@ def _log(line: dict) -> None:
         "step %d  loss %.4f  mse %.4f  right %.4f  rate %.1e  %.0f samples/s",
         *(line[name] for name in ("step", "loss", "mse", "right", "rate", "samples_per_second")),
     )
-
-
-def _load_matching(network: FilmUNet, path: Path) -> None:
-    """Take over the weights of a checkpoint that fit; a network of another shape keeps its own."""
-    from safetensors.torch import load_file
-
-    own = network.state_dict()
-    saved = {
-        k: v.float() for k, v in load_file(path).items() if k in own and own[k].shape == v.shape
-    }
-    log.info("%d of %d tensors taken from %s", len(saved), len(own), path)
-    network.load_state_dict({**own, **saved})
-
-
-def save_checkpoint(path: Path, network: FilmUNet, *, facts: dict | None = None) -> None:
-    """Write the network as float16 safetensors, with its config and normalisation."""
-    from safetensors.torch import save_file
-
-    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
-    metadata = {
-        "network": json.dumps(network.config.to_dict()),
-        "normalisation": json.dumps(DEFAULT.to_dict()),
-        "facts": json.dumps(facts or {}),
-    }
-    save_file(tensors, path, metadata=metadata)
-
-
-def load_checkpoint(path: Path) -> FilmUNet:
-    """Read a network that ``save_checkpoint`` wrote, in float32 on the CPU."""
-    from safetensors import safe_open
-
-    try:
-        with safe_open(path, framework="pt") as file:
-            config = NetworkConfig.from_dict(json.loads(file.metadata()["network"]))
-            tensors = {key: file.get_tensor(key).float() for key in file.keys()}
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is not a checkpoint of the FiLM network: {error}") from error
-    network = FilmUNet(config)
-    network.load_state_dict(tensors)
-    return network.eval()

@@ -20,13 +20,8 @@ from autophyx_tet.predictors.dataset.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.predictors.dataset.wordings import LEVELS, wordings
 from autophyx_tet.predictors.film import FilmPredictor
 from autophyx_tet.predictors.film_parts import FilmBlock, MaskedGroupNorm, Modulation
-from autophyx_tet.predictors.film_unet import (
-    FilmUNet,
-    NetworkConfig,
-    Scene,
-    count_parameters,
-    halve,
-)
+from autophyx_tet.predictors.film_scene import NetworkConfig, Scene, halve
+from autophyx_tet.predictors.film_unet import FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.lexicon import with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT, PIXIE, Normalisation
