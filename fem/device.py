@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from types import ModuleType
+from typing import Any
 
 from .errors import InputError
 
@@ -47,3 +48,20 @@ def checked_device(device: str) -> str:
     if device not in (*known, *(["cuda"] if wp.is_cuda_available() else [])):
         raise InputError(f"no device {device!r} here: have {known}; use device='cpu'")
     return device
+
+
+@functools.cache
+def _blas() -> Any:
+    import scipy.linalg  # noqa: F401 (brings a BLAS of its own beside numpy's)
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+def one_thread() -> contextlib.AbstractContextManager:
+    """Context in which BLAS has one thread.
+
+    Vectors this small take longer with more: threads wait for each other, on a busy machine most
+    of the time.
+    """
+    return _blas().limit(limits=1, user_api="blas")

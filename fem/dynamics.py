@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from .blocks import discretise
 from .contact import Contact
-from .device import checked_device
+from .device import checked_device, one_thread
 from .elastic import ElasticBody, Law, Response
 from .errors import ConvergenceError, InputError
 from .incremental import Damping, Incremental, Rayleigh
@@ -178,7 +178,8 @@ class Dynamics:
         ConvergenceError
             If steps of dt / 256 still fail.
         """
-        return self._step(dt, HALVINGS)
+        with one_thread():
+            return self._step(dt, HALVINGS)
 
     def _step(self, dt: float, halvings: int) -> Motion:
         try:
