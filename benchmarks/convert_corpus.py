@@ -34,16 +34,19 @@ def main() -> None:
     if args.one:
         _child(args)
         return
-    inputs = [p.resolve() for p in corpus(args.corpus, Path(args.folder), args.limit)]
+    root = _root(args.corpus, Path(args.folder).resolve())
+    inputs = corpus(args.corpus, root, args.limit)
     done = _read_rows(args.rows)
     known = {(row["input"], row["tool"]) for row in done}
     peers = [peer for peer in args.peers.split(",") if peer]
     sample = set(inputs[:: max(1, -(-len(inputs) // SAMPLE))])
-    for path in inputs:
+    # In random order, so that a run that is interrupted has seen a fair sample.
+    for path in np.random.default_rng(0).permutation(np.array(inputs, dtype=object)):
         for tool in [OURS, *(peers if path in sample else [])]:
-            if (path.name, tool) in known:
+            name = path.relative_to(root).as_posix()
+            if (name, tool) in known:
                 continue
-            row = run_one(path, tool, args)
+            row = {"input": name} | run_one(path, tool, args)
             done.append(row)
             with args.rows.open("a") as rows:
                 rows.write(json.dumps(row) + "\n")
@@ -64,49 +67,54 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--rows", type=Path, default=Path("convert_corpus.jsonl"))
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--edge-length-rel", type=float, default=0.05)
-    parser.add_argument("--epsilon-rel", type=float, default=1e-3)
+    parser.add_argument("--epsilon-rel", type=float, default=2e-3)
     parser.add_argument("--stop-energy", type=float, default=20.0)
     parser.add_argument("--time-limit", type=float, default=300.0)
     parser.add_argument("--one", nargs=3, metavar=("TOOL", "INPUT", "OUT"), help=argparse.SUPPRESS)
     return parser.parse_args()
 
 
-def corpus(name: str, folder: Path, limit: int | None) -> list[Path]:
+def _root(name: str, folder: Path) -> Path:
+    """Folder that the inputs of a corpus are named in: ours for the known ones, else itself."""
+    return folder / name if name in ("cgal", "sweethome3d") else Path(name).resolve()
+
+
+def corpus(name: str, root: Path, limit: int | None) -> list[Path]:
     """Surface files of a corpus in a fixed order, evenly thinned to ``limit``."""
     if name == "cgal":
-        files = sorted(p for p in _cgal(folder).rglob("*") if p.suffix in (".off", ".ply", ".stl"))
+        _fetch_cgal(root)
+        files = sorted(p for p in root.rglob("*") if p.suffix in (".off", ".ply", ".stl"))
     elif name == "sweethome3d":
-        files = _sweethome3d(folder)
+        files = _sweethome3d(root)
     else:
-        files = sorted(p for p in Path(name).rglob("*") if p.is_file())
+        files = sorted(p for p in root.rglob("*") if p.is_file())
     if limit is not None and limit < len(files):
         files = [files[i] for i in np.linspace(0, len(files) - 1, limit).round().astype(int)]
     return files
 
 
-def _cgal(folder: Path) -> Path:
-    """Meshes of Debian's libcgal-demo, fetched once; needs no root."""
-    target = folder / "cgal"
-    if not target.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as work:
-            subprocess.run(["apt-get", "download", "libcgal-demo"], cwd=work, check=True)
-            (deb,) = Path(work).glob("*.deb")
-            subprocess.run(["dpkg", "-x", str(deb), work], check=True)
-            with tarfile.open(next(Path(work).rglob("data.tar.gz"))) as archive:
-                archive.extractall(Path(work) / "data", filter="data")
-            (Path(work) / "data").rename(target)
-    return target
+def _fetch_cgal(root: Path) -> None:
+    """Meshes of Debian's libcgal-demo, fetched once; needs no administrator."""
+    if root.exists():
+        return
+    root.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=root.parent) as work:
+        subprocess.run(["apt-get", "download", "libcgal-demo"], cwd=work, check=True)
+        (deb,) = Path(work).glob("*.deb")
+        subprocess.run(["dpkg", "-x", str(deb), work], check=True)
+        with tarfile.open(next(Path(work).rglob("data.tar.gz"))) as archive:
+            archive.extractall(Path(work) / "data", filter="data")
+        (Path(work) / "data").rename(root)
 
 
-def _sweethome3d(folder: Path) -> list[Path]:
+def _sweethome3d(root: Path) -> list[Path]:
     from autophyx_tet.toolkit.sweethome3d import SOURCES, catalog, extract
 
     files = []
     for source in SOURCES:
         for item in catalog(source):
-            path = folder / "sweethome3d" / source / item.model
-            files.append(path if path.exists() else extract(item, folder / "sweethome3d" / source))
+            path = root / source / item.model
+            files.append(path if path.exists() else extract(item, root / source))
     return sorted(set(files))
 
 
@@ -121,7 +129,7 @@ def run_one(path: Path, tool: str, args: argparse.Namespace) -> dict:
         # Our ladder may use several attempts, each within the limit; a peer has one.
         limit = args.time_limit * (5 if tool == OURS else 1) + 60
         code, wall, cpu, rss = _timed(command, Path(work), limit)
-        row = {"input": path.name, "tool": tool, "exit": code}
+        row = {"tool": tool, "exit": code}
         row |= {"wall_s": round(wall, 2), "cpu_s": round(cpu, 2), "rss_mb": round(rss)}
         if tool != OURS and code == 0:
             measure = [*command]
@@ -253,11 +261,12 @@ def _surface(path: Path):
 
 def _pytetwild(path: Path, args: argparse.Namespace):
     import pytetwild
+    from autophyx_tet.toolkit.conversion import ENVELOPE_SHARE
 
     return pytetwild.tetrahedralize(
         *_surface(path),
         edge_length_fac=args.edge_length_rel,
-        epsilon=args.epsilon_rel,
+        epsilon=ENVELOPE_SHARE * args.epsilon_rel,
         stop_energy=args.stop_energy,
         vtk_ordering=True,
     )

@@ -15,13 +15,14 @@ from .sampling import interface_faces, sample, stratified
 from .triangles import closest
 
 Engine = Literal["tetwild", "alpha wrap + tetwild"]
+# Of epsilon: the envelope that the engine gets. It keeps sampled points of its surface within that
+# distance of the input; between them the surface bulges, and where three faces meet in a right
+# angle the corner is sqrt(3) envelopes away.
+ENVELOPE_SHARE = 0.5
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
-# fTetWild keeps sampled points of its surface within epsilon of the input: between them it bulges,
-# and where three faces meet in a right angle the corner is sqrt(3) epsilon away.
-ENVELOPE_SLACK = 2.0
-# Epsilons off the surface at which each side is asked for: inside or outside. Small, so that a
-# plate counts as one even where the envelope swallows it.
-PROBE = 0.25
+# Epsilons off the surface at which each side is asked for, inside or outside: near by, and as far
+# as the envelope reaches. Where they differ, a spike or a gap is thinner than the engine can see.
+PROBES = (0.125, ENVELOPE_SHARE)
 
 
 @dataclass(frozen=True)
@@ -66,14 +67,21 @@ class Distances:
 
     ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
     ``from_input`` that from the outer visible input to the boundary or an interface of regions.
-    The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid, and
-    ``sheet_share``, which has no volume on either side.
+    The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid,
+    ``sheet_share``, which has no volume on either side, and ``thin_share``, where the solid or the
+    gap beside it is thinner than the engine's envelope.
     """
 
     to_input: float
     from_input: float
     hidden_share: float = 0.0
     sheet_share: float = 0.0
+    thin_share: float = 0.0
+
+    @property
+    def largest(self) -> float:
+        """Hausdorff distance [m], both ways."""
+        return max(self.to_input, self.from_input)
 
 
 @dataclass(frozen=True)
@@ -157,16 +165,21 @@ def measure_distances(
     points, faces = solids.surface.points, solids.surface.faces
     there = sample(mesh.points, boundary, rng=rng).where
     back = sample(points, faces, rng=rng)
-    step = PROBE * epsilon * back.normal
-    sides = np.concatenate([back.where - step, back.where + step])
-    outside = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1).sum(axis=0)
+    steps = np.array([side * depth for depth in PROBES for side in (-1, 1)]) * epsilon
+    sides = (back.where + steps[:, None, None] * back.normal).reshape(-1, 3)
+    below, above, far_below, far_above = (solids.label(sides, np.ones(len(sides))) < 0).reshape(
+        len(steps), -1
+    )
+    visible = below != above
+    thick = visible & (below == far_below) & (above == far_above)
     target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
-    home = closest(back.where[outside == 1], mesh.points, target).distance
+    home = closest(back.where[thick], mesh.points, target).distance
     return Distances(
         to_input=float(closest(there, points, faces).distance.max()),
         from_input=float(home.max(initial=0)),
-        hidden_share=float((outside == 0).mean()),
-        sheet_share=float((outside == 2).mean()),
+        hidden_share=float((~below & ~above).mean()),
+        sheet_share=float((below & above).mean()),
+        thin_share=float((visible & ~thick).mean()),
     )
 
 
@@ -177,14 +190,12 @@ def guarantees(
     enclosed = volume.total
     a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    # A surface that moves by epsilon everywhere changes the volume by area times epsilon.
-    slack = (area * epsilon + CONFIDENCE * volume.error) / enclosed
+    # A surface that moves by its envelope everywhere changes the volume by area times that.
+    slack = (area * ENVELOPE_SHARE * epsilon + CONFIDENCE * volume.error) / enclosed
     return (
         Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
         Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
-        Guarantee("distance from boundary to input", gaps.to_input, ENVELOPE_SLACK * epsilon, "m"),
-        Guarantee(
-            "distance from input to boundary", gaps.from_input, ENVELOPE_SLACK * epsilon, "m"
-        ),
+        Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m"),
+        Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m"),
         Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
     )

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from .decimate import decimated
+from .triangles import Triangles
+
 Arrays = dict[str, np.ndarray]
 
 
@@ -26,24 +29,29 @@ def tetwild(
     edge_length_rel: float,
     epsilon_rel: float,
     stop_energy: float,
-    keep_outside: bool = True,
+    decimate_rel: float | None = None,
 ) -> Arrays:
-    """Fill with fTetWild: ``points`` (n, 3), ``faces`` (m, 3) of about unit size.
+    """Fill the box around ``points`` (n, 3), ``faces`` (m, 3) of about unit size with fTetWild.
 
-    With ``keep_outside`` the tets fill the whole box around the surface, and conform to it.
-    Returns ``points`` and positively oriented ``tets``.
+    The surface is first decimated within ``decimate_rel``, or simplified by fTetWild where that is
+    None. Returns ``points`` and positively oriented ``tets`` that conform to the surface.
     """
+    surface = Triangles(arrays["points"], arrays["faces"])
+    if decimate_rel is not None:
+        _stage("decimating")
+        surface = decimated(surface, decimate_rel)
     pytetwild: Any = importlib.import_module("pytetwild")  # its stubs want narrower arrays
 
     _stage("tetrahedralizing")
     sizing = {name: array for name, array in arrays.items() if name.startswith("bg_")}
     points, tets = pytetwild.tetrahedralize(
-        arrays["points"],
-        arrays["faces"].astype(np.int32),
+        surface.points,
+        surface.faces.astype(np.int32),
         edge_length_fac=edge_length_rel,
         epsilon=epsilon_rel,
         stop_energy=stop_energy,
-        disable_filtering=keep_outside,
+        simplify=decimate_rel is None,
+        disable_filtering=True,
         num_threads=1,
         vtk_ordering=True,
         **sizing,

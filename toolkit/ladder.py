@@ -14,7 +14,7 @@ from ..fem.errors import UsageError
 from ..fem.mesh import signed_volumes
 from .cache import Runner
 from .child import ChildFailure
-from .conversion import Attempt, Engine
+from .conversion import ENVELOPE_SHARE, Attempt, Engine
 from .manifold import Separated, separate
 from .regions import Shell, Solids
 from .surface import Surface
@@ -22,11 +22,12 @@ from .triangles import closest, edge_components
 
 log = logging.getLogger(__name__)
 
-HARDER_WELD_REL = 1e-4  # a tenth of the default epsilon: closes gaps that nobody can see
+HARDER_WELD_REL = 1e-4  # a twentieth of the default epsilon: closes gaps that nobody can see
 COARSER = (2.0, 4.0)  # factors of edge length and epsilon
 TIGHTER = 3.0  # divides epsilon where the result misses parts of the input, and multiplies time
 TIGHTER_START = 10.0  # s that it may take in any case
-COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 1e-2
+COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
+DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
@@ -54,9 +55,9 @@ class Target:
         return self.epsilon_rel * self.diagonal
 
     @property
-    def thinnest(self) -> float:
-        """Thickness [m] below which the envelope swallows a plate whole."""
-        return self.epsilon
+    def envelope(self) -> float:
+        """Distance [m] that the engine keeps; a plate thinner than that is swallowed whole."""
+        return ENVELOPE_SHARE * self.epsilon
 
     def checked(self) -> Target:
         """Return itself, or say what is out of range."""
@@ -177,7 +178,7 @@ def wrapped(job: Job) -> Solids:
     wrap = job.runner.run(
         "alpha_wrap",
         {"points": surface.points, "faces": surface.faces},
-        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": job.target.epsilon_rel},
+        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * job.target.epsilon_rel},
     )
     points, faces = wrap["points"], wrap["faces"]
     a, b, c = (points[faces[:, i]] for i in range(3))
@@ -199,8 +200,9 @@ def _fill(solids: Solids, target: Target, runner: Runner) -> Filling:
         {"points": (points - centre) / scale, "faces": faces},
         {
             "edge_length_rel": min(target.edge_length / scale, 1.0),
-            "epsilon_rel": target.epsilon / scale,
+            "epsilon_rel": target.envelope / scale,
             "stop_energy": target.stop_energy,
+            "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,
         },
     )
     where = box["points"] * scale + centre

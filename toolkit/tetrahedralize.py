@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,7 +16,6 @@ from ..predictors.asset import Asset, Part
 from .cache import Runner
 from .child import Progress
 from .conversion import (
-    ENVELOPE_SLACK,
     Attempt,
     ConversionReport,
     Distances,
@@ -32,22 +30,14 @@ from .offset import hollowed, thickened
 from .quality import quality
 from .regions import Solids, sheet_faces
 from .repair import WELD_REL, RepairReport, repair
-
-SHEET_SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
-# Words of things whose closed surface usually stands for a shell.
-HOLLOW = re.compile(
-    r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
-    r"|box|chest|barrel|tank|pipe|tube|lamp.?shade|fridge|freezer|oven|washing|boiler|balloon"
-    r"|case|casing|housing|hull|helmet",
-    re.IGNORECASE,
-)
+from .sentences import likely_hollow, listed, no_mesh, no_volume, said
 
 
 def tetrahedralize(
     asset: Asset,
     *,
     edge_length_rel: float = 0.05,
-    epsilon_rel: float = 1e-3,
+    epsilon_rel: float = 2e-3,
     edge_length: float | None = None,
     max_tets: int | None = None,
     thicken: float | None = None,
@@ -60,37 +50,27 @@ def tetrahedralize(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[TetMesh, ConversionReport]:
-    """Fill an asset with tets; every part that encloses a volume becomes a region of its name.
+    """Fill an asset [m] with tets: each part that encloses a volume becomes a region of its name.
+
+    Returns the mesh [m] and the report that shows its guarantees.
 
     Parameters
     ----------
-    asset
-        Surface parts in metres.
     edge_length_rel, epsilon_rel
-        Wanted edge, and envelope around the input that the boundary stays in, as shares of the
-        diagonal of the bounding box.
-    edge_length
-        Wanted edge [m]; replaces ``edge_length_rel``.
-    max_tets
-        Budget: edge and envelope grow until it is met.
-    thicken
-        Thickness [m] given to sheets, which otherwise are left out.
-    wall, part_wall
-        Wall [m] that hollows all closed parts, or the named ones; without it they are solid.
+        Wanted edge, and largest distance between the boundary and the input, as shares of the
+        diagonal of the bounding box; the engine works in an envelope of half that distance.
+    edge_length, max_tets
+        Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
+    thicken, wall, part_wall
+        Thickness [m] given to sheets, which otherwise are left out; wall [m] that hollows all
+        closed parts, or the named ones, which otherwise are solid.
     stop_energy
         AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
     time_limit, memory_limit
         Seconds and bytes that one attempt of the engine may take.
-    cache
-        Folder in which results of the engine are remembered.
-    seed
-        Of the samples that check the result; the engine itself is not deterministic.
-    progress
-        Called with (stage, seconds) while the engine works.
-
-    Returns
-    -------
-    The mesh [m] and the report that shows its guarantees.
+    cache, seed, progress
+        Folder in which results of the engine are remembered; seed of the samples that check the
+        result (the engine itself is not deterministic); called with (stage, seconds) meanwhile.
 
     Raises
     ------
@@ -106,15 +86,15 @@ def tetrahedralize(
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     rng = np.random.default_rng(seed)
-    prepared = partial(_solids, asset.parts, target.thinnest, thicken, walls)
+    prepared = partial(_solids, asset.parts, target.envelope, thicken, walls)
     solids, repaired = prepared(WELD_REL)
     if not solids.shells:
-        raise NoVolumeError(_no_volume(asset, target.thinnest))
+        raise NoVolumeError(no_volume(asset, target.envelope))
     volume = input_volume(solids, len(asset.parts), rng=rng)
     job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner)
     made = _made(asset, job, max_tets, rng)
     report = _report(asset, job, volume, made, repaired, walls, seed)
-    return made.mesh, replace(report, warnings=_warnings(report))
+    return made.mesh, replace(report, warnings=said(report))
 
 
 def _solids(
@@ -146,7 +126,7 @@ def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator
     """Fill the solids; once more in a narrower envelope if parts of the input are missed."""
     filling, attempts = climb_within(job, max_tets)
     if filling is None:
-        raise NoVolumeError(_no_mesh(asset, attempts))
+        raise NoVolumeError(no_mesh(asset, attempts))
     epsilon = filling.target.epsilon
 
     def measured(filling: Filling, attempts: tuple[Attempt, ...]) -> Made:
@@ -155,13 +135,13 @@ def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator
         return Made(mesh, filling, gaps, epsilon, attempts)
 
     made = measured(filling, attempts)
-    if max_tets is not None or made.gaps.from_input <= ENVELOPE_SLACK * epsilon:
+    if max_tets is not None or made.gaps.largest <= epsilon:
         return made
     tighter, attempt = tighten(job._replace(target=filling.target), attempts[-1])
     if tighter is None:
         return made._replace(attempts=(*attempts, attempt))
     again = measured(tighter, (*attempts, attempt))
-    better = again.gaps.from_input < made.gaps.from_input
+    better = again.gaps.largest < made.gaps.largest
     return again if better else made._replace(attempts=again.attempts)
 
 
@@ -170,7 +150,7 @@ def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> 
     unknown = [name for name in part_wall if name not in asset.part_names]
     if unknown:
         raise UsageError(
-            f"--part-wall names {unknown[0]!r}, the asset has {_listed(asset.part_names, most=20)}"
+            f"--part-wall names {unknown[0]!r}, the asset has {listed(asset.part_names, most=20)}"
         )
     walls = {} if wall is None else dict.fromkeys(range(len(asset.parts)), wall)
     walls |= {asset.part_names.index(name): value for name, value in part_wall.items()}
@@ -221,19 +201,8 @@ def _report(
         sheets=sheets,
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
-        hollow=_likely_hollow(asset, mesh, walls),
+        hollow=likely_hollow(asset, mesh, walls),
         seed=seed,
-    )
-
-
-def _likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
-    """Names of parts filled as solids though their words are those of hollow things."""
-    return tuple(
-        part.name
-        for number, part in enumerate(asset.parts)
-        if number not in walls
-        and part.name in mesh.region_names
-        and HOLLOW.search(" ".join((part.name, *part.labels, asset.name)))
     )
 
 
@@ -242,63 +211,4 @@ def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[
     return tuple(
         Region(name, int(count), float(filled), float(volume.by_part[list(names).index(name)]))
         for name, count, filled in zip(mesh.region_names, tets, mesh.region_volumes(), strict=True)
-    )
-
-
-def _warnings(report: ConversionReport) -> tuple[str, ...]:
-    """Sentences about whatever a user would not expect."""
-    sentences = list(report.failed)
-    if report.sheets:
-        sentences.append(
-            f"{_listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
-        )
-    if report.thin:
-        sentences.append(
-            f"{report.thin} closed pieces thinner than epsilon ({report.epsilon:.3g} m) are left "
-            "out; a smaller --epsilon-rel keeps them"
-        )
-    if report.lost:
-        sentences.append(
-            f"{_listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
-            "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
-        )
-    if report.distances.sheet_share > SHEET_SHARE_TOLD:
-        sentences.append(
-            f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
-            "not in the mesh"
-        )
-    if report.hollow:
-        sentences.append(
-            f"{_listed(report.hollow)}: taken as solid, though by its name a shell is likely; "
-            "--wall METRES or --part-wall NAME=METRES hollows it"
-        )
-    failed = [attempt for attempt in report.attempts if attempt.outcome != "ok"]
-    if failed:
-        last = report.attempts[-1]
-        sentences.append(
-            f"{len(failed)} of {len(report.attempts)} attempts failed "
-            f"({'; '.join(attempt.outcome for attempt in failed)}); the last had epsilon "
-            f"{last.epsilon:.3g} m, edge {last.edge_length:.3g} m"
-        )
-    return tuple(sentences)
-
-
-def _listed(names: Sequence[str], most: int = 5) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(repr(name) for name in names[:most]) + more
-
-
-def _no_volume(asset: Asset, thinnest: float) -> str:
-    return (
-        f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume thicker than "
-        f"{thinnest:.3g} m ({_listed(asset.part_names)}); --thicken METRES gives sheets a "
-        "thickness, a smaller --epsilon-rel keeps thin plates"
-    )
-
-
-def _no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
-    tried = "; ".join(f"{a.engine} at epsilon {a.epsilon:.3g} m: {a.outcome}" for a in attempts)
-    return (
-        f"{asset.name}: no tet mesh after {len(attempts)} attempts ({tried}); "
-        "a longer --time-limit or a larger --epsilon-rel may help"
     )

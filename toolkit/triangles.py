@@ -61,6 +61,14 @@ def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces
     return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
 
 
+def collapsed(surface: Triangles, count: int) -> Triangles:
+    """Collapse edges of an edge-manifold surface, the flattest first, to ``count`` triangles."""
+    import igl
+
+    points, faces, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
+    return Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
+
+
 def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:
     """Wind the faces of every orientable patch the same way round."""
     import igl

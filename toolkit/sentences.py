@@ -1,0 +1,98 @@
+"""What a conversion says in words: warnings, and why there is no mesh."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from ..fem.mesh import TetMesh
+from ..predictors.asset import Asset
+from .conversion import Attempt, ConversionReport
+
+SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
+# Words of things whose closed surface usually stands for a shell.
+HOLLOW = re.compile(
+    r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
+    r"|box|chest|barrel|tank|pipe|tube|lamp.?shade|fridge|freezer|oven|washing|boiler|balloon"
+    r"|case|casing|housing|hull|helmet",
+    re.IGNORECASE,
+)
+
+
+def said(report: ConversionReport) -> tuple[str, ...]:
+    """Sentences about whatever a user would not expect."""
+    sentences = list(report.failed)
+    if report.sheets:
+        sentences.append(
+            f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
+        )
+    if report.thin:
+        sentences.append(
+            f"{report.thin} closed pieces thinner than half of epsilon ({report.epsilon:.3g} m) "
+            "are left out; a smaller --epsilon-rel keeps them"
+        )
+    if report.lost:
+        sentences.append(
+            f"{listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
+            "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
+        )
+    if report.distances.sheet_share > SHARE_TOLD:
+        sentences.append(
+            f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
+            "not in the mesh"
+        )
+    if report.distances.thin_share > SHARE_TOLD:
+        sentences.append(
+            f"{report.distances.thin_share:.1%} of the surface is on spikes or gaps thinner than "
+            f"half of epsilon ({report.epsilon:.3g} m), which the mesh may lack; a smaller "
+            "--epsilon-rel keeps them"
+        )
+    if report.hollow:
+        sentences.append(
+            f"{listed(report.hollow)}: taken as solid, though by its name a shell is likely; "
+            "--wall METRES or --part-wall NAME=METRES hollows it"
+        )
+    failed = [attempt for attempt in report.attempts if attempt.outcome != "ok"]
+    if failed:
+        last = report.attempts[-1]
+        sentences.append(
+            f"{len(failed)} of {len(report.attempts)} attempts failed "
+            f"({'; '.join(attempt.outcome for attempt in failed)}); the last had epsilon "
+            f"{last.epsilon:.3g} m, edge {last.edge_length:.3g} m"
+        )
+    return tuple(sentences)
+
+
+def listed(names: Sequence[str], most: int = 5) -> str:
+    """Quoted names, the first few of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(repr(name) for name in names[:most]) + more
+
+
+def no_volume(asset: Asset, thinnest: float) -> str:
+    """Why an asset has nothing to fill: no part is thicker than ``thinnest`` [m]."""
+    return (
+        f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume thicker than "
+        f"{thinnest:.3g} m ({listed(asset.part_names)}); --thicken METRES gives sheets a "
+        "thickness, a smaller --epsilon-rel keeps thin plates"
+    )
+
+
+def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
+    """Why no attempt gave a mesh."""
+    tried = "; ".join(f"{a.engine} at epsilon {a.epsilon:.3g} m: {a.outcome}" for a in attempts)
+    return (
+        f"{asset.name}: no tet mesh after {len(attempts)} attempts ({tried}); "
+        "a longer --time-limit or a larger --epsilon-rel may help"
+    )
+
+
+def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
+    """Names of parts filled as solids though their words are those of hollow things."""
+    return tuple(
+        part.name
+        for number, part in enumerate(asset.parts)
+        if number not in walls
+        and part.name in mesh.region_names
+        and HOLLOW.search(" ".join((part.name, *part.labels, asset.name)))
+    )
