@@ -26,7 +26,7 @@ def assembled(mesh, order: int):
 
     grid = discretise(mesh, order)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
-    load = load_vector(mesh, grid.space, GRAVITY, None, (), None)
+    load = load_vector(mesh, grid, GRAVITY, None, (), None)
     matrix = stiffness(grid, *mesh.material.lame)
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     return grid, matrix.to_scipy(), rhs.reshape(-1), held

@@ -54,7 +54,7 @@ def ours(mesh, order: int, device: str = "cpu") -> dict:
     grid = discretise(mesh, order, device)  # once for each mesh, as the peers' dof tables
     start = time.process_time()
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
-    load = load_vector(mesh, grid.space, GRAVITY, None, (), None)
+    load = load_vector(mesh, grid, GRAVITY, None, (), None)
     matrix = stiffness(grid, *mesh.material.lame)
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     middle = time.process_time()

@@ -103,7 +103,7 @@ def solve_averaged(
     held = supports.on(grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    load = load_vector(mesh, grid.space, gravity, body, traction, forces)
+    load = load_vector(mesh, grid, gravity, body, traction, forces)
     pressures = nodal_pressures(mesh, material.lame.lam)
     matrix = _matrix(grid, mesh, pressures)
     prescribed = np.where(held.fixed, held.values, 0.0)

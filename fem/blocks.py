@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from .device import start_warp
-from .loads import TET_POINTS
 from .mesh import TetMesh
-from .space import Space, make_space
+from .space import TET_POINTS, Space, make_space
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,16 +94,13 @@ def _groups(A: BlockMatrix, points: np.ndarray, free: Any) -> Groups:
     device = A.values.device
     groups = _boxes(points, device)
     weak = wp.zeros(1, dtype=wp.int32, device=device)
-    inputs = [A.rows, A.columns, A.values, groups.label, free, STRENGTH, weak]
-    Recorder(A.nodes, device)(k.count_weak, inputs).launch()
+    strength = wp.empty(len(A.columns), dtype=wp.float64, device=device)
+    inputs = [A.rows, A.columns, A.values, groups.label, free, STRENGTH, strength, weak]
+    Recorder(A.nodes, device)(k.couplings, inputs).launch()
     if weak.numpy()[0] == 0:
         return groups
-    columns, moving = A.columns.numpy(), free.numpy().any(axis=1)
     rows = np.repeat(np.arange(A.nodes, dtype=np.int32), np.diff(A.rows.numpy()))
-    values = A.values.numpy()
-    strength = np.sqrt(np.einsum("bij,bij->b", values, values) / 3)
-    strength[~(moving[rows] & moving[columns])] = 1.0
-    label = split_weak(groups.label.numpy(), rows, columns, strength)
+    label = split_weak(groups.label.numpy(), rows, A.columns.numpy(), strength.numpy())
     return make_groups(points, label, device)
 
 

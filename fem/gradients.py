@@ -11,11 +11,11 @@ from .blocks import Discretisation, discretise, displacement_gradients, stiffnes
 from .device import checked_device
 from .dynamics import Dynamics
 from .elastic import Law
-from .loads import TET_POINTS, shape_functions
 from .mass import mass_shares
 from .material import ElementMaterial, LameParameters
 from .mesh import TetMesh
 from .solver import solve
+from .space import TET_POINTS, shape_functions
 from .statics import TOLERANCE, check_solution, reduced_load, solve_static
 from .stress import first_piola
 from .supports import Supports

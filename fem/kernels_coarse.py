@@ -5,7 +5,8 @@ import warp as wp
 
 from .kernels_solver import mat36d, vec6d
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+# Loops over six motions are unrolled: their blocks then live in registers.
+wp.set_module_options({"enable_backward": False, "max_unroll": 6})
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Part of a motion's own size that must be left once the motions before it are taken out: less is
@@ -14,28 +15,30 @@ RANK = wp.constant(wp.float64(1e-12))
 
 
 @wp.kernel
-def count_weak(
+def couplings(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.mat33d),
     label: wp.array(dtype=wp.int32),
     free: wp.array(dtype=wp.vec3d),
-    strength: wp.float64,
-    count: wp.array(dtype=wp.int32),
+    limit: wp.float64,
+    strength: wp.array(dtype=wp.float64),
+    weak: wp.array(dtype=wp.int32),
 ):
-    """Count the couplings within an aggregate that are weaker than ``strength``."""
+    """Strength |A_ij| of every coupling, 1 to a node that is held; count the weak ones in a box."""
     i = wp.tid()
-    if wp.length_sq(free[i]) == wp.float64(0.0):
-        return
-    weak = int(0)  # noqa: RUF046, UP018 (a plain 0 is a constant to warp)
-    limit = wp.float64(3.0) * strength * strength
+    zero = wp.float64(0.0)
+    count = int(0)  # noqa: RUF046, UP018 (a plain 0 is a constant to warp)
     for s in range(rows[i], rows[i + 1]):
         j = columns[s]
-        if label[j] == label[i] and wp.length_sq(free[j]) > wp.float64(0.0):
-            if wp.ddot(values[s], values[s]) < limit:
-                weak += 1
-    if weak > 0:
-        wp.atomic_add(count, 0, weak)
+        size = wp.float64(1.0)
+        if wp.length_sq(free[i]) > zero and wp.length_sq(free[j]) > zero:
+            size = wp.sqrt(wp.ddot(values[s], values[s]) / wp.float64(3.0))
+        strength[s] = size
+        if size < limit and label[i] == label[j]:
+            count += 1
+    if count > 0:
+        wp.atomic_add(weak, 0, count)
 
 
 @wp.kernel

@@ -39,17 +39,22 @@ class Inner:
 
         wp = start_warp()
         x, y = (v.view(wp.float64).flatten() for v in (a, b))
-        if a.device.is_cuda:
+        self.slot, self.on_device = slot, a.device.is_cuda
+        if self.on_device:
             size = -(-x.shape[0] // BLOCK) * BLOCK
-            record = Recorder(size, a.device)(k.inner, [x, y, slot, out])
-            self.add = record.launch
+            self.command = Recorder(size, a.device)(k.inner, [x, y, slot, out])
+        else:
+            self.left, self.right, self.total = x.numpy(), y.numpy(), out.numpy()
+
+    def add(self, slot: int | None = None) -> None:
+        """Add the product to the scalar ``slot``, by default the one given at construction."""
+        where = self.slot if slot is None else slot
+        if not self.on_device:
+            self.total[where] += self.left @ self.right
             return
-        left, right, total = x.numpy(), y.numpy(), out.numpy()
-
-        def add() -> None:
-            total[slot] += left @ right
-
-        self.add = add
+        if slot is not None:
+            self.command.set_param_at_index(2, slot)
+        self.command.launch()
 
 
 class ConjugateGradients:
@@ -125,6 +130,7 @@ class ConjugateGradients:
 def largest_eigenvalue(matrix: BlockMatrix) -> float:
     """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one."""
     from . import kernels_krylov as k
+    from . import kernels_linear
 
     wp = start_warp()
     steps = min(LANCZOS_STEPS, 3 * matrix.nodes)
@@ -133,13 +139,19 @@ def largest_eigenvalue(matrix: BlockMatrix) -> float:
     # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
     along, square = (wp.zeros(steps + 1, dtype=wp.float64, device=device) for _ in range(2))
     launch = Recorder(matrix.nodes, device)
+    direction = launch(k.lanczos_direction, [w, square, 0, v, old])
+    multiply = launch(kernels_linear.multiply, [matrix.rows, matrix.columns, matrix.values, v, w])
+    residual = launch(k.lanczos_residual, [v, old, along, square, 0, w])
+    length, curvature = Inner(w, w, square, 0), Inner(w, v, along, 0)
     launch(k.lanczos_start, [w]).launch()
     for step in range(steps):
-        Inner(w, w, square, step).add()
-        launch(k.lanczos_direction, [w, square, step, v, old]).launch()
-        matrix.multiply(v, w)
-        Inner(w, v, along, step).add()
-        launch(k.lanczos_residual, [v, old, along, square, step, w]).launch()
+        direction.set_param_at_index(2, step)
+        residual.set_param_at_index(4, step)
+        length.add(step)
+        direction.launch()
+        multiply.launch()
+        curvature.add(step)
+        residual.launch()
     off = np.sqrt(square.numpy()[1:steps])
     # A vector that vanished ended the search: what came after it is no number.
     good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)

@@ -8,15 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .blocks import Discretisation
 from .device import start_warp
 from .errors import InputError
 from .mesh import TetMesh
-from .space import EDGES, Space
-
-# Four-point rule of a tet, exact for degree 2: barycentric coordinates of point q are b everywhere
-# but a at corner q.
-_A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
-TET_POINTS = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
+from .space import TET_POINTS, Space, shape_functions
 
 
 class Traction(NamedTuple):
@@ -40,15 +36,6 @@ def _areas(mesh, faces) -> np.ndarray:
     return np.linalg.norm(_area_vectors(mesh.points, faces), axis=1, keepdims=True)
 
 
-def shape_functions(order: int, barycentric: np.ndarray) -> np.ndarray:
-    """Shape functions (..., 4 or 10) of a tet at barycentric coordinates (..., 4)."""
-    lam = np.asarray(barycentric)
-    if order == 1:
-        return lam
-    edge = 4 * lam[..., EDGES[:, 0]] * lam[..., EDGES[:, 1]]
-    return np.concatenate([lam * (2 * lam - 1), edge], axis=-1)
-
-
 def scatter(space: Space, local: Float[np.ndarray, "tets k 3"]) -> Float[np.ndarray, "nodes 3"]:
     """Sum of element vectors (tets, nodes of an element, 3) at the nodes."""
     return sum_at_nodes(space, lambda i: local[:, i])
@@ -65,9 +52,10 @@ def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.n
 
 
 def body_force(
-    mesh: TetMesh, space: Space, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
+    mesh: TetMesh, grid: Discretisation, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
 ) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
+    space = grid.space
     N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
     if callable(density):
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
@@ -76,15 +64,13 @@ def body_force(
     from . import kernels_linear as k
 
     wp = start_warp()
-    force = np.zeros((len(space.nodes), 3))
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
-    vectors = [wp.array(v, dtype=wp.vec3d, device="cpu", copy=False) for v in (mesh.points, each)]
-    elements = wp.array(space.elements, dtype=wp.int32, device="cpu", copy=False)
-    share = wp.array(N.mean(axis=0), dtype=wp.float64, device="cpu")
-    out = wp.array(force, dtype=wp.vec3d, device="cpu", copy=False)
-    inputs = [vectors[0], elements, vectors[1], share, out]
-    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device="cpu")
-    return force
+    each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
+    share = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
+    force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
+    inputs = [grid.points, grid.elements, each, share, force]
+    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device=grid.device)
+    return force.numpy()
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:

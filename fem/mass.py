@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from .loads import sum_at_nodes
 from .mesh import TetMesh
-from .space import Space
+from .space import Space, shape_functions
 from .statics import material_of
 
 # Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
@@ -42,8 +42,6 @@ def _quadrature() -> tuple[np.ndarray, np.ndarray]:
 def consistent_mass(mesh: TetMesh, space: Space) -> Any:
     """Consistent mass matrix [kg] of one component, ``scipy.sparse.csr_array`` (nodes, nodes)."""
     from scipy.sparse import coo_array
-
-    from .loads import shape_functions
 
     where, weight = _quadrature()
     N = shape_functions(space.order, where)

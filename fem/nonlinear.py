@@ -81,7 +81,7 @@ def solve_nonlinear(
     held = supports.on(grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    load = load_vector(mesh, grid.space, gravity, body, traction, forces)
+    load = load_vector(mesh, grid, gravity, body, traction, forces)
     elastic = ElasticBody(grid, material, law)
     nodes = grid.space.nodes
 

@@ -32,7 +32,9 @@ class Factor:
         matrix = scaled.matrix.to_scipy().tocsc()
         options = {"SymmetricMode": True}
         self.lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        self.r, self.z = (wp.zeros(scaled.matrix.nodes, dtype=wp.vec3d) for _ in range(2))
+        self.r, self.z = (
+            wp.zeros(scaled.matrix.nodes, dtype=wp.vec3d, device="cpu") for _ in range(2)
+        )
 
     def apply(self) -> None:
         """Compute ``z`` from ``r``."""

@@ -12,6 +12,10 @@ from .mesh import TetMesh
 
 # Edges of a tet in the order of VTK's quadratic tetrahedron: node 4 + k lies on edge k.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+# Four-point rule of a tet, exact for degree 2: barycentric coordinates of point q are b everywhere
+# but a at corner q.
+_A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
+TET_POINTS = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,15 @@ class Space:
         used = np.zeros(len(self.nodes), dtype=bool)
         used[self.elements] = True
         return np.flatnonzero(~used)
+
+
+def shape_functions(order: int, barycentric: np.ndarray) -> np.ndarray:
+    """Shape functions (..., 4 or 10) of a tet at barycentric coordinates (..., 4)."""
+    lam = np.asarray(barycentric)
+    if order == 1:
+        return lam
+    edge = 4 * lam[..., EDGES[:, 0]] * lam[..., EDGES[:, 1]]
+    return np.concatenate([lam * (2 * lam - 1), edge], axis=-1)
 
 
 def make_space(mesh: TetMesh, order: int) -> Space:

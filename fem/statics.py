@@ -141,7 +141,7 @@ def solve_static(
     held = supports.on(grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    load = load_vector(mesh, grid.space, gravity, body, traction, forces)
+    load = load_vector(mesh, grid, gravity, body, traction, forces)
     prescribed = np.where(held.fixed, held.values, 0.0)
     matrix = stiffness(grid, *material.lame)
     rhs = reduced_load(matrix, load, held, prescribed)
@@ -247,14 +247,15 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
     return mesh.material
 
 
-def load_vector(mesh, space, gravity, body, traction, forces) -> np.ndarray:
+def load_vector(mesh, grid, gravity, body, traction, forces) -> np.ndarray:
     """Nodal forces [N] (nodes, 3) of all loads together; arguments as in ``solve_static``."""
     density = material_of(mesh).rho[:, None] * np.asarray(gravity, dtype=float)
+    space = grid.space
     total = np.zeros((len(space.nodes), 3))
     if np.any(gravity):
-        total += body_force(mesh, space, density)
+        total += body_force(mesh, grid, density)
     if body is not None:
-        total += body_force(mesh, space, body)
+        total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:
         total += traction_force(mesh, space, load)
     if forces is not None:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.blocks import discretise, displacement_gradients
 from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.loads import TET_POINTS, shape_functions
 from autophyx_tet.fem.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.space import make_space
+from autophyx_tet.fem.space import TET_POINTS, make_space, shape_functions
 from autophyx_tet.fem.statics import solve_static
 from autophyx_tet.fem.supports import Supports
 

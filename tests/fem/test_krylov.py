@@ -44,8 +44,10 @@ def test_lanczos_of_no_number_is_no_number(matrix):
 def test_conjugate_gradients_solve_again_and_again(matrix):
     """A x = b to the residual asked for; the same object serves the next right-hand side."""
     wp = start_warp()
-    eye = wp.array(np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d)
-    plain = Nothing(wp.zeros(matrix.nodes, dtype=wp.vec3d))
+    eye = wp.array(
+        np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d, device="cpu"
+    )
+    plain = Nothing(wp.zeros(matrix.nodes, dtype=wp.vec3d, device="cpu"))
     cg = ConjugateGradients(matrix, eye, plain, plain.r, plain.z)
     for seed in range(2):
         b = np.random.default_rng(seed).normal(size=(matrix.nodes, 3))
@@ -61,8 +63,10 @@ def test_conjugate_gradients_notice_negative_curvature(matrix):
     wp = start_warp()
     shift = np.broadcast_to(-3 * np.eye(3), (matrix.nodes, 3, 3)).copy()
     add_diagonal(matrix, shift)
-    eye = wp.array(np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d)
-    plain = Nothing(wp.array(np.ones((matrix.nodes, 3)), dtype=wp.vec3d))
+    eye = wp.array(
+        np.broadcast_to(np.eye(3), (matrix.nodes, 3, 3)).copy(), dtype=wp.mat33d, device="cpu"
+    )
+    plain = Nothing(wp.array(np.ones((matrix.nodes, 3)), dtype=wp.vec3d, device="cpu"))
     cg = ConjugateGradients(matrix, eye, plain, plain.r, plain.z)
     cg.run(1e-8, 200)
     assert cg.indefinite

@@ -86,8 +86,8 @@ def test_coarse_motions_span_rigid_motions():
     rng = np.random.default_rng(0)
     points = rng.random((60, 3))
     label = boxes(points, 4)
-    lower = wp.array(np.broadcast_to(np.eye(3), (60, 3, 3)).copy(), dtype=wp.mat33d)
-    free = wp.array(np.ones((60, 3)), dtype=wp.vec3d)
+    lower = wp.array(np.broadcast_to(np.eye(3), (60, 3, 3)).copy(), dtype=wp.mat33d, device="cpu")
+    free = wp.array(np.ones((60, 3)), dtype=wp.vec3d, device="cpu")
     basis = _motions(make_groups(points, label, "cpu"), points, lower, free).numpy()
     motion = rigid_motions(points) @ rng.normal(size=6)
     left = motion.copy()
@@ -103,8 +103,8 @@ def test_motions_that_a_group_cannot_make_are_dropped():
     """Three nodes on a line, clamped in x: two translations and two rotations are left."""
     wp = start_warp()
     points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    lower = wp.array(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), dtype=wp.mat33d)
-    free = wp.array([[0.0, 1, 1]] * 3, dtype=wp.vec3d)
+    lower = wp.array(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), dtype=wp.mat33d, device="cpu")
+    free = wp.array([[0.0, 1, 1]] * 3, dtype=wp.vec3d, device="cpu")
     groups = make_groups(points, np.zeros(3, dtype=int), "cpu")
     basis = _motions(groups, points, lower, free).numpy().reshape(-1, 6)
     assert np.linalg.norm(basis, axis=0) == pytest.approx([0, 1, 1, 0, 1, 1])
@@ -115,7 +115,7 @@ def test_gauss_jordan_inverts():
     wp = start_warp()
     half = np.random.default_rng(0).normal(size=(80, 60))
     matrix = half.T @ half
-    inverse = invert(wp.array(matrix, dtype=wp.float64)).numpy()
+    inverse = invert(wp.array(matrix, dtype=wp.float64, device="cpu")).numpy()
     assert inverse @ matrix == pytest.approx(np.eye(60), abs=1e-10)
 
 
