@@ -150,7 +150,7 @@ def coarsen(
     matrix = wp.zeros((6 * count, 6 * count), dtype=wp.float64, device=device)
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
-    launch(k.fill_empty, [raised, matrix], size=6 * count).launch()
+    launch(k.mend, [raised, matrix], size=matrix.shape).launch()
     if device.is_cuda:
         return Coarse(*P, count, None, invert(matrix))
     return Coarse(*P, count, _cholesky(matrix.numpy()), None)

@@ -177,38 +177,46 @@ def galerkin(
     transfer: wp.array(dtype=mat36d),
     matrix: wp.array2d(dtype=wp.float64),
 ):
-    """Add P^T A P, dense, to ``matrix``."""
+    """Add the blocks on and above the diagonal of P^T A P, dense, to ``matrix``.
+
+    The row of A P is made one aggregate b after the other, from its own first one on.
+    """
     i = wp.tid()
-    b = int(-1)  # noqa: RUF046, UP018
-    while True:
-        following = int(2147483647)  # noqa: RUF046, UP018
-        for s in range(rows[i], rows[i + 1]):
-            j = columns[s]
-            for t in range(start[j], start[j + 1]):
-                if aggregates[t] > b:
-                    following = wp.min(following, aggregates[t])
-        if following == 2147483647:
-            break
-        b = following
+    last = wp.int32(2147483647)
+    b = aggregates[start[i]]
+    while b < last:
+        following = last
         total = mat36d()
         for s in range(rows[i], rows[i + 1]):
             j = columns[s]
             for t in range(start[j], start[j + 1]):
-                if aggregates[t] == b:
+                a = aggregates[t]
+                if a == b:
                     total += values[s] * transfer[t]
+                if a > b:
+                    following = wp.min(following, a)
+                    break  # the aggregates of a node ascend
         for t in range(start[i], start[i + 1]):
-            block = wp.transpose(transfer[t]) * total
-            for c in range(6):
-                for d in range(6):
-                    wp.atomic_add(matrix, 6 * aggregates[t] + c, 6 * b + d, block[c, d])
+            if aggregates[t] <= b:
+                block = wp.transpose(transfer[t]) * total
+                for c in range(6):
+                    for d in range(6):
+                        wp.atomic_add(matrix, 6 * aggregates[t] + c, 6 * b + d, block[c, d])
+        b = following
 
 
 @wp.kernel
-def fill_empty(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
-    """Put 1 on the diagonal where a motion does not exist, raise it by ``share`` elsewhere."""
-    i = wp.tid()
-    d = matrix[i, i]
-    matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
+def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
+    """Copy the upper triangle down; the diagonal is 1 where a motion does not exist.
+
+    Elsewhere it is raised by ``share``.
+    """
+    i, j = wp.tid()
+    if i > j:
+        matrix[i, j] = matrix[j, i]
+    if i == j:
+        d = matrix[i, i]
+        matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
 
 
 @wp.kernel
