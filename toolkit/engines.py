@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import sys
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,6 @@ Arrays = dict[str, np.ndarray]
 
 def _stage(words: str) -> None:
     """Tell the parent what is being done: it reads these lines."""
-    import sys
-
     sys.stdout.write(f"stage: {words}\n")
     sys.stdout.flush()
 
@@ -40,6 +40,8 @@ def tetwild(
     if decimate_rel is not None:
         _stage("decimating")
         surface = decimated(surface, decimate_rel)
+    # Half of this process's start, and needed for pictures only: pytetwild does without.
+    sys.modules.setdefault("pyvista", ModuleType("pyvista"))
     pytetwild: Any = importlib.import_module("pytetwild")  # its stubs want narrower arrays
 
     _stage("tetrahedralizing")

@@ -140,6 +140,8 @@ def read_off(path: Path, data: bytes, references: References) -> Content:
         raise ValueError(f"announces {vertices} vertices and {faces} faces, has fewer lines")
     points = np.array([[float(x) for x in w[:3]] for w in words[1 : vertices + 1]])
     polygons = words[vertices + 1 : vertices + faces + 1]
+    if any(int(w[0]) >= len(w) for w in polygons):
+        raise ValueError("a face announces more corners than it has")
     corners = [[int(i) for i in w[1 : int(w[0]) + 1]] for w in polygons]
     triangles = _fans(corners)
     mesh = trimesh.Trimesh(points.reshape(-1, 3), triangles, process=False, validate=False)

@@ -21,7 +21,7 @@ from .surface import (
     component_volumes,
     open_components,
 )
-from .triangles import coherent_patches, edge_components, winding_numbers
+from .triangles import coherent_patches, crossing_pairs, edge_components, winding_numbers
 
 WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: float32 round-off
 # Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
@@ -37,7 +37,11 @@ CAVITY_DEPTH = 1e-4
 
 @dataclass(frozen=True)
 class RepairReport:
-    """How many things repair changed; 0 means that the input was clean in that respect."""
+    """How many things repair changed; 0 means that the input was clean in that respect.
+
+    The last three are left as they are for the tetrahedraliser, which copes with them:
+    ``crossing_faces`` counts pairs of triangles that cross or touch out of plane.
+    """
 
     merged_vertices: int = 0
     null_faces: int = 0
@@ -48,6 +52,7 @@ class RepairReport:
     added_faces: int = 0
     open_edges: int = 0
     non_manifold_edges: int = 0
+    crossing_faces: int = 0
 
     def __add__(self, other: RepairReport) -> RepairReport:
         return RepairReport(
@@ -289,9 +294,11 @@ def _hole_share(surface: Surface, edges, owner, loop, centre) -> Float[np.ndarra
 
 
 def _left_over(surface: Surface) -> RepairReport:
-    """What stays open or non-manifold after repair."""
+    """What stays open, non-manifold or crossing after repair."""
     edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     count = np.unique(edges, axis=0, return_counts=True)[1]
     return RepairReport(
-        open_edges=int((count == 1).sum()), non_manifold_edges=int((count > 2).sum())
+        open_edges=int((count == 1).sum()),
+        non_manifold_edges=int((count > 2).sum()),
+        crossing_faces=len(crossing_pairs(surface.points, surface.faces)),
     )

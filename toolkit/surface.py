@@ -41,7 +41,7 @@ def component_areas(surface: Surface) -> Float[np.ndarray, "components"]:
     """Area [m^2] of every component."""
     a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return np.bincount(surface.component, weights=area)
+    return np.bincount(surface.component, weights=area).astype(np.float64)
 
 
 def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
@@ -58,4 +58,4 @@ def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
     )
     a, b, c = np.moveaxis(corners - (centre / size[:, None])[surface.component][:, None], 1, 0)
     six = np.einsum("fi,fi->f", np.cross(a, b), c)
-    return np.bincount(surface.component, weights=six / 6, minlength=count)
+    return np.bincount(surface.component, weights=six / 6, minlength=count).astype(np.float64)

@@ -61,6 +61,19 @@ def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces
     return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
 
 
+def crossing_pairs(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+) -> Int[np.ndarray, "pairs 2"]:
+    """Pairs of faces that intersect and do not lie in one plane, by exact predicates."""
+    from igl.predicates import find_self_intersections
+
+    if not len(faces):
+        return np.zeros((0, 2), np.int64)
+    _, pairs, coplanar = find_self_intersections(points, _int64(faces))
+    crossing = ~np.asarray(coplanar, dtype=bool).reshape(-1)
+    return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
+
+
 def collapsed(surface: Triangles, count: int) -> Triangles:
     """Collapse edges of an edge-manifold surface, the flattest first, to ``count`` triangles."""
     import igl

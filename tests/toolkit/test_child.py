@@ -63,9 +63,9 @@ def test_crash_is_told_apart_from_an_error():
 
 
 def test_memory_limit_holds():
-    """300 MiB do not hold the engine's libraries: it ends at once, and not by the time limit."""
+    """100 MiB do not hold the engine's libraries: it ends at once, and not by the time limit."""
     with pytest.raises(ChildFailure) as failure:
-        _run(memory_limit=300 * 2**20)
+        _run(memory_limit=100 * 2**20)
     assert failure.value.kind != "time"
 
 

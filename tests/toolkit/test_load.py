@@ -11,11 +11,9 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.bonsai import write_bonsai
 from autophyx_tet.toolkit.load import load_asset
 from autophyx_tet.toolkit.options import METRES
-from autophyx_tet.toolkit.readers import CARRIERS, READERS, absolute_indices
+from autophyx_tet.toolkit.readers import absolute_indices
 from autophyx_tet.toolkit.repair import repair
 from autophyx_tet.toolkit.surface import component_volumes
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY = (
@@ -276,41 +274,3 @@ def test_point_cloud_of_a_ball(tmp_path, suffix):
     asset = load_asset(path)
     surface, _ = repair(asset.parts)
     assert component_volumes(surface).sum() == pytest.approx(4 / 3 * np.pi * 8, rel=0.02)
-
-
-def _valid_files():
-    """A small scene in every format, as bytes by suffix."""
-    box = trimesh.creation.box((1, 2, 3))
-    files = {
-        suffix: trimesh.exchange.export.export_mesh(box, None, file_type=suffix[1:])
-        for suffix in READERS
-        if suffix not in (".gltf", ".xyz", *CARRIERS)
-    }
-    return {k: v.encode() if isinstance(v, str) else bytes(v) for k, v in files.items()}
-
-
-FILES = _valid_files()
-NUMBERS = (b"1e308", b"nan", b"-1", b"4294967295", b"99999999999", b"\xff\xff\xff\x7f", b"\0" * 8)
-
-
-@given(
-    st.sampled_from(sorted(FILES)),
-    st.floats(0, 1),
-    st.lists(st.tuples(st.floats(0, 1), st.sampled_from(NUMBERS)), max_size=4),
-)
-@settings(max_examples=60, deadline=None)
-def test_corrupted_files_load_or_end_in_an_input_error(tmp_path_factory, suffix, keep, strikes):
-    """Truncated and overwritten files of every format: an asset or one sentence, nothing else."""
-    data = bytearray(FILES[suffix][: int((0.3 + 0.7 * keep) * len(FILES[suffix]))])
-    for place, number in strikes:
-        at = int(place * len(data))
-        data[at : at + len(number)] = number
-    path = tmp_path_factory.getbasetemp() / f"fuzz{suffix}"
-    path.write_bytes(data)
-    try:
-        asset = load_asset(path)
-    except InputError:
-        return
-    for part in asset.parts:
-        assert np.isfinite(part.mesh.vertices).all()
-        assert part.mesh.faces.max() < len(part.mesh.vertices)

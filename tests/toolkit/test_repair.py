@@ -49,6 +49,25 @@ def test_clean_surface_is_left_alone():
     assert len(surface.faces) == 12
 
 
+def test_crossing_faces_are_counted_and_left():
+    """A small box through one triangle of a large one: its four walls cross it, none is changed.
+
+    Each wall is two triangles; the half of the lid's triangle that is hit meets all eight.
+    """
+    lid = _cube()
+    post = trimesh.creation.box((0.05, 0.05, 1), transform=np.eye(4))
+    post.apply_translation((0.25, 0.6, 1))
+    surface, report = repair([lid, _part(post.vertices, post.faces, "post")])
+    assert report.crossing_faces == 8
+    assert len(surface.faces) == 24
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_apart_nothing_crosses(axis):
+    _, report = repair([_cube("a"), _cube("b", lo=2 * np.eye(3)[axis])])
+    assert report.crossing_faces == 0
+
+
 def test_holes_are_closed():
     """A cube without one triangle, and one without its lid, enclose the cube again."""
     for missing, loops in ((1, 1), (2, 1)):
