@@ -20,7 +20,7 @@ from .film_parts import FilmBlock, Modulation, mix, pool, pool_mask
 from .film_scene import INPUTS, NetworkConfig, Output, Scene, halve
 
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
-TEXT_NOISE = 0.2  # of embeddings in training, against their unit variance
+TEXT_NOISE = 0.7  # at most, of embeddings in training, against their unit variance
 
 
 class SlotEncoder(nn.Module):
@@ -43,7 +43,8 @@ class SlotEncoder(nn.Module):
         # Unit vectors of 384 numbers are small; scaled to unit variance they train faster.
         scaled = embedding * embedding.shape[-1] ** 0.5
         if self.training:  # a clause said a little differently means the same
-            scaled = scaled + TEXT_NOISE * torch.randn_like(scaled)
+            much = TEXT_NOISE * torch.rand_like(scaled[..., :1])
+            scaled = scaled + much * torch.randn_like(scaled)
         return self.net(torch.cat([scaled, one_hot], dim=-1))
 
 

@@ -72,8 +72,10 @@ _WEIGHT = _stems("weight weighs weigh density lift carry")
 _STIFFNESS = _stems("stiffness firmness rigidity hardness softness flexibility")
 _LITTLE = _stems("low little minimal less nothing hardly easy easily lower least")
 _MUCH = _stems("high much lot more great ton hard large higher most tons")
-# Nothing is made of what it is compared with: "soft as jelly", "sinks like a stone", "rock hard".
-_COMPARISON = re.compile(r"\b(?:as|like) (?:an? )?[a-z]+\b|\brock (?=hard|solid)")
+# Nothing is made of what it is compared with: "soft as wool", "sinks like a stone", "rock hard".
+_COMPARISON = re.compile(
+    r"\b(?:as|like) (?:an? )?[a-z]+\b|\b[a-z]+ (?=(?:hard|soft|light|heavy)\b)"
+)
 _NEAR = 3  # words before an adjective that may negate it
 
 
@@ -126,7 +128,8 @@ def _score(words: Sequence[str], signs: Sequence[int]) -> float | None:
         return 0.0
     if said & _MODERATE and "than" not in said:
         return _MIDDLE * signs[0]
-    strong = said & _STRONGER or {"as", "can"} <= said
+    compared = {"as", "like"} & set(words[-3:-1]) or {"as", "can"} <= said
+    strong = said & _STRONGER or compared
     return (_STRONG if strong else _PLAIN) * signs[0]
 
 

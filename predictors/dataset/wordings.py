@@ -119,10 +119,59 @@ _TEXT = {
 }
 
 
+# Combined freely, for training alone: degree and adjective, and what a thing is compared with.
+_VERY = (
+    "very extremely super ultra incredibly exceptionally really remarkably extraordinarily "
+    "immensely utterly hugely terribly"
+).split()
+_SOMEWHAT = "fairly quite rather somewhat pretty reasonably".split()
+_SOFT = "soft flexible bendy pliable squashy floppy supple yielding compliant springy".split()
+_STIFF = "stiff firm rigid hard sturdy inflexible unyielding tough".split()
+_LIGHT, _HEAVY = ["light", "lightweight", "airy"], ["heavy", "dense", "weighty", "hefty"]
+_BRITTLE = "brittle fragile breakable delicate crumbly".split()
+_GRADED = {
+    "very soft": (_VERY, _SOFT),
+    "soft": (_SOMEWHAT, _SOFT),
+    "stiff": (_SOMEWHAT, _STIFF),
+    "very stiff": (_VERY, _STIFF),
+    "very light": (_VERY, _LIGHT),
+    "light": (_SOMEWHAT, _LIGHT),
+    "dense": (_SOMEWHAT, _HEAVY),
+    "very dense": (_VERY, _HEAVY),
+    "brittle": (_VERY + _SOMEWHAT, _BRITTLE),
+}
+# Most are materials of the table: what is compared with one is not made of it.
+_LIKE = {
+    "very soft": ("soft", "butter dough cotton wool foam snow silk sponge velvet clay cake"),
+    "very stiff": ("hard", "steel iron granite glass stone concrete oak brick bone marble"),
+    "very light": ("light", "cork foam paper balsa straw snow silk cotton wool bread"),
+    "very dense": ("heavy", "iron gold stone steel concrete granite brick bronze marble"),
+}
+_IN_WATER = {
+    "floats": ("floats", "wood foam balsa wax ice bamboo"),
+    "sinks": ("sinks", "iron steel brick gold concrete bronze"),
+}
+
+
 def wordings(level: str, *, held_out: bool) -> list[str]:
-    """Wordings of a level: those of training, or the fifth of them that is held out."""
+    """Wordings of a level: those of training, or the fifth of the listed that is held out."""
     words = [" ".join(word.split()) for word in _TEXT[level].split(";")]
-    return [w for i, w in enumerate(words) if (i % HELD_OUT_EVERY == 2) == held_out]
+    kept = [w for i, w in enumerate(words) if i % HELD_OUT_EVERY == 2]
+    if held_out:
+        return kept
+    listed = [w for w in words if w not in kept]
+    return 2 * listed + [w for w in _combined(level) if w not in words]
+
+
+def _combined(level: str) -> list[str]:
+    """Wordings made of degree and adjective, and comparisons."""
+    degrees, adjectives = _GRADED.get(level, ((), ()))
+    out = [f"~{degree} {adjective}" for degree in degrees for adjective in adjectives]
+    adjective, others = _LIKE.get(level, ("", ""))
+    for other in others.split():
+        out += [f"~{adjective} as {other}", f"~as {adjective} as {other}", f"~{other} {adjective}"]
+    verb, others = _IN_WATER.get(level, ("", ""))
+    return out + [f"{verb} like {other}" for other in others.split()]
 
 
 def sentence(subject: str, wording: str) -> str:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, distributed, nn
+from torch import Tensor, nn
 from torch.nn import functional as F
 from torch.nn.parallel import DistributedDataParallel
 from torch.optim.swa_utils import get_ema_multi_avg_fn
@@ -33,6 +33,7 @@ from .checkpoint import load_matching
 from .config import TrainingConfig
 from .loss import losses
 from .phrasebook import Phrasebook
+from .processes import agreed, gathered, joined, mean, processes, rank
 from .samples import Sampler
 from .stores import procedural_store, real_store
 from .wardrobe import Wardrobe, dressed_store, with_changes_of_dress
@@ -52,7 +53,7 @@ class Trained(NamedTuple):
 
 def make_sampler(config: TrainingConfig, text: Path, real: Path | None) -> Sampler:
     """Build the stores of shapes and load the clauses; each process draws its own."""
-    rng = np.random.default_rng((config.seed, _rank()))
+    rng = np.random.default_rng((config.seed, rank()))
     table = load_text_table(text)
     cells, device = config.cells, config.device
     book = Phrasebook(table, device)
@@ -68,7 +69,7 @@ def make_sampler(config: TrainingConfig, text: Path, real: Path | None) -> Sampl
         dressed = dressed_store(shapes, wardrobe, book, config.seed)
         furniture = with_changes_of_dress(furniture, wardrobe, rng)
     return Sampler(
-        book, shapes, heaps, furniture, mixture=config.mixture, seed=config.seed + 7919 * _rank(),
+        book, shapes, heaps, furniture, mixture=config.mixture, seed=config.seed + 7919 * rank(),
         dressed=dressed, coarse_evidence=config.network.fine,
     )  # fmt: skip
 
@@ -101,7 +102,12 @@ def train(
     pause
         Seconds after which to stop for now: ``resume`` holds the state to go on from.
     """
-    torch.manual_seed(config.seed + _rank())
+    with joined(config.device):
+        return _train(config, text, real, start, resume, report, sampler, pause)
+
+
+def _train(config, text, real, start, resume, report, sampler, pause) -> Trained:
+    torch.manual_seed(config.seed + rank())
     sampler = make_sampler(config, text, real) if sampler is None else sampler
     torch.manual_seed(config.seed)  # the same first weights in every process
     network = FilmUNet(config.network)
@@ -109,7 +115,7 @@ def train(
         load_matching(network, start)
     network.to(device=config.device)
     network.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
-    torch.manual_seed(config.seed + _rank())
+    torch.manual_seed(config.seed + rank())
     state = _State(config, network)
     if resume is not None:
         state.load(resume / STATE, sampler)
@@ -119,23 +125,6 @@ def train(
 
 STATE = "state.pt"
 _CLOCK = 10  # steps between two looks at the first process's clock
-
-
-def _rank() -> int:
-    return distributed.get_rank() if distributed.is_initialized() else 0
-
-
-def _processes() -> int:
-    return distributed.get_world_size() if distributed.is_initialized() else 1
-
-
-def _clock(seconds: float, device: str) -> float:
-    """Return the first process's seconds, the same in every process."""
-    if _processes() == 1:
-        return seconds
-    tensor = torch.tensor([seconds], device=device, dtype=torch.float64)
-    distributed.broadcast(tensor, 0)
-    return float(tensor)
 
 
 class _Step(nn.Module):
@@ -178,12 +167,12 @@ class _State:
             self.step, taken = self.step + 1, taken + 1
             timed = config.minutes is not None or pause is not None
             if timed and self.step % _CLOCK == 0:
-                elapsed = _clock(time.monotonic() - began, config.device)
+                elapsed = agreed(time.monotonic() - began, config.device)
                 self.seconds = before + elapsed
                 stop = pause is not None and elapsed >= pause
             if self.step % config.every == 0 or self.progress >= 1 or stop:
                 now = time.monotonic()
-                speed = taken * config.batch * _processes() / (now - since)
+                speed = taken * config.batch * processes() / (now - since)
                 self._report(sums / taken, speed, report)
                 if folder is not None:
                     self.save(folder / STATE, sampler)
@@ -191,7 +180,7 @@ class _State:
 
     def _parallel(self) -> nn.Module:
         step = _Step(self.network, self.config.compile)
-        if _processes() == 1:
+        if processes() == 1:
             return step
         unused = self.config.network.conditioning != "grounded"
         return DistributedDataParallel(
@@ -199,15 +188,12 @@ class _State:
         )
 
     def _report(self, means: Tensor, speed: float, report: Report) -> None:
-        if _processes() > 1:
-            distributed.all_reduce(means)
-            means = means / _processes()
-        loss, mse, right = means.tolist()
+        loss, mse, right = mean(means).tolist()
         if not math.isfinite(loss):
             raise InputError(f"training diverged at step {self.step}: lower `rate`")
         line = {"step": self.step, "loss": loss, "mse": mse, "right": right}
         self.history.append({**line, "rate": self.rate, "samples_per_second": round(speed, 1)})
-        if _rank() == 0:
+        if rank() == 0:
             report(self.history[-1])
 
     @property
@@ -258,11 +244,8 @@ class _State:
         dice = {"sampler": sampler.generator.get_state().cpu(), "cpu": torch.get_rng_state()}
         if self.on_gpu:
             dice["cuda"] = torch.cuda.get_rng_state(self.config.device)
-        every = [dice]
-        if _processes() > 1:
-            every = [{} for _ in range(_processes())]
-            distributed.all_gather_object(every, dice)
-        if _rank() != 0:
+        every = gathered(dice)
+        if rank() != 0:
             return
         state = {
             "step": self.step,
@@ -286,16 +269,16 @@ class _State:
         saved = torch.load(path, map_location=self.config.device, weights_only=True)
         if json.loads(saved["config"]) != json.loads(json.dumps(asdict(self.config))):
             raise InputError(f"{path} was written with another config: resume with the same one")
-        if len(saved["dice"]) != _processes():
+        if len(saved["dice"]) != processes():
             raise InputError(
-                f"{path} is the state of {len(saved['dice'])} processes, not of {_processes()}"
+                f"{path} is the state of {len(saved['dice'])} processes, not of {processes()}"
             )
         self.step, self.history = saved["step"], saved["history"]
         self.seconds = saved["seconds"]
         self.network.load_state_dict(saved["network"])
         self.average.load_state_dict(saved["average"])
         self.optimiser.load_state_dict(saved["optimiser"])
-        dice = saved["dice"][_rank()]
+        dice = saved["dice"][rank()]
         sampler.generator.set_state(dice["sampler"].cpu())
         torch.set_rng_state(dice["cpu"].cpu())
         if self.on_gpu:

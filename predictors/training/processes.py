@@ -1,0 +1,65 @@
+"""Several processes as ``torchrun`` starts them, one for each GPU; or this one alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import Any
+
+import torch
+from torch import Tensor, distributed
+
+_PATIENCE = timedelta(minutes=10)  # a process that compiles keeps the others waiting
+
+
+@contextmanager
+def joined(device: str) -> Iterator[None]:
+    """Join the group of processes that ``torchrun`` announces, if there is one, and leave it."""
+    if "RANK" not in os.environ or distributed.is_initialized():
+        yield
+        return
+    on_gpu = device.startswith("cuda")
+    if on_gpu:
+        torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
+    distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=_PATIENCE)
+    try:
+        yield
+    finally:
+        distributed.destroy_process_group()
+
+
+def rank() -> int:
+    """Number of this process; the first one, 0, reports and writes."""
+    return distributed.get_rank() if distributed.is_initialized() else 0
+
+
+def processes() -> int:
+    """Return how many train together."""
+    return distributed.get_world_size() if distributed.is_initialized() else 1
+
+
+def agreed(seconds: float, device: str) -> float:
+    """Return the first process's seconds, the same in every process."""
+    if processes() == 1:
+        return seconds
+    tensor = torch.tensor([seconds], device=device, dtype=torch.float64)
+    distributed.broadcast(tensor, 0)
+    return float(tensor)
+
+
+def mean(values: Tensor) -> Tensor:
+    """Return the mean over the processes."""
+    if processes() > 1:
+        distributed.all_reduce(values)
+    return values / processes()
+
+
+def gathered(item: Any) -> list[Any]:
+    """Return the items of all processes in their order."""
+    if processes() == 1:
+        return [item]
+    every: list[Any] = [None] * processes()
+    distributed.all_gather_object(every, item)
+    return every

@@ -1,0 +1,99 @@
+"""Laws of the trainer: an interrupted run is the uninterrupted one; processes stay in step."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.dataset.texttable import build_text_table, save_text_table
+from autophyx_tet.predictors.film_scene import NetworkConfig
+from autophyx_tet.predictors.lexicon import with_lexicon
+from autophyx_tet.predictors.training.presets import CPU, TEXT_DIM
+from autophyx_tet.predictors.training.trainer import train
+
+TINY = replace(
+    CPU, batch=2, steps=20, every=10, objects=8, text_batch=8,
+    network=NetworkConfig(widths=(8, 8, 8, 8, 8), text_dim=TEXT_DIM, slot_width=16, key_width=8),
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def text(tmp_path_factory):
+    """A table of clauses whose embeddings mean nothing: the trainer does not mind."""
+
+    def embed(texts):
+        vectors = [np.random.default_rng(len(t)).normal(size=384) / 20 for t in texts]
+        return with_lexicon(np.stack(vectors), texts)
+
+    path = tmp_path_factory.mktemp("text") / "text.safetensors"
+    save_text_table(path, build_text_table(np.random.default_rng(0), embed, per_part=3))
+    return path
+
+
+def same(first, second) -> bool:
+    pairs = zip(first.state_dict().values(), second.state_dict().values(), strict=True)
+    return all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_resume_is_exact(text, tmp_path):
+    """Ten steps, a pause and ten more end at the very weights of twenty without a pause."""
+    whole = train(TINY, text=text)
+    half = train(TINY, text=text, resume=tmp_path, pause=0.0)
+    rest = train(TINY, text=text, resume=tmp_path)
+    assert (half.steps, rest.steps) == (10, 20)
+    assert not same(half.network, whole.network)
+    assert same(rest.network, whole.network)
+
+
+def test_another_config_does_not_resume(text, tmp_path):
+    """A state belongs to its config: with another one the way out is said."""
+    train(TINY, text=text, resume=tmp_path, pause=0.0)
+    with pytest.raises(InputError, match="resume with the same one"):
+        train(replace(TINY, rate=1e-5), text=text, resume=tmp_path)
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+import torch
+sys.path.insert(0, sys.argv[2])
+from test_training import TINY, train
+torch.set_num_threads(1)
+seen = []
+trained = train(TINY, text=Path(sys.argv[1]), report=seen.append)
+import os
+from safetensors.torch import save_file
+rank = os.environ["RANK"]
+weights = {name: w.contiguous() for name, w in trained.network.state_dict().items()}
+save_file(weights, f"{sys.argv[3]}/{rank}.safetensors")
+Path(sys.argv[3], f"{rank}.reports").write_text(str(len(seen)))
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_stay_in_step(text, tmp_path):
+    """Gradients are averaged: both processes end at the same weights; only the first reports."""
+    from safetensors.torch import load_file
+
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [
+        sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2",
+        str(tmp_path / "program.py"), str(text), os.path.dirname(__file__), str(tmp_path),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, timeout=300, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    first, second = (load_file(tmp_path / f"{rank}.safetensors") for rank in range(2))
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    assert (tmp_path / "0.reports").read_text() == "2"
+    assert (tmp_path / "1.reports").read_text() == "0"
