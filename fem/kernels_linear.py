@@ -283,6 +283,21 @@ def multiply(
 
 
 @wp.kernel
+def spread(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    density: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.float64),
+    total: wp.array(dtype=wp.float64),
+):
+    """Add the integral of a density, constant on every tet: every node takes its ``share``."""
+    t = wp.tid()
+    amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+    for a in range(elements.shape[1]):
+        wp.atomic_add(total, elements[t, a], share[a] * amount)
+
+
+@wp.kernel
 def body_force(
     points: wp.array(dtype=wp.vec3d),
     elements: wp.array2d(dtype=wp.int32),

@@ -51,6 +51,22 @@ def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.n
     return total
 
 
+def gravity_force(
+    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity: np.ndarray
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of ``gravity`` [m/s^2] (3,) on tets of density ``rho`` [kg/m^3]."""
+    from . import kernels_linear as k
+
+    wp = start_warp()
+    given = wp.array(rho, dtype=wp.float64, device=grid.device)
+    share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+    share = wp.array(share, dtype=wp.float64, device=grid.device)
+    mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, given, share, mass]
+    wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
+    return mass.numpy()[:, None] * gravity
+
+
 def body_force(
     mesh: TetMesh, grid: Discretisation, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
 ) -> Float[np.ndarray, "nodes 3"]:

@@ -18,7 +18,7 @@ from .blocks import (
 from .device import checked_device
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError, InputError
-from .loads import Traction, body_force, traction_force
+from .loads import Traction, body_force, gravity_force, traction_force
 from .material import ElementMaterial
 from .mesh import TetMesh
 from .pieces import free_pieces
@@ -249,11 +249,10 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
 
 def load_vector(mesh, grid, gravity, body, traction, forces) -> np.ndarray:
     """Nodal forces [N] (nodes, 3) of all loads together; arguments as in ``solve_static``."""
-    density = material_of(mesh).rho[:, None] * np.asarray(gravity, dtype=float)
     space = grid.space
     total = np.zeros((len(space.nodes), 3))
     if np.any(gravity):
-        total += body_force(mesh, grid, density)
+        total += gravity_force(grid, material_of(mesh).rho, np.asarray(gravity, dtype=float))
     if body is not None:
         total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:
