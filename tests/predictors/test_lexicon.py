@@ -8,7 +8,6 @@ from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, Lexicon, with_le
 from autophyx_tet.predictors.normalisation import DEFAULT
 from scipy.stats import spearmanr
 
-
 LEXICON = Lexicon()
 
 
