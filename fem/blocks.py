@@ -120,7 +120,7 @@ def make_pattern(space: Space, device: str = "cpu") -> Pattern:
     """Pattern of the stiffness of ``space``; made on the CPU, then moved to ``device``."""
     from scipy.sparse import csr_array
 
-    from . import kernels_linear as k
+    from . import kernels_pattern as k
 
     wp = start_warp()
     elements, count = space.elements, len(space.nodes)

@@ -3,6 +3,8 @@
 
 import warp as wp
 
+from .kernels_linear import row_times
+
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
@@ -76,20 +78,6 @@ def block_multiply(
         y[i] = wp.transpose(blocks[i]) * x[i]
     else:
         y[i] = blocks[i] * x[i]
-
-
-@wp.func
-def row_times(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    i: int,
-) -> wp.vec3d:
-    total = wp.vec3d()
-    for s in range(rows[i], rows[i + 1]):
-        total += values[s] * x[columns[s]]
-    return total
 
 
 @wp.kernel
