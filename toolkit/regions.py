@@ -168,6 +168,26 @@ def _shells(surface: Surface) -> Iterator[Shell]:
     own = ~shared[surface.component] & ~is_open
     groups = [own & (surface.part == part) for part in np.unique(surface.part[own])]
     groups += [surface.component == c for c in np.unique(surface.component[~own & ~is_open])]
+    groups = _with_cavities(surface, groups)
     groups += [is_open] if is_open.any() else []
     for group in groups:
         yield Shell(surface.points, surface.faces[group], surface.part[group])
+
+
+def _with_cavities(surface: Surface, groups: list[np.ndarray]) -> list[np.ndarray]:
+    """Join each group that is inside out to the largest one with a part of it: as its cavity.
+
+    A bottle's inner surface is glass alone, its outer one glass and label.
+    """
+    volumes = component_volumes(surface)
+    volume = [float(volumes[np.unique(surface.component[group])].sum()) for group in groups]
+    solid = {i: group for i, group in enumerate(groups) if volume[i] >= 0}
+    for i in set(range(len(groups))) - set(solid):
+        parts = np.unique(surface.part[groups[i]])
+        hosts = [j for j, group in solid.items() if np.isin(surface.part[group], parts).any()]
+        if hosts:
+            host = max(hosts, key=lambda j: volume[j])
+            solid[host] = solid[host] | groups[i]
+        else:
+            solid[i] = groups[i]
+    return list(solid.values())

@@ -49,6 +49,21 @@ def test_wall_leaves_the_analytic_volume(mesh, wall, inner):
     assert volume == pytest.approx(mesh.volume - inner, rel=0.02)
 
 
+def test_a_cavity_of_one_part_in_the_skin_of_two():
+    """A glass box with a label on one side and an inner surface: outer minus inner volume."""
+    outer, inner = trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))
+    label = (outer.vertices[outer.faces][:, :, 0] == 1).all(axis=1)
+    inner.invert()
+    glass = trimesh.util.concatenate(
+        [trimesh.Trimesh(outer.vertices, outer.faces[~label], process=False), inner]
+    )
+    patch = trimesh.Trimesh(outer.vertices, outer.faces[label], process=False)
+    surface, _ = repair([Part("glass", glass), Part("label", patch)])
+    solids = Solids.of(surface, 2, thinnest=1e-6)
+    where = np.array([[0, 0, 0], [0, 0, 0.75], [0.9, 0, 0], [1.1, 0, 0]], float)
+    assert solids.label(where, np.ones(4)).tolist() == [-1, 0, 1, -1]
+
+
 def test_thin_body_stays_solid():
     """A plate thinner than two walls has no cavity, and nothing grows outside of it."""
     plate = trimesh.creation.box((1, 1, 0.1))
