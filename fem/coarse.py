@@ -41,11 +41,15 @@ class Groups:
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """Prolongation P (block CSR of 3 x 6), and the coarse matrix factored (CPU) or inverted."""
+    """Prolongation P (block CSR of 3 x 6), and the coarse matrix factored (CPU) or inverted.
+
+    ``members`` lists P by columns: where those of every aggregate start, the entry and the row.
+    """
 
     start: Any
     aggregates: Any
     transfer: Any
+    members: tuple[Any, Any, Any]
     count: int
     factor: tuple | None
     inverse: Any
@@ -151,9 +155,24 @@ def coarsen(
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
+    members = _members(start, aggregates, count)
     if device.is_cuda:
-        return Coarse(*P, count, None, invert(matrix))
-    return Coarse(*P, count, _cholesky(matrix.numpy()), None)
+        return Coarse(*P, members, count, None, invert(matrix))
+    return Coarse(*P, members, count, _cholesky(matrix.numpy()), None)
+
+
+def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:
+    """Entries of a block CSR matrix by column: start of every column, entries, their rows."""
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    launch = Recorder(len(start) - 1, start.device)
+    first = wp.zeros(count + 1, dtype=wp.int32, device=start.device)
+    launch(k.count_members, [aggregates, first[1:]], size=len(aggregates)).launch()
+    wp.utils.array_scan(first, first, inclusive=True)
+    member, owner = wp.empty_like(aggregates), wp.empty_like(aggregates)
+    launch(k.list_members, [start, aggregates, wp.clone(first), member, owner]).launch()
+    return first, member, owner
 
 
 def invert(matrix: Any) -> Any:

@@ -168,6 +168,28 @@ def smooth(
 
 
 @wp.kernel
+def count_members(aggregates: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)):
+    """Entries of P in the columns of every aggregate."""
+    wp.atomic_add(count, aggregates[wp.tid()], 1)
+
+
+@wp.kernel
+def list_members(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+):
+    """Entries of P and their rows, by aggregate; ``place`` is where the next one of each goes."""
+    i = wp.tid()
+    for s in range(start[i], start[i + 1]):
+        m = wp.atomic_add(place, aggregates[s], 1)
+        member[m] = s
+        owner[m] = i
+
+
+@wp.kernel
 def galerkin(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
