@@ -45,7 +45,12 @@ class Contact:
     """
 
     def __init__(
-        self, mesh: TetMesh, space: Space, obstacles: Sequence[Obstacle], friction: float
+        self,
+        mesh: TetMesh,
+        space: Space,
+        obstacles: Sequence[Obstacle],
+        friction: float,
+        thickness: float | None = None,
     ) -> None:
         from .surface import node_areas
 
@@ -53,7 +58,7 @@ class Contact:
         self.nodes = np.flatnonzero(areas > 0)
         self.rest = space.nodes[self.nodes]
         diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-        self.thickness = BARRIER_SHARE * diagonal
+        self.thickness = thickness or BARRIER_SHARE * diagonal
         E = material_of(mesh).E
         share = np.bincount(space.elements.ravel(), minlength=len(space.nodes))
         size = space.elements.shape[1]
@@ -74,8 +79,8 @@ class Contact:
         """Smallest distance of any surface node from any obstacle [m]."""
         return min((float(d.gap.min()) for d in self._distances(u)), default=np.inf)
 
-    def value(self, u: np.ndarray) -> float:
-        """Barrier and friction energy [J]; infinite on contact."""
+    def barrier(self, u: np.ndarray) -> float:
+        """Energy of the barrier [J]; infinite on contact."""
         total = 0.0
         for d in self._distances(u):
             s = d.gap / self.thickness
@@ -83,6 +88,11 @@ class Contact:
                 return np.inf
             near = s < 1
             total -= float((self.weight[near] * (s[near] - 1) ** 2 * np.log(s[near])).sum())
+        return total
+
+    def value(self, u: np.ndarray) -> float:
+        """Barrier and friction energy [J]; infinite on contact."""
+        total = self.barrier(u)
         return total + sum(float((lag.force * self._slip(u, lag)[2]).sum()) for lag in self.lagged)
 
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
@@ -164,7 +174,7 @@ class Contact:
         p = step[self.nodes]
         speed = np.linalg.norm(p, axis=1)
         for k, first in enumerate(self._distances(u)):
-            at_risk = np.flatnonzero(first.gap < speed)
+            at_risk = np.flatnonzero(GAP_SHARE * first.gap < speed)
             if not at_risk.size:
                 continue
             done = np.zeros(len(at_risk))

@@ -21,6 +21,7 @@ from .newton import minimise
 from .obstacles import Obstacle
 from .repeated import RepeatedSolver
 from .schemes import Forecast, Kinematics, Scheme, Step
+from .space import Space
 from .statics import material_of
 from .supports import Supports
 
@@ -48,8 +49,8 @@ class Motion:
         Force of the obstacles on every node [N], shape (nodes, 3).
     gap
         Smallest distance of the surface from an obstacle [m]; infinite without obstacles.
-    kinetic, elastic, potential
-        Energies [J]; ``potential`` is that of gravity and dead forces.
+    kinetic, elastic, potential, barrier
+        Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
         Newton iterations of the step.
     """
@@ -63,12 +64,13 @@ class Motion:
     kinetic: float
     elastic: float
     potential: float
+    barrier: float
     iterations: int
 
     @property
     def energy(self) -> float:
-        """Total energy [J] without the barrier's."""
-        return self.kinetic + self.elastic + self.potential
+        """Total energy [J]."""
+        return self.kinetic + self.elastic + self.potential + self.barrier
 
 
 class Dynamics:
@@ -84,8 +86,9 @@ class Dynamics:
         Acceleration of gravity [m/s^2].
     forces
         Constant nodal forces [N], shape (points, 3) or (nodes, 3).
-    obstacles, friction
-        Rigid obstacles, and the coefficient of Coulomb friction on all of them.
+    obstacles, friction, thickness
+        Rigid obstacles, the coefficient of Coulomb friction on all of them, and the distance [m]
+        at which they begin to push, by default a thousandth of the body's diagonal.
     velocity
         Initial velocity [m/s], (3,) or (nodes, 3).
     law, order, scheme, damping
@@ -103,6 +106,7 @@ class Dynamics:
         forces: np.ndarray | None = None,
         obstacles: Sequence[Obstacle] = (),
         friction: float = 0.0,
+        thickness: float | None = None,
         velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         law: Law = Law.NEO_HOOKEAN,
         order: int = 1,
@@ -121,10 +125,11 @@ class Dynamics:
         self.load = self.mass[:, None] * np.asarray(gravity, dtype=float)
         if forces is not None:
             self.load[: len(forces)] += forces
-        self.contact = Contact(mesh, grid.space, obstacles, friction)
+        self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
         self.damping = Rayleigh(self, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
+        self.rigidity = _rigidity(mesh, grid.space)
         self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, np.broadcast_to(velocity, (nodes, 3)))
@@ -167,6 +172,7 @@ class Dynamics:
             kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
             elastic=self.response(u).energy + springs,
             potential=-float((self.load * u).sum()),
+            barrier=self.contact.barrier(u),
             iterations=iterations,
         )
 
@@ -230,3 +236,11 @@ class Dynamics:
         """Solve H x = b with the Hessian [N/m] of the last step at ``u``, for its gradients."""
         potential = Incremental(self, factor, u, 1.0)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
+
+
+def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
+    """Stiffness [N/m] of the tets around every node, in the mean: E times their size."""
+    k = material_of(mesh).E * np.cbrt(mesh.volumes)
+    nodes, size = space.elements.ravel(), space.elements.shape[1]
+    total = np.bincount(nodes, np.repeat(k, size), len(space.nodes))
+    return (total / np.maximum(np.bincount(nodes, minlength=len(space.nodes)), 1))[:, None]

@@ -10,8 +10,8 @@ import numpy as np
 from .blocks import BlockMatrix, add_diagonal, apply_supports
 from .newton import Point
 
-# Terms of a residual are known to this share of their size.
-ROUND_OFF = 1e-14
+# Forces of inertia and elasticity are known to this share of what |u| would make of them.
+ROUND_OFF = 2e-15
 
 
 @dataclass(frozen=True)
@@ -29,16 +29,15 @@ class Incremental:
         self.of, self.target, self.dt = body, target, dt
         self.inertia = factor * body.mass[:, None]
         self.start = body.state.u
-        round_off = ROUND_OFF * np.linalg.norm(self.inertia * np.abs(target))
-        # No smaller force than these counts, however tight the tolerance.
-        self.least = max(body.noise, round_off / body.tolerance)
+        known = ROUND_OFF * np.linalg.norm((self.inertia + body.rigidity) * target)
+        self.least = max(body.noise, float(known) / body.tolerance)
 
     def evaluate(self, u: np.ndarray) -> Point:
         """Energy, infinite on contact; gradient; size of the external and inertial force."""
         of, away = self.of, u - self.target
         barrier = of.contact.value(u)
         if not np.isfinite(barrier):
-            return Point(np.inf, np.zeros_like(u), 0.0)
+            return Point(np.inf, np.full_like(u, np.inf), 0.0)
         elastic, push, springs = of.response(u), self.inertia * away, of.held.springs * u
         contact = np.zeros_like(u)
         of.contact.add_gradient(u, contact)

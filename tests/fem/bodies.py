@@ -72,6 +72,25 @@ def octant_ball(radius, cells) -> TetMesh:
     return mapped(box_mesh((1, 1, 1), (cells,) * 3), round_off)
 
 
+def ball(radius, cells, *, E, nu, rho) -> TetMesh:
+    """Ball whose lowest point is at z = 0: a cube's max-norm spheres moved to round ones.
+
+    With an odd number of ``cells`` it stands on a facet.
+    """
+    box = box_mesh((2, 2, 2), (cells,) * 3, lo=(-1, -1, -1))
+    norm = np.linalg.norm(box.points, axis=1, keepdims=True)
+    largest = np.abs(box.points).max(axis=1, keepdims=True)
+    x = radius * box.points * largest / np.where(norm > 0, norm, 1.0)
+    mesh = TetMesh.oriented(x - [0, 0, x[:, 2].min()], box.tets)
+    return with_uniform(mesh, E=E, nu=nu, rho=rho)
+
+
+def lifted(mesh, height) -> TetMesh:
+    """The same body ``height`` above where it was."""
+    up = mesh.points + np.array([0, 0, height])
+    return TetMesh(up, mesh.tets, mesh.region, material=mesh.material)
+
+
 def outer_faces(mesh, radius, axes=(0, 1, 2)):
     """Boundary faces whose corners lie at ``radius`` from the origin, measured in ``axes``."""
     faces = mesh.boundary.faces

@@ -14,7 +14,7 @@ from autophyx_tet.fem.supports import Supports
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from .bodies import shaken_box, with_uniform
+from .bodies import lifted, shaken_box, with_uniform
 
 SCHEMES = pytest.mark.parametrize("scheme", list(Scheme))
 G = (0.0, 0.0, -9.81)
@@ -97,11 +97,6 @@ def settle(body, dt, steps):
     return state
 
 
-def lifted(mesh, height):
-    up = mesh.points + np.array([0, 0, height])
-    return type(mesh)(up, mesh.tets, mesh.region, material=mesh.material)
-
-
 @pytest.mark.parametrize("order", [1, 2])
 def test_rest_on_the_ground(order):
     """At rest the contact forces sum to m g, and nothing is below the ground."""
@@ -122,9 +117,7 @@ def test_drop_loses_energy_only(modulus):
     states = body.run(2e-3, 60)
     assert min(s.gap for s in states) > 0
     energy = np.array([s.energy for s in states])
-    barrier = mesh.mass * 9.81 * 2 * body.contact.thickness  # what the barrier may hold meanwhile
-    assert (np.diff(energy) < 1e-6 * energy[0] + barrier).all()
-    assert energy[-1] < energy[0]
+    assert (np.diff(energy) < 1e-9 * np.ptp(energy)).all()
     assert np.abs(states[-1].u).max() < 0.2
 
 
