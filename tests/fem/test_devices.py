@@ -1,0 +1,48 @@
+"""The same answers on every device of this machine."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.device import checked_device, start_warp
+from autophyx_tet.fem.dynamics import Dynamics
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.statics import solve_static
+from autophyx_tet.fem.supports import Supports
+
+DEVICES = ["cpu", *(["cuda"] if start_warp().is_cuda_available() else [])]
+
+
+@pytest.fixture
+def beam():
+    """Cantilever of two materials, 11,520 tets: size S of ``benchmarks/statics.py``."""
+    mesh = box_mesh((1, 0.2, 0.2), (40, 6, 8))
+    high = mesh.centroids[:, 2] > 0.1
+    E, nu, rho = (np.where(high, a, b) for a, b in ((1e7, 1e6), (0.4, 0.3), (1200.0, 1000.0)))
+    return mesh.with_material(ElementMaterial(E, nu, rho))
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("order", "tip"), [(1, -0.123679197), (2, -0.148275040)])
+def test_tip_of_the_bench_problem(beam, device, order, tip):
+    """Mean u_z of the end: what dolfinx, pyamg, scikit-fem, CalculiX and Pardiso answer."""
+    held = Supports.clamp(len(beam.points), beam.points[:, 0] == 0)
+    result = solve_static(beam, held, gravity=(0, 0, -9.81), order=order, device=device)
+    assert result.displacement[beam.points[:, 0] == 1, 2].mean() == pytest.approx(tip, rel=1e-7)
+    assert result.residual <= 1e-8
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_steps_are_those_of_the_cpu(beam, device):
+    """Three implicit steps to a tight residual: the same motion."""
+    held = Supports.clamp(len(beam.points), beam.points[:, 0] == 0)
+    options = {"supports": held, "gravity": (0, 0, -9.81), "tolerance": 1e-8}
+    there, here = (Dynamics(beam, device=d, **options) for d in (device, "cpu"))
+    for a, b in zip(there.run(0.01, 3), here.run(0.01, 3), strict=True):
+        assert a.u == pytest.approx(b.u, abs=1e-9)
+
+
+def test_an_unknown_device_is_named():
+    """A device that is not here: which ones are, and what to do."""
+    with pytest.raises(InputError, match="no device 'cuda:99' here"):
+        checked_device("cuda:99")
