@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +47,38 @@ def scale(matrix: BlockMatrix) -> Scaled:
     return Scaled(matrix, lower, inverse, largest_eigenvalue(matrix))
 
 
+class Rows:
+    """Launches of kernels that need A x, row by row.
+
+    On a GPU the products come first, by threads that read what lies together; the kernel is then
+    given a diagonal matrix of their sums, whose product with ones is A x. ``apart`` overrules.
+    """
+
+    def __init__(self, matrix: BlockMatrix, *, apart: bool | None = None) -> None:
+        wp = start_warp()
+        self.arrays = [matrix.rows, matrix.columns, matrix.values]
+        self.record = Recorder(matrix.nodes, matrix.values.device)
+        self.apart = matrix.values.device.is_cuda if apart is None else apart
+        if self.apart:
+            count, device = matrix.nodes, matrix.values.device
+            index = wp.array(np.arange(count + 1), dtype=wp.int32, device=device)
+            sums = wp.zeros(count, dtype=wp.mat33d, device=device)
+            self.ones = wp.ones(count, dtype=wp.vec3d, device=device)
+            self.diagonal = [index, index, sums]
+
+    def launch(self, kernel: Any, x: Any, after: list, before: Sequence = ()) -> list:
+        """Launch commands of ``kernel``(rows, columns, values, *before, x, *after)."""
+        from . import kernels_solver as k
+
+        if not self.apart:
+            return [self.record(kernel, [*self.arrays, *before, x, *after])]
+        wp = start_warp()
+        rows, columns, *numbers = *self.arrays, x, self.diagonal[2]
+        flat = [v.view(wp.float64).flatten() for v in numbers]
+        first = self.record(k.products, [rows, columns, *flat], size=9 * self.record.size)
+        return [first, self.record(kernel, [*self.diagonal, *before, self.ones, *after])]
+
+
 class TwoLevel:
     """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed.
 
@@ -67,24 +100,38 @@ class TwoLevel:
             wp.zeros(matrix.nodes, dtype=wp.vec3d, device=self.device) for _ in range(5)
         )
         self.r, self.z = r, z
-        A = [matrix.rows, matrix.columns, matrix.values]
+        self.rows = rows = Rows(matrix)  # its arrays live as long as the launches
         P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
         theta, steps = chebyshev(largest, DEGREE)
         launch = Recorder(matrix.nodes, self.device)
-        smooth = [
-            launch(k.chebyshev_step, [*A, d[i % 2], keep, gain, res, d[1 - i % 2], z])
-            for i, (keep, gain) in enumerate(steps)
-        ]
+        smooth = []
+        for i, (keep, gain) in enumerate(steps):
+            old, new = d[i % 2], d[1 - i % 2]
+            smooth += rows.launch(k.chebyshev_step, old, [old, keep, gain, res, new, z])
         last = d[len(steps) % 2]
         self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z]), *smooth]
-        self.before.append(launch(k.restrict_residual, [*A, res, last, *P, self.residual]))
+        self.before += [*rows.launch(k.subtract, last, [res]), self._restriction(res)]
         self.after = [launch(k.prolong, [*P, self.correction, z])]
-        self.after.append(launch(k.chebyshev_restart, [*A, r, z, 1 / theta, res, d[0]]))
+        self.after += rows.launch(k.chebyshev_restart, z, [1 / theta, res, d[0]], [r])
         self.after += [launch(k.add, [z, d[0]]), *smooth]
+
+    def _restriction(self, fine: Any) -> Any:
+        """Command that writes P^T ``fine`` to the coarse residual."""
+        from . import kernels_solver as k
+
+        wp = start_warp()
+        coarse = self.residual.view(wp.float64).flatten()
+        return wp.launch_tiled(
+            k.restrict,
+            dim=[self.coarse.count],
+            inputs=[*self.coarse.members, self.coarse.transfer, fine, coarse],
+            block_dim=BLOCK,
+            device=self.device,
+            record_cmd=True,
+        )
 
     def apply(self) -> None:
         """Compute ``z`` from ``r``."""
-        self.residual.zero_()
         for command in self.before:
             command.launch()
         self._solve_coarse()
