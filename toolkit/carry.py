@@ -14,10 +14,10 @@ from ..fem.errors import InputError, UsageError
 from ..fem.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
+from .document import mesh_document
 from .options import ExportOptions, Target, TransferOptions
 from .outputs import check_file, mesh_suffixes
 from .references import References
-from .results import mesh_document
 from .sidecar import Sidecar
 
 if TYPE_CHECKING:

@@ -94,15 +94,18 @@ class Assign:
 
 @dataclass(frozen=True)
 class Simulate:
-    """Load the mesh and solve: displacement, stress, verdicts.
+    """Load the mesh and solve: displacement, stress, motion, vibrations, verdicts.
 
-    Example: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu
+    Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
+    autophyx-tet simulate chair.msh --scenario drop -o drop.pvd
     """
 
     mesh: tyro.conf.Positional[Path]
     """Mesh with E, nu and rho, made by `assign`."""
     output: Output
-    """Result to write: .vtu."""
+    """Result to write: .vtu or .vtk (the last state), or .pvd (the whole motion)."""
+    report: Path | None = None
+    """Page to write too: .html."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
     options: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
@@ -112,8 +115,9 @@ class Simulate:
         """Run the command and return its document."""
         from .pipeline import simulate
 
-        result = simulate(self.mesh, up=self.up, output=self.output, options=self.options)
-        return result.document()
+        return simulate(
+            self.mesh, up=self.up, output=self.output, report=self.report, options=self.options
+        ).document()
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..converters.files import writing
+from ..fem.mesh import TetMesh
 
 SCHEMA = 1
 _VERSIONED = ("autophyx-tet", "numpy", "scipy", "trimesh", "pytetwild", "libigl", "warp-lang")
@@ -35,6 +36,23 @@ def plain(value: Any) -> Any:
     if isinstance(value, str | int | float) or value is None:
         return value
     return str(value)
+
+
+def mesh_document(mesh: TetMesh) -> dict[str, Any]:
+    """Size, volume [m^3], mass [kg] and regions of a mesh."""
+    return {
+        "points": len(mesh.points),
+        "tets": len(mesh.tets),
+        "volume": mesh.volume,
+        "mass": mesh.mass if mesh.material else None,
+        "bounds": mesh.bounds,
+        "regions": [
+            {"name": name, "volume": volume, "tets": int((mesh.region == i).sum())}
+            for i, (name, volume) in enumerate(
+                zip(mesh.region_names, mesh.region_volumes(), strict=True)
+            )
+        ],
+    }
 
 
 def dumps(document: Any) -> str:

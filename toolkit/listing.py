@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .results import mesh_document
+from .document import mesh_document
 
 
 def materials(query: str = "") -> dict[str, Any]:

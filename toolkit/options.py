@@ -37,7 +37,7 @@ class ConvertOptions:
     """Wanted edge of a tet, as a share of the bounding box diagonal."""
     edge_length: float | None = None
     """Wanted edge of a tet [m]; replaces --edge-length-rel."""
-    epsilon_rel: float = 1e-3
+    epsilon_rel: float = 2e-3
     """Largest distance between the result and the input surface, as a share of the diagonal."""
     max_tets: int | None = None
     """Budget of tets: edge and epsilon grow until it is met."""
@@ -61,7 +61,7 @@ class ConvertOptions:
         names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "thicken", "wall")
         return {name: getattr(self, name) for name in (*names, "time_limit", "seed")} | {
             "part_wall": {name: _metres(value) for name, value in pairs(self.part_wall).items()},
-            "cache": None if self.no_cache else self.cache or _cache_folder(),
+            "cache": None if self.no_cache else self.cache or _cache_folder("convert"),
         }
 
 
@@ -85,10 +85,12 @@ class AssignOptions:
 class SimulateOptions:
     """How the result is loaded and solved."""
 
-    scenario: Literal["sag", "hang", "wind", "poke"] = "sag"
-    """What happens: it stands or hangs under its weight, wind blows at it, a finger pokes it."""
+    scenario: Literal["sag", "hang", "wind", "poke", "drop", "squeeze", "modal"] = "sag"
+    """It stands, hangs, is blown at, poked, dropped, squeezed between plates, or rings."""
+    law: Literal["linear", "neohookean"] | None = None
+    """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
-    """Order of the elements, 1 or 2; by default 2 while that has at most 150,000 unknowns."""
+    """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
     supports: Literal["base", "three-point"] = "base"
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
     gravity: float = 9.81
@@ -97,6 +99,12 @@ class SimulateOptions:
     """Speed of the wind [m/s]."""
     poke_force: float = 10.0
     """Force of the finger [N]."""
+    drop_height: float | None = None
+    """Height of the fall [m]; by default half the size of the body."""
+    squeeze_share: float = 0.1
+    """How far the plates close, as a share of the body's width."""
+    modes: int = 6
+    """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to solve."""
 
@@ -137,6 +145,17 @@ class FeatureOptions:
     """Cameras on the upper hemisphere."""
     lower: int = 0
     """Further cameras below the horizon."""
+    picture: Path | None = None
+    """Picture to write too: .png, the features' principal components as colours."""
+    cache: Path | None = None
+    """Folder that remembers features; by default the user's cache folder."""
+    no_cache: bool = False
+    """Look again and remember nothing."""
+
+    @property
+    def memory(self) -> Path | None:
+        """Folder of the remembered features, if any."""
+        return None if self.no_cache else self.cache or _cache_folder("features")
 
 
 @dataclass(frozen=True)
@@ -171,7 +190,7 @@ def _metres(value: str) -> float:
         raise UsageError(f"wanted a wall in metres, NAME=0.003, got {value!r}") from error
 
 
-def _cache_folder() -> Path:
+def _cache_folder(name: str) -> Path:
     from platformdirs import user_cache_path
 
-    return user_cache_path("autophyx-tet") / "convert"
+    return user_cache_path("autophyx-tet") / name

@@ -128,8 +128,14 @@ def exaggeration(mesh: TetMesh, displacement: Float[np.ndarray, "*frames points 
     return float(max(1.0, power * max(m for m in (1, 2, 5) if m * power <= wanted * (1 + 1e-9))))
 
 
-def story(asset: Asset, mesh: TetMesh, displacement: Float[np.ndarray, "points 3"]) -> list[Panel]:
-    """Three panels that tell a run: the asset, its stiffness, and how it sags under its weight."""
+def story(
+    asset: Asset,
+    mesh: TetMesh,
+    displacement: Float[np.ndarray, "points 3"],
+    *,
+    title: str = "Sag under its own weight",
+) -> list[Panel]:
+    """Three panels that tell a run: the asset, its stiffness, and what becomes of it."""
     if mesh.material is None:
         raise InputError("the mesh has no material yet: run `assign` first")
     E, moved = mesh.material.E, np.linalg.norm(displacement, axis=1)
@@ -145,7 +151,7 @@ def story(asset: Asset, mesh: TetMesh, displacement: Float[np.ndarray, "points 3
             moved,
             on="points",
             scale=sag,
-            title=f"Sag under its own weight{drawn}",
+            title=f"{title}{drawn}",
             displacement=displacement,
             factor=factor,
         ),

@@ -13,12 +13,12 @@ from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .outputs import check_file, check_folder, mesh_suffixes
-from .results import Assignment, Conversion, RunCase, RunResult, Simulation
+from .results import Assignment, Conversion, RunCase, RunResult
 from .sidecar import Sidecar
+from .simulation import Simulation
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
-    from ..fem.scenarios import SagResult
     from ..predictors.choice import PartChoice
 
 # Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
@@ -141,9 +141,13 @@ def simulate(
     *,
     up: UpAxis | None = None,
     output: Path | None = None,
+    report: Path | None = None,
     options: SimulateOptions | None = None,
 ) -> Simulation:
-    """Load a mesh with materials and solve: displacement [m], von Mises stress [Pa], sag ratio.
+    """Load a mesh with materials and solve its scenario: it settles, moves or rings.
+
+    ``output`` takes the last state as .vtu or .vtk, or the whole motion as .pvd; ``report`` the
+    page, .html.
 
     Raises
     ------
@@ -152,41 +156,27 @@ def simulate(
     ConvergenceError
         Where the solver does not reach its tolerance.
     """
-    from ..converters.table import write_mesh
+    from .pages import simulation_page
+    from .report import write_report
+    from .scenario import solve
 
     options = options or SimulateOptions()
     if output is not None:
-        check_file(output, (".vtu", ".vtk"))
+        check_file(output, (".vtu", ".vtk", ".pvd"))
+    if report is not None:
+        check_file(report, (".html",))
+    name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     mesh, sidecar, _ = _read(mesh, None)
+    sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    started = time.perf_counter()
-    solved = settle(mesh, options, up=up or sidecar.up)
-    seconds = time.perf_counter() - started
-    result = Simulation(mesh=mesh, scenario=options.scenario, solved=solved, seconds=seconds)
+    result = solve(mesh, options, up=sidecar.up)
     if output is not None:
-        write_mesh(output, mesh, point_data=result.point_data, cell_data=result.cell_data)
-        result = replace(result, files=(output,))
+        result = replace(result, files=tuple(result.write(output)))
+    if report is not None:
+        written = write_report(report, simulation_page(name, result, sidecar))
+        result = replace(result, files=(*result.files, written))
     return result
-
-
-def settle(mesh: TetMesh, options: SimulateOptions, *, up: UpAxis) -> SagResult:
-    """Solve the static scenario of the options on a mesh with a material."""
-    from ..fem import scenarios
-    from ..fem.gap import LARGEST_P2, p2_unknowns
-
-    order = options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1)
-    common = {"up": up, "order": order, "device": options.device}
-    match options.scenario:
-        case "sag":
-            rest = {"supports": options.supports, "gravity": options.gravity}
-            return scenarios.sag(mesh, **rest, **common)
-        case "hang":
-            return scenarios.hang(mesh, gravity=options.gravity, **common)
-        case "wind":
-            return scenarios.wind(mesh, speed=options.wind_speed, **common)
-        case "poke":
-            return scenarios.poke(mesh, force=options.poke_force, **common)
 
 
 def run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +12,9 @@ from jaxtyping import Float
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from ..predictors.asset import UpAxis
+
+if TYPE_CHECKING:
+    from ..fem.checks import Check
 
 Mark = Literal["good", "note", "warning", "bad"]
 
@@ -51,6 +54,11 @@ class Verdict:
     mark: Mark
     sentence: str
     detail: str = ""
+
+    @classmethod
+    def of(cls, check: Check) -> Verdict:
+        """Word a check of the solver."""
+        return cls("good" if check.passed else "note", check.sentence, check.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +13,13 @@ from ..fem.mesh import TetMesh
 from ..fem.table import FIELDS, outside_band
 from ..predictors.asset import Asset
 from ..predictors.field import MaterialField
+from .document import mesh_document
 from .report_content import Verdict
 from .sidecar import Sidecar
+from .simulation import Simulation
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
-    from ..fem.scenarios import SagResult
     from ..predictors.choice import PartChoice
     from .conversion import ConversionReport
 
@@ -92,6 +92,14 @@ class Assignment:
             if complaints:
                 raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
 
+    def verdicts(self) -> list[Verdict]:
+        """Whether the E, nu and rho of every part are usual for its category."""
+        return [
+            Verdict("note", f"{choice.part}: {complaint}", "inside band")
+            for choice in self.choices
+            for complaint in outside_band(choice.row.category, *choice.value)
+        ] or [Verdict("good", "E, nu and rho of every part are usual for its kind.", "inside band")]
+
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh, with the choices on record."""
         return self.sidecar.with_record(assign=self.document())
@@ -104,62 +112,6 @@ class Assignment:
             **mesh_document(self.mesh),
             "parts": self.part_rows(),
             "warnings": self.warnings,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class Simulation:
-    """The static answer of a mesh under a scenario."""
-
-    mesh: TetMesh
-    scenario: str
-    solved: SagResult
-    seconds: float
-    files: tuple[Path, ...] = ()
-
-    @property
-    def point_data(self) -> Mapping[str, np.ndarray]:
-        """Fields of the result at the points: displacement [m]."""
-        return {"displacement": self.solved.displacement}
-
-    @property
-    def cell_data(self) -> Mapping[str, np.ndarray]:
-        """Fields of the result on the tets: von Mises stress [Pa]."""
-        return {"von_mises": self.solved.von_mises}
-
-    def sag(self) -> dict[str, Any]:
-        """Return the numbers of the answer: displacement [m], ratio, stress [Pa], residual."""
-        static = self.solved.static
-        return {
-            "max_displacement": self.solved.max_displacement,
-            "sag_ratio": self.solved.sag_ratio,
-            "height": self.solved.height,
-            "max_von_mises": float(self.solved.von_mises.max()),
-            "order": static.order,
-            "gap": self.solved.gap,
-            "residual": static.residual,
-            "iterations": static.iterations,
-            "verdicts": self.verdicts(),
-        }
-
-    def verdicts(self) -> list[Verdict]:
-        """Findings in plain words, each with its number and threshold."""
-        from ..fem.checks import static_checks
-
-        return [
-            Verdict("good" if check.passed else "note", check.sentence, check.name)
-            for check in static_checks(self.solved)
-        ]
-
-    def document(self) -> dict[str, Any]:
-        """Return what ``simulate --json`` prints."""
-        return {
-            "files": self.files,
-            **mesh_document(self.mesh),
-            "scenario": self.scenario,
-            "sag": self.sag(),
-            "seconds": self.seconds,
-            "warnings": self.solved.warnings,
         }
 
 
@@ -182,18 +134,15 @@ class RunResult:
 
     def document(self) -> dict[str, Any]:
         """Return what ``run --json`` prints: the first sentence on top, all in ``cases``."""
+        kind = self.cases[0].simulation.kind
         cases = [
-            {**case.assignment.document(), "sag": case.simulation.document()["sag"]}
+            {**case.assignment.document(), kind: case.simulation.document()[kind]}
             for case in self.cases
         ]
-        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "sag")
+        keys = ("text", "tets", "volume", "mass", "bounds", "parts", kind)
         warnings = [
             *self.conversion.document()["warnings"],
-            *(
-                w
-                for c in self.cases
-                for w in (*c.assignment.warnings, *c.simulation.solved.warnings)
-            ),
+            *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),
         ]
         return {
             "files": self.files,
@@ -204,23 +153,6 @@ class RunResult:
             "seconds": self.seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }
-
-
-def mesh_document(mesh: TetMesh) -> dict[str, Any]:
-    """Size, volume [m^3], mass [kg] and regions of a mesh."""
-    return {
-        "points": len(mesh.points),
-        "tets": len(mesh.tets),
-        "volume": mesh.volume,
-        "mass": mesh.mass if mesh.material else None,
-        "bounds": mesh.bounds,
-        "regions": [
-            {"name": name, "volume": volume, "tets": int((mesh.region == i).sum())}
-            for i, (name, volume) in enumerate(
-                zip(mesh.region_names, mesh.region_volumes(), strict=True)
-            )
-        ],
-    }
 
 
 def _material(mesh: TetMesh):

@@ -66,11 +66,24 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{document['values']:,} places got E, nu and rho{mass}"
     if document.get("bins"):
         yield f"{document['bins']:,} materials for {document['for']}"
-    if document.get("sag"):
-        sag = document["sag"]
-        yield from (verdict.sentence for verdict in sag["verdicts"])
+    for kind in ("sag", "motion", "modal"):
+        if answer := document.get(kind):
+            yield from (verdict.sentence for verdict in answer["verdicts"])
+            yield from _answer(kind, answer)
+
+
+def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
+    if kind == "sag":
         yield (
-            f"largest displacement {sag['max_displacement']:.3g} m "
-            f"({100 * sag['sag_ratio']:.2g} % of its height), "
-            f"largest von Mises stress {sag['max_von_mises']:.3g} Pa"
+            f"largest displacement {answer['max_displacement']:.3g} m "
+            f"({100 * answer['sag_ratio']:.2g} % of its height), "
+            f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
+    elif kind == "motion":
+        yield (
+            f"{answer['frames']} frames of {answer['dt']:.3g} s, "
+            f"largest contact force {answer['max_contact_force']:.3g} N"
+        )
+    else:
+        found = ", ".join(f"{frequency:.4g}" for frequency in answer["frequencies"])
+        yield f"natural frequencies [Hz]: {found}"

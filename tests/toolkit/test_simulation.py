@@ -1,0 +1,93 @@
+"""Scenarios through the pipeline: what they answer, write and say."""
+
+import numpy as np
+import pytest
+from autophyx_tet.converters.pvd import read_pvd
+from autophyx_tet.converters.table import read_data, write_mesh
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.toolkit.options import SimulateOptions
+from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation import Moving, Ringing, Settled
+
+LENGTH, SIDE = 1.0, 0.1
+
+
+@pytest.fixture(scope="module")
+def column():
+    """A slim rubber column that stands on its end."""
+    mesh = box_mesh((SIDE, SIDE, LENGTH), (2, 2, 10))
+    return mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e8, nu=0.3, rho=1000.0))
+
+
+def test_sag_knows_the_first_frequency(column):
+    """A clamped beam: f = 1.8751^2 / (2 pi L^2) sqrt(E I / rho A); 3 %: two cells across."""
+    result = simulate(column, options=SimulateOptions())
+    assert isinstance(result, Settled)
+    bending = np.sqrt(1e8 * SIDE**2 / 12 / 1000.0)
+    exact = 1.8751**2 / (2 * np.pi * LENGTH**2) * bending
+    np.testing.assert_allclose(result.frequencies[:2], exact, rtol=0.03)
+    assert "first frequency" in {verdict.detail for verdict in result.verdicts()}
+
+
+def test_modal_writes_shapes_and_one_period(column, tmp_path):
+    options = SimulateOptions(scenario="modal", modes=3)
+    result = simulate(column, output=tmp_path / "ring.vtu", options=options)
+    assert isinstance(result, Ringing)
+    assert result.document()["modal"]["frequencies"] == result.frequencies
+    data = read_data(tmp_path / "ring.vtu")
+    assert {"displacement", "mode_1", "mode_2", "mode_3"} <= set(data.point_data)
+    drawn = np.linalg.norm(result.film.displacement, axis=2).max()
+    assert drawn == pytest.approx(0.05 * np.linalg.norm([SIDE, SIDE, LENGTH]))
+    assert result.film.times[-1] < 1 / result.frequencies[0]
+
+
+def test_drop_falls_bounces_and_is_written_whole(tmp_path):
+    """Free fall until the ground, which is never passed; every frame is in the .pvd."""
+    mesh = box_mesh((0.1, 0.1, 0.1), (1, 1, 1))
+    mesh = mesh.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.4, rho=1000.0))
+    options = SimulateOptions(scenario="drop", drop_height=0.02)
+    result = simulate(mesh, output=tmp_path / "drop.pvd", options=options)
+    assert isinstance(result, Moving)
+    answer = result.document()["motion"]
+    assert answer["smallest_gap"] > 0
+    assert answer["max_contact_force"] > mesh.mass * 9.81
+    frames = list(read_pvd(tmp_path / "drop.pvd"))
+    assert len(frames) == answer["frames"] == len(result.film.times)
+    assert [verdict.mark for verdict in result.verdicts()] == ["good"]
+
+
+def test_squeeze_closes_by_the_share():
+    """The plates close by a fifth of the width, across the up axis."""
+    mesh = box_mesh((0.1, 0.1, 0.1), (2, 2, 2))
+    mesh = mesh.with_material(ElementMaterial.uniform(48, E=1e5, nu=0.3, rho=1000.0))
+    options = SimulateOptions(scenario="squeeze", squeeze_share=0.2)
+    result = simulate(mesh, up="x", options=options)
+    moved = mesh.points + result.displacement
+    # 2 %: the plates start a little away from the body
+    assert np.ptp(moved[:, 1]) == pytest.approx(0.08, rel=0.02)
+
+
+def test_the_report_of_a_simulation_stands_alone(column, tmp_path):
+    write_mesh(tmp_path / "column.msh", column)
+    page = tmp_path / "column.html"
+    result = simulate(
+        tmp_path / "column.msh",
+        output=tmp_path / "s.vtu",
+        report=page,
+        options=SimulateOptions(order=1),
+    )
+    assert set(result.files) == {tmp_path / "s.vtu", page}
+    text = page.read_text(encoding="utf-8")
+    assert "First frequencies" in text
+    assert "holds its shape" in text
+
+
+def test_what_a_scenario_cannot_do_is_told(column, tmp_path):
+    with pytest.raises(UsageError, match="modal knows only --law linear"):
+        simulate(column, options=SimulateOptions(scenario="modal", law="neohookean"))
+    with pytest.raises(InputError, match=r"unknown suffix '.txt', wanted .vtu, .vtk, .pvd"):
+        simulate(column, output=tmp_path / "x.txt")
+    with pytest.raises(InputError, match=r"wanted .html"):
+        simulate(column, report=tmp_path / "x.pdf")

@@ -1,0 +1,134 @@
+"""Pages: what the report shows of a run, and of a single simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from .document import plain, versions
+from .quality import dihedral_angles, quality
+from .report_content import Band, Case, PartRow, ReportContent, Verdict
+from .results import Conversion, RunResult
+from .sidecar import Sidecar
+from .simulation import Settled, Simulation
+
+
+def run_page(result: RunResult) -> ReportContent:
+    """Gather what the report shows of a run, one case a sentence."""
+    conversion, document = result.conversion, result.document()
+    asset = conversion.asset
+    cases = [
+        _case(c.assignment.text, c.simulation, c.assignment.part_rows(), c.assignment.verdicts())
+        for c in result.cases
+    ]
+    return ReportContent(
+        title=asset.name,
+        cases=tuple(_told_apart(cases, [c.simulation for c in result.cases])),
+        up=asset.up,
+        quality=_quality(conversion),
+        warnings=tuple(document["warnings"]),
+        provenance={
+            "asset": asset.source or asset.name,
+            "SHA-256": asset.source_hash or "",
+            "metres per unit": asset.metres_per_unit,
+            "versions": versions(),
+            "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
+        },
+    )
+
+
+def simulation_page(name: str, simulation: Simulation, sidecar: Sidecar) -> ReportContent:
+    """Gather what the report shows of one simulation of the mesh called ``name``."""
+    mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
+    found = quality(mesh)
+    return ReportContent(
+        title=name,
+        cases=(_case(chosen.get("text", ""), simulation, chosen.get("parts", [])),),
+        up=sidecar.up,
+        quality={
+            "tets": found.tets,
+            "points": found.points,
+            "volume [m³]": found.volume,
+            "smallest altitude [m]": found.altitude_min,
+            "connected components": found.components,
+            "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(
+                1
+            ),
+        },
+        warnings=simulation.warnings,
+        provenance={
+            **{key: value for key, value in sidecar.source.items() if value},
+            "scenario": simulation.scenario,
+            "versions": versions(),
+            "seconds": {"simulate": round(simulation.seconds, 2)},
+        },
+    )
+
+
+def _quality(conversion: Conversion) -> dict[str, object]:
+    mesh, quality = conversion.mesh, conversion.report.quality
+    kept = sum(guarantee.ok for guarantee in conversion.report.guarantees)
+    return {
+        "tets": quality.tets,
+        "points": quality.points,
+        "volume [m³]": quality.volume,
+        "guarantees kept": f"{kept} of {len(conversion.report.guarantees)}",
+        "distance to the input [m]": conversion.report.distances.to_input,
+        "distance from the input [m]": conversion.report.distances.from_input,
+        "smallest altitude [m]": quality.altitude_min,
+        "connected components": quality.components,
+        "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(1),
+    }
+
+
+def _case(
+    text: str,
+    simulation: Simulation,
+    parts: list[dict[str, Any]],
+    verdicts: list[Verdict] | None = None,
+) -> Case:
+    film = simulation.film
+    return Case(
+        text=text,
+        mesh=simulation.mesh,
+        parts=tuple(map(_part_row, parts)),
+        displacement=simulation.displacement,
+        von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
+        motion=film.displacement,
+        times=film.times,
+        frequencies=simulation.frequencies,
+        verdicts=(*simulation.verdicts(), *(verdicts or ())),
+    )
+
+
+def _told_apart(cases: list[Case], simulations: list[Simulation]) -> list[Case]:
+    """Say of every further settled case whether the eye can tell it from the first."""
+    from ..fem.checks import distinguishable
+
+    first, *others = simulations
+    told = cases[:1]
+    for case, other in zip(cases[1:], others, strict=True):
+        if isinstance(first, Settled) and isinstance(other, Settled):
+            found = Verdict.of(distinguishable(first.solved, other.solved))
+            case = replace(case, verdicts=(*case.verdicts, found))
+        told.append(case)
+    return told
+
+
+def _part_row(row: dict[str, Any]) -> PartRow:
+    ranges = plain(row["ranges"])
+    E, nu, rho = (Band(ranges[name]["min"], ranges[name]["max"]) for name in ("E", "nu", "rho"))
+    return PartRow(
+        name=row["name"],
+        material=row["material"],
+        words=row["why"],
+        E=row["E"],
+        nu=row["nu"],
+        rho=row["rho"],
+        volume=row["volume"],
+        mass=row["mass"],
+        source=row["source"],
+        E_band=E,
+        nu_band=nu,
+        rho_band=rho,
+    )

@@ -1,0 +1,121 @@
+"""Options of a scenario become its answer: a body settles, moves or rings."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from ..fem.elastic import Law
+from ..fem.errors import ConvergenceError, UsageError
+from ..fem.mesh import TetMesh
+from ..predictors.asset import UpAxis
+from .options import SimulateOptions
+from .simulation import Moving, Ringing, Settled, Simulation
+
+LAWS = {"linear": Law.LINEAR, "neohookean": Law.NEO_HOOKEAN}
+STATIC = ("sag", "hang", "wind", "poke")
+# Unknowns up to which a settled body's frequencies are found too: a few seconds.
+QUICK = 60_000
+STANDING_MODES = 3
+
+
+def solve(mesh: TetMesh, options: SimulateOptions, *, up: UpAxis) -> Simulation:
+    """Solve the scenario of ``options`` on a mesh with a material.
+
+    Raises
+    ------
+    UsageError
+        Where the scenario cannot use the law.
+    ConvergenceError
+        Where the solver does not reach its tolerance.
+    """
+    started = time.perf_counter()
+    if options.scenario in STATIC:
+        found = _settle(mesh, options, up)
+    elif options.scenario == "modal":
+        found = _ring(mesh, options, up)
+    else:
+        found = _move(mesh, options, up)
+    return replace(found, seconds=time.perf_counter() - started)
+
+
+def _settle(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Settled:
+    from ..fem import scenarios
+
+    law = LAWS[options.law] if options.law else None
+    common: dict[str, Any] = {"up": up, "device": options.device, "law": law}
+    common["order"] = _order(mesh, options)
+    modes = None
+    match options.scenario:
+        case "hang":
+            solved = scenarios.hang(mesh, gravity=options.gravity, **common)
+        case "wind":
+            solved = scenarios.wind(mesh, speed=options.wind_speed, **common)
+        case "poke":
+            solved = scenarios.poke(mesh, force=options.poke_force, **common)
+        case _:
+            common |= {"supports": options.supports, "gravity": options.gravity}
+            solved = scenarios.sag(mesh, **common)
+            modes = _quick_modes(mesh, options, up)
+    return Settled(mesh, options.scenario, solved=solved, modes=modes)
+
+
+def _ring(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Ringing:
+    _only_law(options, "linear")
+    order = _order(mesh, options)
+    modes = _modes(mesh, up, options.modes, order=order, device=options.device)
+    return Ringing(mesh, options.scenario, modes=modes)
+
+
+def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Moving:
+    from ..fem import motions
+
+    law = LAWS[options.law or "neohookean"]
+    common: dict[str, Any] = {"order": options.order or 1, "device": options.device, "law": law}
+    if options.scenario == "drop":
+        common |= {"height": options.drop_height, "gravity": options.gravity}
+        motion = motions.drop(mesh, up=up, **common)
+    else:
+        motion = motions.squeeze(mesh, axis=_across(up), share=options.squeeze_share, **common)
+    return Moving(mesh, options.scenario, motion=motion)
+
+
+def _modes(mesh: TetMesh, up: UpAxis, count: int, *, order: int, device: str):
+    from ..fem.modal import natural_modes
+    from ..fem.rest import rest, up_axis
+
+    held, _ = rest(mesh, up_axis(up))
+    return natural_modes(mesh, count, supports=held, order=order, device=device)
+
+
+def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
+    """First vibrations of a standing body where they are quick to find, else None."""
+    from ..fem.gap import p2_unknowns
+
+    order = 2 if p2_unknowns(mesh) <= QUICK else 1
+    if order == 1 and 3 * len(mesh.points) > QUICK:
+        return None
+    try:
+        return _modes(mesh, up, STANDING_MODES, order=order, device=options.device)
+    except (ConvergenceError, UsageError, ValueError):
+        return None
+
+
+def _order(mesh: TetMesh, options: SimulateOptions) -> int:
+    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
+    from ..fem.gap import LARGEST_P2, p2_unknowns
+
+    return options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1)
+
+
+def _across(up: UpAxis) -> UpAxis:
+    """The first horizontal axis."""
+    return "x" if up != "x" else "y"
+
+
+def _only_law(options: SimulateOptions, law: str) -> None:
+    if options.law not in (None, law):
+        raise UsageError(
+            f"--scenario {options.scenario} knows only --law {law}, got {options.law!r}"
+        )
