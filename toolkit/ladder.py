@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ..fem.errors import UsageError
-from ..fem.mesh import signed_volumes
+from ..fem.mesh import boundary_faces, signed_volumes
 from .cache import Runner
 from .child import ChildFailure
 from .conversion import ENVELOPE_SHARE, Attempt, Engine
@@ -31,6 +32,7 @@ DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets i
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
+CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
 
@@ -207,9 +209,40 @@ def _fill(solids: Solids, target: Target, runner: Runner) -> Filling:
     )
     where = box["points"] * scale + centre
     part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
+    part = conforming(where, box["tets"], part, solids, target.epsilon)
     if not (part >= 0).any():
         raise NoFilling("no tet lies in a solid")
     mesh = separate(where, box["tets"][part >= 0])
     if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
     return Filling(mesh, part[part >= 0][mesh.origin], target)
+
+
+def conforming(
+    points: Float[np.ndarray, "points 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    part: Int[np.ndarray, "tets"],
+    solids: Solids,
+    epsilon: float,
+) -> Int[np.ndarray, "tets"]:
+    """Relabel tets where the boundary is farther than ``epsilon`` [m] from the input.
+
+    The engine swallows what is thinner than its envelope; tets that then cross the input are told
+    apart by their centroids, at random. A boundary vertex that far from the input lies inside or
+    outside, and so do all tets around it.
+    """
+    part = part.copy()
+    for _ in range(CONFORMING_ROUNDS):
+        skin = np.unique(boundary_faces(tets[part >= 0]).faces)
+        distance = closest(points[skin], solids.surface.points, solids.surface.faces).distance
+        far = skin[distance > epsilon]
+        if not far.size:
+            break
+        label = np.full(len(points), -1)
+        label[far] = solids.label(points[far], np.ones(len(far)))
+        outside = np.zeros(len(points), dtype=bool)
+        outside[far] = label[far] < 0
+        within = label[tets].max(axis=1)
+        part = np.where((part < 0) & (within >= 0), within, part)
+        part[outside[tets].any(axis=1)] = -1
+    return part

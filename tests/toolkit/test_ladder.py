@@ -1,0 +1,29 @@
+"""The ladder's own laws, without the engine."""
+
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.predictors.asset import Part
+from autophyx_tet.toolkit.ladder import conforming
+from autophyx_tet.toolkit.regions import Solids
+from autophyx_tet.toolkit.repair import repair
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_wrong_labels_away_from_the_surface_are_mended(seed):
+    """A cube of 2 in a grid of 6: wrong tets, which show boundary off its surface, are righted."""
+    grid = box_mesh((6.0, 6.0, 6.0), (6, 6, 6))
+    cube = trimesh.creation.box((2, 2, 2))
+    cube.apply_translation((3, 3, 3))
+    surface, _ = repair([Part("cube", cube)])
+    solids = Solids.of(surface, 1, thinnest=1e-3)
+    centres = grid.points[grid.tets].mean(axis=1)
+    right = np.where((np.abs(centres - 3) < 1).all(axis=1), 0, -1)
+    rng = np.random.default_rng(seed)
+    off = np.abs(grid.points - 3).max(axis=1) != 1  # corners that are not on the cube
+    wrong = rng.choice(np.flatnonzero(off[grid.tets].any(axis=1)), size=10, replace=False)
+    given = right.copy()
+    given[wrong] = -1 - given[wrong]
+    assert (conforming(grid.points, grid.tets, given, solids, 0.1) == right).all()
+    assert (conforming(grid.points, grid.tets, right, solids, 0.1) == right).all()
