@@ -43,13 +43,13 @@ class Groups:
 class Coarse:
     """Prolongation P (block CSR of 3 x 6), and the coarse matrix factored (CPU) or inverted.
 
-    ``members`` lists P by columns: where those of every aggregate start, the entry and the row.
+    ``members`` lists P by columns on a GPU: where those of every aggregate start, entries, rows.
     """
 
     start: Any
     aggregates: Any
     transfer: Any
-    members: tuple[Any, Any, Any]
+    members: tuple[Any, Any, Any] | None
     count: int
     factor: tuple | None
     inverse: Any
@@ -155,10 +155,9 @@ def coarsen(
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
-    members = _members(start, aggregates, count)
     if device.is_cuda:
-        return Coarse(*P, members, count, None, invert(matrix))
-    return Coarse(*P, members, count, _cholesky(matrix.numpy()), None)
+        return Coarse(*P, _members(start, aggregates, count), count, None, invert(matrix))
+    return Coarse(*P, None, count, _cholesky(matrix.numpy()), None)
 
 
 def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:

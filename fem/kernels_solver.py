@@ -182,13 +182,27 @@ def restrict(
     r: wp.array(dtype=wp.vec3d),
     coarse: wp.array(dtype=wp.float64),
 ):
-    """Product P^T r, one block of threads an aggregate."""
+    """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
     a, lane = wp.tid()
     total = vec6d()
     for m in range(first[a] + lane, first[a + 1], wp.block_dim()):
         total += wp.transpose(transfer[member[m]]) * r[owner[m]]
     for c in range(6):
         wp.tile_store(coarse, wp.tile_sum(wp.tile(total[c])), offset=6 * a + c)
+
+
+@wp.kernel
+def scatter(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+    r: wp.array(dtype=wp.vec3d),
+    coarse: wp.array(dtype=vec6d),
+):
+    """Add P^T r to ``coarse``, row by row: the faster way for one thread."""
+    i = wp.tid()
+    for s in range(start[i], start[i + 1]):
+        wp.atomic_add(coarse, aggregates[s], wp.transpose(transfer[s]) * r[i])
 
 
 @wp.kernel

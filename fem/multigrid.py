@@ -110,16 +110,18 @@ class TwoLevel:
             smooth += rows.launch(k.chebyshev_step, old, [old, keep, gain, res, new, z])
         last = d[len(steps) % 2]
         self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z]), *smooth]
-        self.before += [*rows.launch(k.subtract, last, [res]), self._restriction(res)]
+        self.before += [*rows.launch(k.subtract, last, [res]), self._restriction(res, P)]
         self.after = [launch(k.prolong, [*P, self.correction, z])]
         self.after += rows.launch(k.chebyshev_restart, z, [1 / theta, res, d[0]], [r])
         self.after += [launch(k.add, [z, d[0]]), *smooth]
 
-    def _restriction(self, fine: Any) -> Any:
-        """Command that writes P^T ``fine`` to the coarse residual."""
+    def _restriction(self, fine: Any, P: list) -> Any:
+        """Command that adds P^T ``fine`` to the coarse residual (CPU), or writes it there (GPU)."""
         from . import kernels_solver as k
 
         wp = start_warp()
+        if self.coarse.members is None:
+            return Recorder(len(fine), self.device)(k.scatter, [*P, fine, self.residual])
         coarse = self.residual.view(wp.float64).flatten()
         return wp.launch_tiled(
             k.restrict,
@@ -132,6 +134,8 @@ class TwoLevel:
 
     def apply(self) -> None:
         """Compute ``z`` from ``r``."""
+        if self.coarse.members is None:
+            self.residual.zero_()
         for command in self.before:
             command.launch()
         self._solve_coarse()

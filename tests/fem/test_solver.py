@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import solver
+from autophyx_tet.fem import kernels_solver, solver
 from autophyx_tet.fem.aggregation import boxes
 from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.coarse import _cholesky, _motions, invert, make_groups
+from autophyx_tet.fem.coarse import _cholesky, _members, _motions, invert, make_groups
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.material import ElementMaterial
@@ -108,6 +108,27 @@ def test_motions_that_a_group_cannot_make_are_dropped():
     groups = make_groups(points, np.zeros(3, dtype=int), "cpu")
     basis = _motions(groups, points, lower, free).numpy().reshape(-1, 6)
     assert np.linalg.norm(basis, axis=0) == pytest.approx([0, 1, 1, 0, 1, 1])
+
+
+def test_both_restrictions_are_the_transposed_prolongation():
+    """P^T r gathered by column, as a GPU does, and scattered by row: the dense product."""
+    wp = start_warp()
+    rng = np.random.default_rng(0)
+    start, columns = np.array([0, 2, 3, 6, 6, 8]), np.array([0, 2, 1, 0, 1, 3, 2, 3])
+    blocks, r = rng.normal(size=(8, 3, 6)), rng.normal(size=(5, 3))
+    dense = np.zeros((5, 3, 4, 6))
+    dense[np.repeat(np.arange(5), np.diff(start)), :, columns] = blocks
+    P = [wp.array(v, dtype=wp.int32, device="cpu") for v in (start, columns)]
+    transfer = wp.array(blocks, dtype=kernels_solver.mat36d, device="cpu")
+    fine = wp.array(r, dtype=wp.vec3d, device="cpu")
+    one, two = (wp.zeros(4, dtype=kernels_solver.vec6d, device="cpu") for _ in range(2))
+    wp.launch(kernels_solver.scatter, 5, inputs=[*P, transfer, fine, one], device="cpu")
+    flat = two.view(wp.float64).flatten()
+    inputs = [*_members(*P, 4), transfer, fine, flat]
+    wp.launch_tiled(kernels_solver.restrict, dim=[4], inputs=inputs, block_dim=64, device="cpu")
+    expected = np.einsum("icaj,ic->aj", dense, r)
+    assert one.numpy() == pytest.approx(expected)
+    assert two.numpy() == pytest.approx(expected)
 
 
 def test_gauss_jordan_inverts():
