@@ -19,10 +19,11 @@ Engine = Literal["tetwild", "alpha wrap + tetwild"]
 # distance of the input; between them the surface bulges, and where three faces meet in a right
 # angle the corner is sqrt(3) envelopes away.
 ENVELOPE_SHARE = 0.5
+SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
-# Epsilons off the surface at which each side is asked for, inside or outside: near by, and as far
-# as the envelope reaches. Where they differ, a spike or a gap is thinner than the engine can see.
-PROBES = (0.125, ENVELOPE_SHARE)
+# Epsilons off the surface at which each side is asked for, inside or outside. Where the answers
+# differ, a plate or a gap is thinner than two envelopes: they may meet in its middle and close it.
+PROBES = (0.125, 2 * ENVELOPE_SHARE)
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,20 @@ class Distances:
     ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
     ``from_input`` that from the outer visible input to the boundary or an interface of regions.
     The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid,
-    ``sheet_share``, which has no volume on either side, and ``thin_share``, where the solid or the
-    gap beside it is thinner than the engine's envelope.
+    ``sheet_share``, which has no volume on either side, and where the solid or the gap beside it
+    is thinner than epsilon; ``missed_share`` of the area is of this last kind and farther than
+    epsilon from the mesh.
     """
 
     to_input: float
     from_input: float
     hidden_share: float = 0.0
     sheet_share: float = 0.0
-    thin_share: float = 0.0
+    missed_share: float = 0.0
+
+    def good(self, epsilon: float) -> bool:
+        """Whether both distances are within ``epsilon`` [m] and next to nothing is missed."""
+        return self.largest <= epsilon and self.missed_share <= SHARE_TOLD
 
     @property
     def largest(self) -> float:
@@ -173,13 +179,14 @@ def measure_distances(
     visible = below != above
     thick = visible & (below == far_below) & (above == far_above)
     target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
-    home = closest(back.where[thick], mesh.points, target).distance
+    home = np.zeros(len(back.where))
+    home[visible] = closest(back.where[visible], mesh.points, target).distance
     return Distances(
         to_input=float(closest(there, points, faces).distance.max()),
-        from_input=float(home.max(initial=0)),
+        from_input=float(home[thick].max(initial=0)),
         hidden_share=float((~below & ~above).mean()),
         sheet_share=float((below & above).mean()),
-        thin_share=float((visible & ~thick).mean()),
+        missed_share=float((home[~thick] > epsilon).sum() / len(home)),
     )
 
 

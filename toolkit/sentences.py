@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
-from .conversion import Attempt, ConversionReport
+from .conversion import SHARE_TOLD, Attempt, ConversionReport
 
-SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 # Words of things whose closed surface usually stands for a shell.
 HOLLOW = re.compile(
     r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
@@ -41,11 +40,11 @@ def said(report: ConversionReport) -> tuple[str, ...]:
             f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
             "not in the mesh"
         )
-    if report.distances.thin_share > SHARE_TOLD:
+    if report.distances.missed_share > SHARE_TOLD:
         sentences.append(
-            f"{report.distances.thin_share:.1%} of the surface is on spikes or gaps thinner than "
-            f"half of epsilon ({report.epsilon:.3g} m), which the mesh may lack; a smaller "
-            "--epsilon-rel keeps them"
+            f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
+            f"epsilon ({report.epsilon:.3g} m), which the mesh lacks; a smaller --epsilon-rel "
+            "keeps them"
         )
     if report.hollow:
         sentences.append(

@@ -135,13 +135,13 @@ def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator
         return Made(mesh, filling, gaps, epsilon, attempts)
 
     made = measured(filling, attempts)
-    if max_tets is not None or made.gaps.largest <= epsilon:
+    if max_tets is not None or made.gaps.good(epsilon):
         return made
     tighter, attempt = tighten(job._replace(target=filling.target), attempts[-1])
     if tighter is None:
         return made._replace(attempts=(*attempts, attempt))
     again = measured(tighter, (*attempts, attempt))
-    better = again.gaps.largest < made.gaps.largest
+    better = again.gaps.largest <= max(made.gaps.largest, epsilon)
     return again if better else made._replace(attempts=again.attempts)
 
 
