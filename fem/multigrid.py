@@ -82,10 +82,13 @@ class Rows:
 class TwoLevel:
     """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed.
 
-    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space.
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space;
+    ``degree`` is that of the smoother.
     """
 
-    def __init__(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> None:
+    def __init__(
+        self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray, degree: int = DEGREE
+    ) -> None:
         from . import kernels_solver as k
 
         wp = start_warp()
@@ -102,7 +105,7 @@ class TwoLevel:
         self.r, self.z = r, z
         self.rows = rows = Rows(matrix)  # its arrays live as long as the launches
         P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
-        theta, steps = chebyshev(largest, DEGREE)
+        theta, steps = chebyshev(largest, degree)
         launch = Recorder(matrix.nodes, self.device)
         smooth = []
         for i, (keep, gain) in enumerate(steps):

@@ -13,6 +13,9 @@ from .multigrid import Scaled, TwoLevel, scale
 
 # Unknowns up to which the preconditioner is a direct factor.
 DIRECT = 4_000
+# Degree of the smoother: inertia makes the matrix better than that of statics, and a lower degree
+# costs less in all than the few iterations that it adds.
+DEGREE = 2
 # The preconditioner is made anew when CG takes so many more iterations than right after it was.
 STALE = 4
 # Iterations after which a system counts as not solvable: Newton then tries another Hessian.
@@ -92,7 +95,7 @@ class RepeatedSolver:
         if 3 * matrix.nodes <= DIRECT and not matrix.values.device.is_cuda:
             cycle = Factor(system)  # a graph of a GPU could not call it
         else:
-            cycle = TwoLevel(system, self.points, self.fixed)
+            cycle = TwoLevel(system, self.points, self.fixed, DEGREE)
         # CG has a matrix of its own, whose values are those of every new system in turn.
         current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
         cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)

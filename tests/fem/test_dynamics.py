@@ -35,11 +35,11 @@ def test_momentum_is_conserved(scheme):
     mesh = shaken_box(E=1e4, rho=1e3)
     rng = np.random.default_rng(0)
     v = rng.normal(size=mesh.points.shape)
-    body = Dynamics(mesh, velocity=v, scheme=scheme, tolerance=1e-10)
+    body = Dynamics(mesh, velocity=v, scheme=scheme, tolerance=1e-13)
     mass = body.mass[:, None]
     start, size = (mass * v).sum(axis=0), np.abs(mass * v).sum()
     for state in body.run(1e-3, 10):
-        assert np.abs((mass * state.v).sum(axis=0) - start).max() < 1e-10 * size
+        assert np.abs((mass * state.v).sum(axis=0) - start).max() < 1e-12 * size
 
 
 def test_energy_of_the_schemes():
@@ -60,7 +60,8 @@ def test_energy_of_the_schemes():
     assert energy[Scheme.IMPLICIT_EULER][-1] < energy[Scheme.BDF2][-1] < first
 
 
-def test_rod_rings_at_its_frequency():
+@pytest.mark.parametrize("scheme", [Scheme.TRAPEZOIDAL, Scheme.BDF2])
+def test_rod_rings_at_its_frequency(scheme):
     """A fixed-free rod with nu = 0 swings with the period 4 L / c, c = sqrt(E / rho)."""
     L, E, rho = 1.0, 1e6, 1e3
     mesh = with_uniform(box_mesh((L, 0.1, 0.1), (20, 1, 1)), E=E, nu=0.0, rho=rho)
@@ -68,9 +69,7 @@ def test_rod_rings_at_its_frequency():
     v[:, 0] = 1e-3 * np.sin(np.pi * mesh.points[:, 0] / 2 / L)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     period = 4 * L / np.sqrt(E / rho)
-    body = Dynamics(
-        mesh, velocity=v, supports=held, scheme=Scheme.TRAPEZOIDAL, law=Law.LINEAR, tolerance=1e-8
-    )
+    body = Dynamics(mesh, velocity=v, supports=held, scheme=scheme, law=Law.LINEAR, tolerance=1e-8)
     tip = np.array([s.u[mesh.points[:, 0] == L, 0].mean() for s in body.run(period / 100, 100)])
     zero = np.flatnonzero((tip[:-1] > 0) & (tip[1:] <= 0))[0]
     crossing = zero + tip[zero] / (tip[zero] - tip[zero + 1])
