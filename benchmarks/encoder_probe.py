@@ -6,10 +6,11 @@ The protocol: sweethome3d objects, two views each, 300 x 300; a region is the pi
 slot in one view, at least 200 of them; its feature is the mean; standardised, 48 principal
 components, balanced logistic regression over metal, plastic, glass, wood and fabric (by the slot's
 name); fitted on Scopia and BlendSwap-CC-0, scored on KatorLegaz; balanced accuracy with a 95 %
-bootstrap over objects. Rows: the mean and standard deviation of RGB; every encoder asked for; the
-same with the colours of an object's slots swapped among them (fitted on normal ones); classes
-guessed by the nearest of the five words, without a classifier; and retrieval: the share of regions
-whose own slot name is nearer than one drawn at random from another kind (chance .5).
+bootstrap over objects. Rows: the mean and standard deviation of RGB, and of RGB and opacity, which
+the encoders see too; every encoder asked for; the same with the colours of an object's slots
+swapped among them (fitted on normal ones); classes guessed by the nearest of the five words,
+without a classifier; and retrieval: the share of regions whose own slot name is nearer than one
+drawn at random from another kind (chance .5).
 """
 
 import argparse
@@ -27,16 +28,17 @@ from autophyx_tet.predictors.encoders.kinds import kind_of, plain_words
 from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
 from autophyx_tet.predictors.views import Views, render_views
 from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.sweethome3d import TRAINING, VALIDATION, catalog, extract
+from autophyx_tet.toolkit.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
 
 KINDS = ("metal", "plastic", "glass", "wood", "fabric")
 PIXELS, VIEWS, SMALLEST = 300, 2, 200
 SPREAD = 5  # cameras of the hemisphere of which the views are two: 17 and 30 degrees high
 CHOSEN = (1, 2)
+THINGS = 10_000  # more than a source has: numbers of its objects start at a multiple
 
 
 class Picture(NamedTuple):
-    """One view: its pixels, the same recoloured, the slot of every pixel, the object's number."""
+    """One view: RGBA pixels, the same recoloured, the slot of every pixel, the object's number."""
 
     image: np.ndarray
     swapped: np.ndarray
@@ -45,30 +47,27 @@ class Picture(NamedTuple):
     thing: int
 
 
-def pictures(sources, limit):
-    """Render every object of some sources."""
-    thing = 0
-    for source in sources:
-        for item in catalog(source)[:limit]:
-            with tempfile.TemporaryDirectory() as folder:
-                try:
-                    asset = load_asset(extract(item, Path(folder)), units="cm")
-                except AutophyxError:
-                    continue
-            cameras = hemisphere(asset.bounds, count=SPREAD, up=asset.up, pixels=PIXELS)
-            views = render_views(asset, [cameras[i] for i in CHOSEN])
-            if not any(kind_of(name) in KINDS for name in views.slot_names):
+def pictures(source, limit):
+    """Render every object of a source."""
+    for thing, item in enumerate(catalog(source)[:limit], start=THINGS * SOURCES.index(source)):
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                asset = load_asset(extract(item, Path(folder)), units="cm")
+            except AutophyxError:
                 continue
-            images, swapped = views.images(), recoloured(views, thing).images()
-            for view in range(VIEWS):
-                yield Picture(
-                    _bytes(images[view]),
-                    _bytes(swapped[view]),
-                    views.slot[view].astype(np.int16),
-                    views.slot_names,
-                    thing,
-                )
-            thing += 1
+        cameras = hemisphere(asset.bounds, count=SPREAD, up=asset.up, pixels=PIXELS)
+        views = render_views(asset, [cameras[i] for i in CHOSEN])
+        if not any(kind_of(name) in KINDS for name in views.slot_names):
+            continue
+        images, swapped = views.images(), recoloured(views, thing).images()
+        for view in range(VIEWS):
+            yield Picture(
+                _bytes(images[view]),
+                _bytes(swapped[view]),
+                views.slot[view].astype(np.int16),
+                views.slot_names,
+                thing,
+            )
 
 
 def _bytes(image):
@@ -114,16 +113,18 @@ def regions(shown, features_of, *, swapped=False):
     return Regions(*map(np.array, zip(*rows, strict=True))), names
 
 
-def rgb_features(image, slot_of, slots):
-    """Mean and standard deviation of the colour of each slot."""
-    return [
-        np.concatenate([image[slot_of == slot].mean(axis=0), image[slot_of == slot].std(axis=0)])
-        for slot in slots
-    ]
+def pixel_features(channels):
+    """A function that gives the mean and standard deviation of a slot's first channels."""
+
+    def features(image, slot_of, slots):
+        shown = [image[slot_of == slot][:, :channels] for slot in slots]
+        return [np.concatenate([pixels.mean(axis=0), pixels.std(axis=0)]) for pixels in shown]
+
+    return features
 
 
 def encoder_features(encoder):
-    """A function like ``rgb_features`` for the dense features of an encoder."""
+    """A function like that of ``pixel_features`` for the dense features of an encoder."""
 
     def features(image, slot_of, slots):
         dense = encoder.dense(image[None])[0]
@@ -190,15 +191,20 @@ def rows_of(name, fit, shown, features_of, encoder=None):
 
 
 def rendered(sources, limit, cache):
-    """Pictures of some sources, kept in a file if a folder is named."""
-    key = hashlib.sha256(f"{sources} {limit} {CHOSEN}".encode()).hexdigest()[:12]
+    """Pictures of some sources."""
+    return [picture for source in sources for picture in rendered_source(source, limit, cache)]
+
+
+def rendered_source(source, limit, cache):
+    """Pictures of a source, kept in a file if a folder is named."""
+    key = hashlib.sha256(f"{source} {limit} {CHOSEN} rgba".encode()).hexdigest()[:12]
     path = cache and Path(cache) / f"probe-{key}.npz"
     if path and path.exists():
         with np.load(path, allow_pickle=False) as data:  # noqa: TID251
             names = [tuple(line.split("\n")) for line in data["names"]]
             columns = (data["image"], data["swapped"], data["slot"], names, data["thing"])
             return [Picture(*fields) for fields in zip(*columns, strict=True)]
-    shown = list(pictures(sources, limit))
+    shown = list(pictures(source, limit))
     if path:
         path.parent.mkdir(parents=True, exist_ok=True)
         columns = {
@@ -221,7 +227,8 @@ def main():
     shown = rendered(VALIDATION, options.limit, options.cache)
     if options.render_only:
         return
-    rows = list(rows_of("rgb mean and deviation", fit, shown, rgb_features))
+    rows = list(rows_of("rgb mean and deviation", fit, shown, pixel_features(3)))
+    rows += rows_of("rgb and opacity, mean and deviation", fit, shown, pixel_features(4))
     for name in options.encoders.split(","):
         encoder = load_encoder(name)
         rows += rows_of(name, fit, shown, encoder_features(encoder), encoder)

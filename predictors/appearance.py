@@ -14,10 +14,12 @@ if TYPE_CHECKING:
 GREY = np.array([0.6, 0.6, 0.6, 1.0], dtype=np.float32)  # of a surface that says nothing
 # Colour (n, 4), sRGB and opacity in [0, 1], of points on faces (n,) at corner weights (n, 3).
 Skin = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 4"]]
+# ``Finish`` (n, 3) of the same.
+Gloss = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
 
 
 class Finish(NamedTuple):
-    """How a surface shines; textures of these three are not read, only the factors.
+    """How a surface shines.
 
     ``metallic`` in [0, 1] as in glTF; ``reflectance`` of the part that is no metal, in [0, 1], at
     normal incidence; ``roughness`` in [0, 1].
@@ -45,6 +47,25 @@ def finish_of(mesh: trimesh.Trimesh) -> Finish:
     reflectance = float(np.mean(_unit(np.asarray(material.specular))[:3]))
     # Phong's exponent n as a roughness: alpha^2 = 2 / (n + 2).
     return Finish(0.0, min(reflectance, 1.0), (2 / (exponent + 2)) ** 0.25)
+
+
+def gloss_of(mesh: trimesh.Trimesh) -> Gloss:
+    """Return the function that gives the finish of points of a mesh: factors x glTF's texture."""
+    visual: Any = mesh.visual
+    factors = np.array(finish_of(mesh))
+    image = getattr(getattr(visual, "material", None), "metallicRoughnessTexture", None)
+    if image is None or getattr(visual, "uv", None) is None:
+        return lambda faces, weights: np.tile(factors, (len(faces), 1))
+    texture = _unit(np.asarray(image.convert("RGB")))
+
+    def finish(faces: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n 3"]) -> np.ndarray:
+        uv = np.einsum("nc,nck->nk", weights, visual.uv[mesh.faces[faces]])
+        texel = _bilinear(texture, uv)
+        # glTF 2.0: blue is the metallic factor's share, green the roughness's; neither is sRGB.
+        share = np.stack([texel[:, 2], np.ones(len(uv)), texel[:, 1]], axis=1)
+        return factors * share
+
+    return finish
 
 
 def skin_of(mesh: trimesh.Trimesh) -> Skin:
@@ -142,8 +163,10 @@ def _opacity_rule(material: Any) -> Callable[[np.ndarray], np.ndarray]:
     return np.ones_like if mode == "OPAQUE" else lambda alpha: alpha
 
 
-def _bilinear(texture: np.ndarray, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 4"]:
-    """Texture (h, w, 4) at repeating coordinates, v upwards from the lower left corner."""
+def _bilinear(
+    texture: Float[np.ndarray, "height width channels"], uv: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n channels"]:
+    """Texture at repeating coordinates, v upwards from the lower left corner."""
     size = np.array(texture.shape[1::-1])
     at = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) % 1.0 * size - 0.5
     low = np.floor(at)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,36 @@ class VoxelFeatures:
         out = np.zeros(self.grid.shape, dtype=bool)
         out[tuple(self.cells.T)] = True
         return out
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Everything as named arrays, values and names in half precision; ``of`` reads them."""
+        out = {name: getattr(self, name) for name in ("cells", "surface", "seen", "part")}
+        if self.names is not None:
+            out["names"] = self.names.astype(np.float16)
+        return out | {
+            "values": self.values.astype(np.float16),
+            "part_names": np.array(self.part_names, dtype=str),
+            "origin": self.grid.lo,
+            "spacing": np.array(self.grid.h),
+            "shape": np.array(self.grid.shape),
+            "residual": np.array(self.residual),
+            "encoder": np.array(self.encoder),
+        }
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> VoxelFeatures:
+        """Features from their ``arrays``."""
+        nx, ny, nz = (int(n) for n in arrays["shape"])
+        names = arrays.get("names")
+        return cls(
+            grid=Grid(arrays["origin"], float(arrays["spacing"]), (nx, ny, nz)),
+            values=arrays["values"].astype(np.float32),
+            part_names=tuple(str(name) for name in arrays["part_names"]),
+            names=None if names is None else names.astype(np.float32),
+            residual=float(arrays["residual"]),
+            encoder=str(arrays["encoder"]),
+            **{name: arrays[name] for name in ("cells", "surface", "seen", "part")},
+        )
 
     def picture(self) -> Float[np.ndarray, "n 3"]:
         """Colours in [0, 1] of the cells: the first three principal components, for the eye."""

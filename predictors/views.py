@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..fem.errors import InputError
-from .appearance import finish_of, material_name, skin_of
+from .appearance import gloss_of, material_name, skin_of
 from .asset import Asset, UpAxis, up_vector
 from .cameras import Camera, Shot, hemisphere, read_transforms
 
@@ -54,14 +54,18 @@ class Views:
     slot_names: tuple[str, ...] = ()
     up: UpAxis = "z"
 
-    def images(self) -> Float[np.ndarray, "views height width 3"]:
-        """Pictures for an encoder, on grey: lit as by ``shade``, photographs as taken."""
+    def images(self) -> Float[np.ndarray, "views height width 4"]:
+        """Pictures for an encoder: colour on grey, lit as by ``shade``, photographs as taken.
+
+        The fourth channel is the opacity.
+        """
         colour = self.colour
         if self.normal is not None and self.finish is not None:
             looking = np.stack([camera.directions() for camera in self.cameras])
             colour = shade(colour, self.normal, self.finish, looking, up=up_vector(self.up))
         cover = self.opacity[..., None]
-        return (colour * cover + BACKGROUND * (1 - cover)).astype(np.float32)
+        colour = colour * cover + BACKGROUND * (1 - cover)
+        return np.concatenate([colour, cover], axis=-1).astype(np.float32)
 
 
 def shade(
@@ -120,7 +124,7 @@ class Caster:
             for m in self._meshes
         ]
         self._skins = [skin_of(mesh) for mesh in self._meshes]
-        self._finish = np.array([finish_of(mesh) for mesh in self._meshes])
+        self._glosses = [gloss_of(mesh) for mesh in self._meshes]
         self.part_names = asset.part_names
         names = [material_name(part.mesh) or part.name for part in asset.parts]
         self.slot_names = tuple(dict.fromkeys(names))
@@ -207,7 +211,10 @@ class Caster:
         pixels["depth"][at] = travelled[at]
         pixels["part"][at] = hits.part
         pixels["slot"][at] = self._slot[hits.part]
-        pixels["finish"][at] = self._finish[hits.part]
+        for part in np.unique(hits.part):
+            mine = hits.part == part
+            finish = self._glosses[part](hits.face[mine], hits.weights[mine])
+            pixels["finish"][at[mine]] = finish
 
 
 def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views:

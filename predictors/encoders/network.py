@@ -1,9 +1,8 @@
-"""The image network: an EfficientNet-Lite with a feature pyramid, one unit vector per 4 x 4 pixels.
+"""The image network: a frozen EfficientNet-Lite, and linear maps of all its levels into one space.
 
 Written as functions of a flat dictionary of weights, which is what a safetensors file holds. The
-backbone is EfficientNet-Lite0 (Tan and Le 2019) without its last stage and with its batch norms
-folded into the convolutions, so that training can start from weights learned on ImageNet; the
-pyramid follows Lin et al. 2017, its last block Liu et al. 2022.
+backbone is EfficientNet-Lite0 (Tan and Le 2019) with the weights that it learned on ImageNet, batch
+norms folded into the convolutions; ours is the head, one matrix for each level.
 """
 
 from __future__ import annotations
@@ -18,29 +17,32 @@ if TYPE_CHECKING:
 Weights = dict[str, "torch.Tensor"]
 STRIDE = 4  # pixels an output cell is wide
 MULTIPLE = 32  # sides of a picture must be multiples of this: the coarsest stage's stride
-STRIDES = (1, 2, 2, 2, 1, 2)  # of the first block of every stage
-LEVELS = (1, 2, 4, 5)  # stages whose output the pyramid takes: 1/4, 1/8, 1/16, 1/32
-START_SCALE = 1e-2  # of the last residual branch at the start of training
+STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block of every stage
+LEVELS = (1, 2, 3, 4, 5, 6)  # stages that the head reads: 1/4, 1/8, 1/16, 1/16, 1/32, 1/32
+COLOURS = 5  # channels of the level below all stages: colour, opacity, and whether it is full
+FULL = 0.98  # opacity from which a pixel counts as fully covered
 BATCH_NORM_EPSILON = 1e-3
 
 
 class Widths(NamedTuple):
-    """Channels of the stem, the stages and the pyramid; blocks and kernels of the stages."""
+    """Channels of the stem and the stages; blocks and kernels of the stages."""
 
     stem: int = 32
-    channels: tuple[int, ...] = (16, 24, 40, 80, 112, 192)
-    blocks: tuple[int, ...] = (1, 2, 2, 3, 3, 4)
-    kernels: tuple[int, ...] = (3, 3, 5, 3, 5, 5)
+    channels: tuple[int, ...] = (16, 24, 40, 80, 112, 192, 320)
+    blocks: tuple[int, ...] = (1, 2, 2, 3, 3, 4, 1)
+    kernels: tuple[int, ...] = (3, 3, 5, 3, 5, 5, 3)
     expand: int = 6
-    pyramid: int = 128
-    hidden: int = 256
-    dim: int = 384
+
+    @property
+    def groups(self) -> tuple[int, ...]:
+        """Channels of every level that the head reads."""
+        return (COLOURS, *(self.channels[stage] for stage in LEVELS))
 
 
-SMALLEST = Widths(8, (8, 8, 12, 12, 16, 16), (1,) * 6, (3,) * 6, 2, 16, 24)  # for tests
+SMALLEST = Widths(8, (8, 8, 12, 12, 16, 16, 16), (1,) * 7, (3,) * 7, 2)  # for tests
 
 
-def new_weights(widths: Widths, *, seed: int) -> Weights:
+def new_backbone(widths: Widths, *, seed: int) -> Weights:
     """Return random weights: normal, of variance 2 / fan-in before a rectifier, else 1 / fan-in."""
     import torch
 
@@ -52,10 +54,6 @@ def new_weights(widths: Widths, *, seed: int) -> Weights:
         weights[f"{name}.weight"] = torch.randn(shape, generator=generator) * deviation
         weights[f"{name}.bias"] = torch.zeros(shape[0])
 
-    def add_norm(name: str, channels: int) -> None:
-        weights[f"{name}.weight"] = torch.ones(channels)
-        weights[f"{name}.bias"] = torch.zeros(channels)
-
     add("stem", widths.stem, 3, 3, 3)
     before = widths.stem
     for stage, channels in enumerate(widths.channels):
@@ -66,21 +64,11 @@ def new_weights(widths: Widths, *, seed: int) -> Weights:
             add(f"{name}.spatial", inner, 1, widths.kernels[stage], widths.kernels[stage])
             add(f"{name}.project", channels, inner, 1, 1, gain=1.0)
             before = channels
-    for level, stage in enumerate(LEVELS):
-        add(f"lateral.{level}", widths.pyramid, widths.channels[stage], 1, 1, gain=1.0)
-    add("merge.spatial", widths.pyramid, 1, 7, 7, gain=1.0)
-    add_norm("merge.norm", widths.pyramid)
-    add("merge.widen", 4 * widths.pyramid, widths.pyramid)
-    add("merge.narrow", widths.pyramid, 4 * widths.pyramid, gain=1.0)
-    weights["merge.scale"] = torch.full((widths.pyramid,), START_SCALE)
-    add_norm("head.norm", widths.pyramid)
-    add("head.hidden", widths.hidden, widths.pyramid)
-    add("head.out", widths.dim, widths.hidden, gain=1.0)
     return weights
 
 
-def folded_backbone(state: Weights) -> Weights:
-    """Stem and stages of a public EfficientNet-Lite0 checkpoint (PyTorch names), norms folded."""
+def folded_backbone(state: Weights, widths: Widths | None = None) -> Weights:
+    """Stem and stages of a public EfficientNet-Lite checkpoint (PyTorch names), norms folded."""
 
     def fold(kernel: str, norm: str) -> tuple[torch.Tensor, torch.Tensor]:
         spread = (state[f"{norm}.running_var"] + BATCH_NORM_EPSILON).sqrt()
@@ -89,8 +77,8 @@ def folded_backbone(state: Weights) -> Weights:
         return state[f"{kernel}.weight"] * gain[:, None, None, None], bias
 
     pairs = {"stem": ("_conv_stem", "_bn0")}
-    widths, number = Widths(), 0
-    for stage, blocks in enumerate(widths.blocks):
+    number = 0
+    for stage, blocks in enumerate((widths or Widths()).blocks):
         for block in range(blocks):
             theirs, ours = f"_blocks.{number}", f"stage.{stage}.{block}"
             if stage:
@@ -104,15 +92,17 @@ def folded_backbone(state: Weights) -> Weights:
     return weights
 
 
-def backbone(weights: Weights, images: torch.Tensor, *, drop: float = 0.0) -> list[torch.Tensor]:
-    """Features at 1/4, 1/8, 1/16 and 1/32 of pictures (n, 3, h, w) in [0, 1].
+def levels(weights: Weights, pictures: torch.Tensor) -> list[torch.Tensor]:
+    """What the head reads of pictures (n, 4, h, w): colour on grey and opacity, in [0, 1].
 
-    ``drop`` is the chance that a residual branch of a picture is left out in training.
+    Maps (n, channels, h / stride, w / stride): colour and opacity at 1/4, then ``LEVELS``.
     """
+    import torch
     import torch.nn.functional as F
 
-    x = F.relu6(_conv(weights, "stem", 2 * images - 1, 2))
-    levels = []
+    full = (pictures[:, 3:] >= FULL).to(pictures.dtype)
+    found = [F.avg_pool2d(torch.cat([pictures, full], dim=1), STRIDE)]
+    x = F.relu6(_conv(weights, "stem", 2 * pictures[:, :3] - 1, 2))
     for stage, stride in enumerate(STRIDES):
         block = 0
         while f"stage.{stage}.{block}.spatial.weight" in weights:
@@ -120,39 +110,33 @@ def backbone(weights: Weights, images: torch.Tensor, *, drop: float = 0.0) -> li
             y = F.relu6(_conv(weights, f"{name}.expand", x)) if stage else x
             y = F.relu6(_conv(weights, f"{name}.spatial", y, 1 if block else stride))
             y = _conv(weights, f"{name}.project", y)
-            x = x + _dropped(y, drop) if block else y
+            x = x + y if block else y
             block += 1
         if stage in LEVELS:
-            levels.append(x)
-    return levels
+            found.append(x)
+    return found
 
 
-def trunk(weights: Weights, images: torch.Tensor, *, drop: float = 0.0) -> torch.Tensor:
-    """Features (n, pyramid, h/4, w/4) of pictures (n, 3, h, w) in [0, 1]."""
+def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """A level at the resolution of the output."""
     import torch.nn.functional as F
 
-    levels = backbone(weights, images, drop=drop)
-    levels = [_conv(weights, f"lateral.{level}", x) for level, x in enumerate(levels)]
-    x = levels.pop()
-    while levels:
-        finer = levels.pop()
-        x = finer + F.interpolate(x, size=finer.shape[-2:], mode="bilinear", align_corners=False)
-    y = _conv(weights, "merge.spatial", x).permute(0, 2, 3, 1)
-    y = F.layer_norm(y, y.shape[-1:], weights["merge.norm.weight"], weights["merge.norm.bias"])
-    y = F.gelu(F.linear(y, weights["merge.widen.weight"], weights["merge.widen.bias"]))
-    y = F.linear(y, weights["merge.narrow.weight"], weights["merge.narrow.bias"])
-    return x + (y * weights["merge.scale"]).permute(0, 3, 1, 2)
+    return F.interpolate(level, size=size, mode="bilinear", align_corners=False)
 
 
-def head(weights: Weights, features: torch.Tensor) -> torch.Tensor:
-    """Unit vectors (..., dim) of trunk features (..., pyramid)."""
+def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
+    """Unit vectors (n, h/4, w/4, dim) of ``levels``: a linear map of each, summed.
+
+    Mapping comes before upsampling, which is the same and cheaper.
+    """
     import torch.nn.functional as F
 
-    norm = weights["head.norm.weight"], weights["head.norm.bias"]
-    x = F.layer_norm(features, features.shape[-1:], *norm)
-    x = F.gelu(F.linear(x, weights["head.hidden.weight"], weights["head.hidden.bias"]))
-    x = F.linear(x, weights["head.out.weight"], weights["head.out.bias"])
-    return F.normalize(x.float(), dim=-1, eps=1e-6)
+    total = weights["head.bias"][None, :, None, None]
+    size = (found[0].shape[2], found[0].shape[3])
+    for number, level in enumerate(found):
+        mapped = F.conv2d(level, weights[f"head.{number}.weight"][..., None, None])
+        total = total + (mapped if number < 2 else upsampled(mapped, size))
+    return F.normalize(total.permute(0, 2, 3, 1), dim=-1, eps=1e-6)
 
 
 def _conv(weights: Weights, name: str, x: torch.Tensor, stride: int = 1) -> torch.Tensor:
@@ -166,13 +150,3 @@ def _conv(weights: Weights, name: str, x: torch.Tensor, stride: int = 1) -> torc
         x = F.pad(x, (free // 2, free - free // 2) * 2)
     pad = 0 if stride > 1 else kernel.shape[-1] // 2
     return F.conv2d(x, kernel, weights[f"{name}.bias"], stride, pad, groups=groups)
-
-
-def _dropped(y: torch.Tensor, drop: float) -> torch.Tensor:
-    """Leave a residual branch out of some pictures, and scale the others up."""
-    import torch
-
-    if not drop:
-        return y
-    keep = torch.rand(len(y), 1, 1, 1, device=y.device) >= drop
-    return y * keep / (1 - drop)

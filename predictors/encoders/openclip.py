@@ -69,7 +69,7 @@ class OpenClip:
             return self._network.encode_text(tokens, normalize=True).float().cpu().numpy()
 
     def dense(
-        self, images: Float[np.ndarray, "views height width 3"]
+        self, images: Float[np.ndarray, "views height width channels"]
     ) -> Float[np.ndarray, "views rows columns dim"]:
         """Unit vectors, one per patch; pictures are resized to the nearest whole patches."""
         import torch
@@ -85,7 +85,7 @@ class OpenClip:
         out = []
         with torch.inference_mode():
             for start in range(0, len(images), BATCH):
-                batch = torch.from_numpy(images[start : start + BATCH].astype(np.float32))
+                batch = torch.from_numpy(images[start : start + BATCH, ..., :3].astype(np.float32))
                 batch = batch.to(visual.proj.device).permute(0, 3, 1, 2)
                 batch = F.interpolate(batch, size=size, mode="bicubic", antialias=True)
                 vectors = F.normalize(_values(visual, (batch - mean) / std), dim=-1)

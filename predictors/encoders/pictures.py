@@ -42,7 +42,7 @@ STILL = Variety(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Pictures(NamedTuple):
-    """Pictures (n, 3, side, side) in [0, 1] and the part (n, side, side) at every pixel."""
+    """Colour and opacity (n, 4, side, side) in [0, 1], and the part (n, side, side) of pixels."""
 
     images: torch.Tensor
     part: torch.Tensor
@@ -82,11 +82,10 @@ def draw_pictures(
     lit = _lit(colour, normal, finish[part].permute(0, 3, 1, 2), light)
     cover = corpus.opacity[index].float()[:, None] / 255
     images = lit * cover + _background(lit, variety, rand) * (1 - cover)
-    images, part = _placed(images, part, variety.place, side, rand)
+    images, part = _placed(torch.cat([images, cover], dim=1), part, variety.place, side, rand)
     if variety.noise:
-        images = images + variety.noise * rand.normal(*images.shape) * rand.uniform(
-            len(images), 1, 1, 1
-        )
+        grain = rand.normal(len(images), 3, side, side) * rand.uniform(len(images), 1, 1, 1)
+        images[:, :3] += variety.noise * grain
     return Pictures(images.clamp(0, 1), part)
 
 
@@ -212,7 +211,7 @@ def _placed(
         ],
         dim=1,
     )
-    where = F.affine_grid(rows, [n, 3, side, side], align_corners=False)
+    where = F.affine_grid(rows, [n, 1, side, side], align_corners=False)
     moved = F.grid_sample(
         images, where, mode="bilinear", padding_mode="border", align_corners=False
     )

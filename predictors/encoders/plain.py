@@ -15,12 +15,12 @@ class Rgb:
     dim = 3
 
     def dense(
-        self, images: Float[np.ndarray, "views height width 3"]
+        self, images: Float[np.ndarray, "views height width channels"]
     ) -> Float[np.ndarray, "views rows columns dim"]:
         """Mean colour of every cell; pixels of an incomplete last cell are left out."""
         views, height, width = images.shape[:3]
         rows, columns = height // CELL, width // CELL
-        cut = images[:, : rows * CELL, : columns * CELL]
+        cut = images[:, : rows * CELL, : columns * CELL, :3]
         cells = cut.reshape(views, rows, CELL, columns, CELL, 3)
         return cells.mean(axis=(2, 4)).astype(np.float32)
 
@@ -32,7 +32,7 @@ class Occupancy:
     dim = 1
 
     def dense(
-        self, images: Float[np.ndarray, "views height width 3"]
+        self, images: Float[np.ndarray, "views height width channels"]
     ) -> Float[np.ndarray, "views rows columns dim"]:
         """Ones, at the resolution of ``Rgb``."""
         views, height, width = images.shape[:3]

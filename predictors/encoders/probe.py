@@ -83,12 +83,12 @@ def score(guess: Int[np.ndarray, "n"], regions: Regions, *, rng: np.random.Gener
     samples = []
     for _ in range(RESAMPLES):
         picked = np.concatenate([rows[i] for i in rng.integers(len(rows), size=len(rows))])
-        samples.append(_balanced(right[picked], regions.label[picked]))
+        samples.append(balanced(right[picked], regions.label[picked]))
     low, high = np.percentile(samples, [2.5, 97.5])
-    return Score(_balanced(right, regions.label), float(low), float(high), len(right))
+    return Score(balanced(right, regions.label), float(low), float(high), len(right))
 
 
-def _balanced(right: np.ndarray, label: np.ndarray) -> float:
+def balanced(right: np.ndarray, label: np.ndarray) -> float:
     """Mean over the classes of the share that is right."""
     count = np.bincount(label)
     hits = np.bincount(label, weights=right, minlength=len(count))

@@ -17,9 +17,13 @@ class ImageEncoder(Protocol):
     dim: int
 
     def dense(
-        self, images: Float[np.ndarray, "views height width 3"]
+        self, images: Float[np.ndarray, "views height width channels"]
     ) -> Float[np.ndarray, "views rows columns dim"]:
-        """Features of pictures in [0, 1], a vector per cell of a coarser grid over each."""
+        """Features of pictures in [0, 1], a vector per cell of a coarser grid over each.
+
+        Channels are red, green, blue and, if there is a fourth, opacity; colours lie on a plain
+        background already.
+        """
         ...
 
 

@@ -1,4 +1,8 @@
-"""Laws of the image encoder: corpus round trip, light, exact resume, learning, the probe."""
+"""Laws of the image encoder: corpus round trip, light, regression, learning, the probe."""
+
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,6 +11,7 @@ import trimesh
 from autophyx_tet.predictors.asset import Asset, Part, up_vector
 from autophyx_tet.predictors.cameras import hemisphere
 from autophyx_tet.predictors.encoders.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.kinds import KINDS, kind_of, plain_words
 from autophyx_tet.predictors.encoders.network import (
     MULTIPLE,
@@ -14,26 +19,27 @@ from autophyx_tet.predictors.encoders.network import (
     STRIDE,
     Widths,
     head,
-    new_weights,
-    trunk,
+    levels,
+    new_backbone,
 )
 from autophyx_tet.predictors.encoders.pictures import STILL, Variety, draw_pictures
 from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
 from autophyx_tet.predictors.encoders.training import (
+    Linear,
     TrainingOptions,
-    load_state,
-    new_state,
-    region_features,
-    save_state,
+    describe,
+    fit,
+    region_means,
+    ridge,
     shipped_weights,
-    train,
 )
 from autophyx_tet.predictors.views import render_views
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
+ROOT = Path(__file__).resolve().parents[2]
 PIXELS = 64
-TINY = TrainingOptions(steps=24, batch=6, side=64, pixels=16, warmup=4, widths=SMALLEST, rate=6e-3)
+DIM = 24
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +55,7 @@ class Words:
     """A text encoder of random but fixed vectors; it knows every word."""
 
     def text(self, sentences):
-        rows = [np.random.default_rng(sum(s.encode())).normal(size=SMALLEST.dim) for s in sentences]
+        rows = [np.random.default_rng(sum(s.encode())).normal(size=DIM) for s in sentences]
         rows = np.array(rows)
         return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
 
@@ -79,16 +85,16 @@ def corpus(tmp_path_factory):
 
 def test_corpus_round_trip(corpus):
     """What is read is what was rendered, but for JPEG; every part has its four texts."""
-    assert corpus.colour.shape == (21, 3, PIXELS, PIXELS)
+    assert corpus.colour.shape == (15, 3, PIXELS, PIXELS)
     assert corpus.sources == ("here",) * 3
     assert corpus.texts[: len(KINDS)] == KINDS
     words = [[corpus.texts[row] for row in rows] for rows in corpus.words[1:3].tolist()]
     assert words[0] == ["wood", "wood red", "seat", "small thing"]
     assert words[1] == ["metal", "metal", "ball", "small thing"]
-    views = render_views(thing(1), hemisphere(thing(1).bounds, count=6, lower=1, pixels=PIXELS))
-    assert (corpus.part[7:14].numpy() == np.where(views.part >= 0, views.part + 3, 0)).all()
+    views = render_views(thing(1), hemisphere(thing(1).bounds, count=4, lower=1, pixels=PIXELS))
+    assert (corpus.part[5:10].numpy() == np.where(views.part >= 0, views.part + 3, 0)).all()
     shown = views.opacity > 0
-    colour = corpus.colour[7:14].permute(0, 2, 3, 1).numpy() / 255
+    colour = corpus.colour[5:10].permute(0, 2, 3, 1).numpy() / 255
     assert np.abs(colour - views.colour)[shown].mean() < 0.06  # colours at half resolution
     assert torch.allclose(corpus.mean_colour[1], torch.tensor([230, 40, 30]) / 255, atol=0.06)
 
@@ -96,10 +102,10 @@ def test_corpus_round_trip(corpus):
 def test_still_pictures_are_the_views_own(corpus):
     """Without variety the trainer's light is that of the views, within JPEG's error."""
     drawn = draw_pictures(
-        corpus, torch.arange(7), variety=STILL, side=PIXELS, generator=torch.Generator()
+        corpus, torch.arange(5), variety=STILL, side=PIXELS, generator=torch.Generator()
     )
     asset = thing(0)
-    views = render_views(asset, hemisphere(asset.bounds, count=6, lower=1, pixels=PIXELS))
+    views = render_views(asset, hemisphere(asset.bounds, count=4, lower=1, pixels=PIXELS))
     error = np.abs(drawn.images.permute(0, 2, 3, 1).numpy() - views.images())
     assert error.mean() < 0.02
     assert np.median(error[views.part >= 0]) < 0.03
@@ -110,7 +116,7 @@ def test_variety_keeps_labels_on_their_pixels(corpus):
     """Turned, zoomed and recoloured, a pixel of the ball still looks unlike the background."""
     drawn = draw_pictures(
         corpus,
-        torch.arange(21),
+        torch.arange(15),
         variety=Variety(recolour=0.0, background=0.0, noise=0.0),
         side=96,
         generator=torch.Generator().manual_seed(1),
@@ -121,46 +127,90 @@ def test_variety_keeps_labels_on_their_pixels(corpus):
     assert (blue[drawn.part == 0] > 0.05).float().mean() < 0.05
 
 
-def test_network_is_small_enough_to_ship():
-    """One to three million weights, at most 6 MB in half precision; a unit vector per 4 x 4."""
-    count = sum(value.numel() for value in new_weights(Widths(), seed=0).values())
-    assert 1e6 < count <= 3e6
-    weights = new_weights(SMALLEST, seed=0)
-    images = torch.rand(2, 3, 2 * MULTIPLE, MULTIPLE)
-    vectors = head(weights, trunk(weights, images).permute(0, 2, 3, 1))
-    assert vectors.shape == (2, 2 * MULTIPLE // STRIDE, MULTIPLE // STRIDE, SMALLEST.dim)
+def test_head_is_small_and_of_unit_norm():
+    """The shipped file is far below 6 MB; a unit vector per 4 x 4 pixels of any size."""
+    assert sum(Widths().groups) * 384 * 2 < 1e6
+    weights = new_backbone(SMALLEST, seed=0) | random_head()
+    found = levels(weights, torch.rand(2, 4, 2 * MULTIPLE, MULTIPLE))
+    assert tuple(level.shape[1] for level in found) == SMALLEST.groups
+    vectors = head(weights, found)
+    assert vectors.shape == (2, 2 * MULTIPLE // STRIDE, MULTIPLE // STRIDE, DIM)
     assert torch.allclose(vectors.norm(dim=-1), torch.ones(()), atol=1e-5)
 
 
-def test_resume_is_exact(corpus, tmp_path):
-    """Eight steps are four, saved, loaded, and four more: to the bit."""
-    whole = train(corpus, TINY, until=8)
-    save_state(train(corpus, TINY, until=4), tmp_path / "state.safetensors")
-    resumed = train(corpus, TINY, load_state(tmp_path / "state.safetensors", "cpu"), until=8)
-    assert resumed.step == whole.step == 8
-    assert all(torch.equal(resumed.weights[k], whole.weights[k]) for k in whole.weights)
-    assert all(torch.equal(resumed.average[k], whole.average[k]) for k in whole.weights)
+def random_head():
+    """Weights of a head by chance, in the shape that is shipped."""
+    rng = np.random.default_rng(0)
+    linear = Linear(rng.normal(size=(sum(SMALLEST.groups), DIM)), rng.normal(size=DIM))
+    return {k: v.float() for k, v in shipped_weights(linear, SMALLEST).items()}
 
 
-def test_training_tells_wood_from_metal(corpus):
-    """A CPU-size network learns which of two parts is wood in under a minute."""
-    weights = shipped_weights(train(corpus, TINY))
-    found = region_features(weights, corpus, kinds=("wood", "metal"), side=PIXELS, smallest=4)
+def test_region_means_are_means(corpus):
+    """At the finest level the mean of the part's cells; a constant level gives its constant."""
+    drawn = draw_pictures(
+        corpus, torch.arange(2), variety=STILL, side=PIXELS, generator=torch.Generator()
+    )
+    fine = torch.rand(2, 3, PIXELS // STRIDE, PIXELS // STRIDE)
+    means = region_means([fine, torch.full((2, 1, 2, 2), 7.0)], drawn.part, smallest=4)
+    cells = drawn.part[:, STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
+    assert means.part[:2].tolist() == [1, 2]
+    for part, mean in zip((1, 2), means.features[:2], strict=True):
+        assert np.allclose(mean[:3], fine[0].permute(1, 2, 0)[cells[0] == part].mean(dim=0))
+    assert np.allclose(means.features[:, 3], 7)
+
+
+def test_ridge_is_least_squares_without_penalty():
+    """Weights count as repeated rows; a penalty shrinks the map towards the weighted mean."""
+    rng = np.random.default_rng(0)
+    x, matrix = rng.normal(size=(50, 4)), rng.normal(size=(4, 3))
+    wanted = x @ matrix + 2 + 0.1 * rng.normal(size=(50, 3))
+    weight = rng.integers(1, 4, size=50).astype(float)
+    found = ridge(x, wanted, weight, penalty=0.0)
+    again = np.repeat(np.arange(50), weight.astype(int))
+    rows = np.column_stack([x[again], np.ones(len(again))])
+    exact = np.linalg.lstsq(rows, wanted[again], rcond=None)[0]
+    assert np.allclose(found.matrix, exact[:4])
+    assert np.allclose(found.bias, exact[4])
+    shrunk = ridge(x, wanted, weight, penalty=1e6)
+    assert np.allclose(shrunk(x), np.average(wanted, axis=0, weights=weight), atol=1e-4)
+
+
+def test_fitted_head_tells_wood_from_metal(corpus):
+    """Fitted on two objects, the word nearest to a region of the third is its own material."""
+    backbone = new_backbone(SMALLEST, seed=0)
+    options = TrainingOptions(side=PIXELS, rounds=1, smallest=4)
+    regions = describe(corpus, backbone, options)
+    unseen = corpus.object_of[regions.part].numpy() == 2
+    linear = fit(regions, corpus, SMALLEST.groups, options, use=~unseen)
     rows = [KINDS.index("wood"), KINDS.index("metal")]
-    guess = (found.features @ corpus.embeddings[rows].numpy().T).argmax(axis=1)
-    assert (guess == found.label).mean() > 0.9
+    guess = (linear(regions.features) @ corpus.embeddings[rows].numpy().T).argmax(axis=1)
+    label = (corpus.words[regions.part, 0].numpy() == rows[1]).astype(int)
+    assert unseen.sum() > 10
+    assert (guess == label)[unseen].mean() > 0.9
 
 
-def test_shipped_backbone_is_a_share_of_its_change(corpus):
-    """Start plus what is shipped at a share of one half is midway between start and end."""
-    state = new_state(TINY, "cpu")
-    start = {"stem.weight": torch.ones_like(state.average["stem.weight"])}
-    shipped = shipped_weights(state, start, share=0.5)
-    midway = (state.average["stem.weight"] + 1) / 2
-    # Half precision keeps three digits of the change.
-    assert torch.allclose(start["stem.weight"] + shipped["stem.weight"].float(), midway, atol=1e-3)
-    assert torch.equal(shipped["head.out.weight"], state.average["head.out.weight"].half())
-    assert "scale" not in shipped
+def test_describing_twice_is_the_same(corpus):
+    """Light, place and noise come from the seed alone."""
+    options = TrainingOptions(side=PIXELS, rounds=1, smallest=4)
+    first, second = (describe(corpus, new_backbone(SMALLEST, seed=0), options) for _ in range(2))
+    assert (first.features == second.features).all()
+
+
+@pytest.mark.slow
+def test_script_from_corpus_to_head(tmp_path):
+    """Every command of the script runs on three objects a source and leaves a loadable head."""
+    script = [sys.executable, str(ROOT / "benchmarks" / "train_image_encoder.py")]
+    corpus, regions, weights = (tmp_path / n for n in ("c.safetensors", "r.npz", "h.safetensors"))
+    small = ["--side", "96"]
+    for command in (
+        ["corpus", corpus, "--limit", "3"],
+        ["describe", corpus, "--out", regions, *small],
+        ["fit", corpus, regions, "--out", weights],
+    ):
+        subprocess.run([*script, *map(str, command)], check=True, capture_output=True)
+    vectors = Embedded(weights).dense(np.random.default_rng(0).random((1, 64, 64, 4)))
+    assert vectors.shape == (1, 16, 16, 384)
+    assert np.isfinite(vectors).all()
 
 
 def test_probe_scores():

@@ -21,7 +21,7 @@ class Colours:
     name, dim = "colours", 3
 
     def dense(self, images):
-        return images.astype(np.float32)
+        return images[..., :3].astype(np.float32)
 
     def text(self, sentences):
         order = ["red", "green", "blue"]

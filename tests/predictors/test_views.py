@@ -159,11 +159,27 @@ def test_finish_of_materials():
     assert finish_of(trimesh.creation.box()) == Finish()
 
 
+def test_finish_comes_from_the_texture():
+    """Blue times the metallic factor, green times the roughness factor, wherever uv says."""
+    pixels = np.full(
+        (8, 8, 3), [0, 255, 0], dtype=np.uint8
+    )  # rough on the left, metal on the right
+    pixels[:, 4:] = [0, 51, 255]
+    material = PBRMaterial(
+        metallicFactor=1.0, roughnessFactor=0.5, metallicRoughnessTexture=Image.fromarray(pixels)
+    )
+    finish = from_above(stack(square(material=material)), pixels=64).finish[0]
+    assert np.allclose(finish[32, 26], [0, 0.04, 0.5], atol=1e-3)
+    assert np.allclose(finish[32, 38], [1, 0.04, 0.1], atol=1e-3)
+
+
 def test_gloss_shows_in_the_picture():
     """Of two surfaces of one colour the shinier is brighter under the lamp at the camera."""
     dull = PBRMaterial(baseColorFactor=[90, 90, 90, 255], metallicFactor=0.0, roughnessFactor=1.0)
     shiny = PBRMaterial(baseColorFactor=[90, 90, 90, 255], metallicFactor=1.0, roughnessFactor=0.3)
-    pictures = [from_above(stack(square(material=m))).images()[0, 16, 16] for m in (dull, shiny)]
+    pictures = [
+        from_above(stack(square(material=m))).images()[0, 16, 16, :3] for m in (dull, shiny)
+    ]
     assert (pictures[1] > pictures[0] + 0.2).all()
     assert (pictures[1] <= 1).all()
 
