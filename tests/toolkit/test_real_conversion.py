@@ -1,9 +1,14 @@
 """Real furniture: dirty, multi-part objects convert with every guarantee and keep their parts."""
 
+import numpy as np
 import pytest
 from autophyx_tet.toolkit.load import load_asset
+from autophyx_tet.toolkit.offset import hollowed
+from autophyx_tet.toolkit.regions import Solids
+from autophyx_tet.toolkit.repair import repair
 from autophyx_tet.toolkit.sweethome3d import catalog, extract
 from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.triangles import closest
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 
@@ -16,6 +21,7 @@ OBJECTS = (
     "BlendSwap-CC-0/JapaneseLantern",  # a fifth of its surface is folded sheets
     "BlendSwap-CC-0/chair2",  # an open frame
 )
+HOLLOW = ("Scopia/medicoscopia_bottle2", "BlendSwap-CC-0/lowerCabinet", "KatorLegaz/fridge")
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +42,23 @@ def test_real_object_converts(key, furniture, tmp_path):
     accounted = {*mesh.region_names, *report.sheets, *report.lost}
     assert accounted == set(asset.part_names)
     assert not report.lost
+
+
+@pytest.mark.parametrize("key", HOLLOW)
+def test_real_object_is_hollowed(key, furniture, tmp_path):
+    """A wall of 2 % of the size: as much as lies within that depth below each shell, within 2 %."""
+    item = furniture[key]
+    asset = load_asset(extract(item, tmp_path), size=1.0, up="y")
+    surface, _ = repair(asset.parts)
+    solids = Solids.of(surface, len(asset.parts), thinnest=1e-3)
+    thin = hollowed(solids, dict.fromkeys(range(len(asset.parts)), 0.02))
+    lo, hi = solids.bounds
+    where = lo + (hi - lo) * np.random.default_rng(0).random((60_000, 3))
+    skin = np.zeros(len(where), dtype=bool)
+    for shell in solids.shells:
+        inside = np.flatnonzero(shell.contains(where))
+        depth = closest(where[inside], shell.points, shell.faces).distance
+        skin[inside[depth <= 0.02]] = True
+    left = thin.label(where, np.ones(len(where))) >= 0
+    assert left.sum() == pytest.approx(skin.sum(), rel=0.02)
+    assert left.sum() < 0.8 * (solids.label(where, np.ones(len(where))) >= 0).sum()
