@@ -99,3 +99,12 @@ def test_bad_options_are_named():
         drop(column(), height=-1.0)
     with pytest.raises(InputError, match="share"):
         squeeze(column(), share=2.0)
+
+
+@pytest.mark.parametrize(("order", "limit"), [(1, 0.1), (2, 0.3)])
+def test_quadratic_elements_are_trusted_on_coarser_meshes(order, limit):
+    """The same gap, one cell across, is judged by the elements that were used."""
+    check = checks.discretisation(wind(column(E=1e8), order=order, law=Law.LINEAR))
+    assert check.threshold == limit
+    assert check.passed == (check.value <= limit)
+    assert ("linear elements would be off" in check.sentence) == (order == 2)
