@@ -1,6 +1,7 @@
 """The rules of the house: direction of imports, package list, start-up time, what loads."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -10,7 +11,7 @@ import pytest
 ORDER = ["fem", "predictors", "converters", "toolkit"]
 HEAVY = {
     "torch", "warp", "open3d", "pymeshlab", "pytetwild", "igl", "trimesh", "meshio", "scipy",
-    "plotly", "transformers",
+    "plotly", "transformers", "tokenizers", "safetensors", "pyvista", "matplotlib", "PIL",
 }  # fmt: skip
 
 
@@ -64,3 +65,30 @@ def _loaded(code: str) -> set[str]:
 
 def test_import_loads_no_heavy_package():
     assert not _loaded("import autophyx_tet") & (HEAVY | {"numpy"})
+
+
+def test_the_command_line_parses_without_a_heavy_package():
+    """What `--help` waits for: modules are counted, because seconds depend on who else works."""
+    code = "import autophyx_tet.toolkit.cli as c\ntry: c.main(['--help'])\nexcept SystemExit: pass"
+    assert not _loaded(code) & HEAVY
+
+
+def test_versions_agree(root):
+    """The package, its metadata and the newest entry of the changelog name one version."""
+    import autophyx_tet
+
+    declared = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
+    changes = (root / "CHANGELOG.md").read_text()
+    assert declared == autophyx_tet.__version__
+    assert re.search(r"^## (\S+)", changes, re.MULTILINE)[1] == declared
+
+
+def test_notice_names_every_dependency(root):
+    """Each package that pip brings for users is listed with its licence."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    users = [name for name in extras if name not in ("dev", "docs", "external")]
+    wanted = project["dependencies"] + [need for name in users for need in extras[name]]
+    names = {re.match(r"[\w.-]+", need)[0].lower() for need in wanted}
+    notice = (root / "NOTICE").read_text().lower()
+    assert {name for name in names if name not in notice} == set()
