@@ -11,18 +11,26 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from ..fem.errors import UsageError
+from ..fem.table import load_table
+from .binding import NamedPart
 from .dataset.objects import make_objects
 from .dataset.real import RealObject
 from .dataset.texttable import TextTable, build_text_table
 from .encoders.minilm import MiniLM
-from .lexicon import HintedEncoder
+from .normalisation import DEFAULT
+from .plain_words import HintedEncoder
+from .predictor import TextEncoder
+from .retrieval import RetrievalPredictor
+from .text import Clause, parse
+from .vocabulary import Vocabulary
 
 if TYPE_CHECKING:
+    from .film_scene import Scene
     from .film_unet import FilmUNet
     from .training.batch import Batch
 
 Split = Literal["procedural", "validation"]
-BASELINES = ("constant", "table-mean", "table-first")
+BASELINES = ("constant", "table-mean", "table-first", "retrieval")
 _BOOTSTRAP = 1000  # resamples of the objects, for 95 % intervals
 
 
@@ -52,18 +60,27 @@ class Row:
         return asdict(self)
 
 
-class Scores(NamedTuple):
-    """Per object: errors (n, 3), boundary and interior error (n, 2), accuracy, clause count."""
+class Score(NamedTuple):
+    """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds."""
 
     errors: np.ndarray
-    edges: np.ndarray
-    right: np.ndarray
-    clauses: np.ndarray
+    edge: float
+    inner: float
+    right: float
+    clauses: int
     seconds: float
 
 
-# A predictor in the evaluation: a batch in, values (n, 3, x, y, z) and logits (or None) out.
-Guess = Callable[["Batch"], tuple]
+class Example(NamedTuple):
+    """One object with what its clauses say ("" for none) and its slots' names, if given."""
+
+    batch: Batch
+    said: list[str]
+    names: tuple[str, ...]
+
+
+# A predictor in the evaluation: an example in, values (1, 3, x, y, z) and logits (or None) out.
+Guess = Callable[[Example], tuple]
 
 
 def evaluate(
@@ -85,17 +102,29 @@ def evaluate(
         "validation": ``real`` objects of a source that training never saw, texts about kinds of
         matter and the default template.
     predictors
-        Names of rows: film, film-names, film-notext, film-nofeatures and the ``BASELINES``.
+        Names of rows: film, film-names, film-notext, film-nofeatures, film-nohints and the
+        ``BASELINES``. Names that are given are read as at run time.
     objects, cells, seed
         How many objects, on how fine a grid, drawn how.
     weights
         Checkpoint of the network; the shipped one by default.
     """
-    rows = []
-    for name in predictors:
-        scores = _score(name, split, objects, cells, seed, weights, real)
-        rows.append(_row(name, split, scores))
-    return rows
+    text = held_out_text(seed, real=real)
+    scores: dict[str, list[Score]] = {name: [] for name in predictors}
+    guesses = {name: _guess(name, text, weights) for name in predictors}
+    for names in (False, True):
+        asked = [name for name in predictors if (name == "film-names") == names]
+        batches = held_out_batches(
+            split, text, objects=objects, cells=cells, seed=seed, names=names, real=real
+        )
+        for index, batch in enumerate(batches if asked else ()):
+            if not batch.valued.any():
+                continue
+            slots = real[index].slots if split == "validation" else ()
+            example = Example(batch, spoken(batch, text), slots if names else ())
+            for name in asked:
+                scores[name].append(_score(guesses[name], example))
+    return [_row(name, split, scores[name]) for name in predictors]
 
 
 def held_out_text(seed: int, *, per_part: int = 12, real: Sequence[RealObject] = ()) -> TextTable:
@@ -104,6 +133,17 @@ def held_out_text(seed: int, *, per_part: int = 12, real: Sequence[RealObject] =
     return build_text_table(
         np.random.default_rng(seed), encoder.text, per_part=per_part, held_out=True, real=real
     )
+
+
+def spoken(batch: Batch, text: TextTable) -> list[str]:
+    """Return what every slot for a clause says, "" where it is empty."""
+    given = batch.scene.clauses[0].numpy()
+    known = text.embedding.astype(np.float32)
+    here = batch.scene.clause_mask[0].numpy()
+    return [
+        text.texts[int(np.square(known - vector).sum(axis=1).argmin())] if there else ""
+        for vector, there in zip(given, here, strict=True)
+    ]
 
 
 def held_out_batches(
@@ -140,59 +180,39 @@ def held_out_batches(
         yield sampler.compose(item, torch.tensor([split == "validation"]), torch.tensor([False]))
 
 
-def _score(name, split, objects, cells, seed, weights, real) -> Scores:
-    text = held_out_text(seed, real=real)
-    batches = held_out_batches(
-        split, text, objects=objects, cells=cells, seed=seed,
-        names=name == "film-names", real=real,
-    )  # fmt: skip
-    guess = _film(name, weights) if name.startswith("film") else _baseline(name, text)
-    errors, edges, right, clauses = [], [], [], []
-    seconds = 0.0
-    for batch in batches:
-        if not batch.valued.any():
-            continue
-        began = time.perf_counter()
-        values, logits = guess(batch)
-        seconds += time.perf_counter() - began
-        wrong = ((values - batch.target) ** 2)[0].numpy()
-        valued = batch.valued[0].numpy()
-        edge = _touches_another(batch.scene.part[0].numpy()) & valued
-        errors.append(wrong[:, valued].mean(axis=1))
-        mean = wrong.mean(axis=0)
-        inner = valued & ~edge
-        edges.append([mean[m].mean() if m.any() else np.nan for m in (edge, inner)])
-        bound = batch.bound[0]
-        hit = (
-            (logits.argmax(1)[0] == batch.clause[0])[bound].float().mean()
-            if logits is not None
-            else np.nan
-        )
-        right.append(float(hit))
-        clauses.append(int(batch.mentioned[0]))
-    seconds /= max(len(errors), 1)
-    columns = [np.array(column) for column in (errors, edges, right, clauses)]
-    return Scores(columns[0], columns[1], columns[2], columns[3], seconds)
+def _score(guess: Guess, example: Example) -> Score:
+    """Compare a predictor with the truth of one object."""
+    batch = example.batch
+    began = time.perf_counter()
+    values, logits = guess(example)
+    seconds = time.perf_counter() - began
+    wrong = ((values - batch.target) ** 2)[0].numpy()
+    valued = batch.valued[0].numpy()
+    edge = _touches_another(batch.scene.part[0].numpy()) & valued
+    mean = wrong.mean(axis=0)
+    sides = [float(mean[m].mean()) if m.any() else np.nan for m in (edge, valued & ~edge)]
+    right = np.nan
+    if logits is not None and batch.bound.any():
+        right = float((logits.argmax(1) == batch.clause)[batch.bound].float().mean())
+    return Score(
+        wrong[:, valued].mean(axis=1), sides[0], sides[1], right, int(batch.mentioned[0]), seconds
+    )
 
 
-def _accuracy(logits, clause, bound) -> float:
-    """Share of the voxels in ``bound`` whose strongest clause is the right one."""
-    return float((logits.argmax(0) == clause)[bound].float().mean())
-
-
-def _row(name: str, split: str, scores: Scores) -> Row:
+def _row(name: str, split: str, scores: Sequence[Score]) -> Row:
     """Summarise the objects of one predictor."""
-    means = scores.errors.mean(axis=1)
+    if not scores:
+        raise UsageError(f"no object of the {split} split has a known value: give more objects")
+    errors = np.array([score.errors for score in scores])
+    means, clauses = errors.mean(axis=1), np.array([score.clauses for score in scores])
     rng = np.random.default_rng(0)
     draws = rng.integers(len(means), size=(_BOOTSTRAP, len(means)))
     low, high = np.percentile(means[draws].mean(axis=1), [2.5, 97.5])
-    both = scores.edges[~np.isnan(scores.edges).any(axis=1)]
-    edge, inner = both.mean(axis=0) if len(both) else (np.nan, np.nan)
-    by_clauses = {
-        int(k): float(means[scores.clauses == k].mean()) for k in np.unique(scores.clauses)
-    }
-    right = scores.right[~np.isnan(scores.right)]
-    mse_E, mse_nu, mse_rho = scores.errors.mean(axis=0).tolist()
+    sides = np.array([(score.edge, score.inner) for score in scores])
+    sides = sides[~np.isnan(sides).any(axis=1)]
+    edge, inner = sides.mean(axis=0) if len(sides) else (np.nan, np.nan)
+    right = [score.right for score in scores if not np.isnan(score.right)]
+    mse_E, mse_nu, mse_rho = errors.mean(axis=0).tolist()
     return Row(
         predictor=name,
         split=split,
@@ -200,12 +220,12 @@ def _row(name: str, split: str, scores: Scores) -> Row:
         mse_nu=mse_nu,
         mse_rho=mse_rho,
         mse_mean=float(means.mean()),
-        clause_accuracy=float(right.mean()) if len(right) else None,
+        clause_accuracy=float(np.mean(right)) if right else None,
         boundary_ratio=float(edge / max(inner, 1e-9)),
         objects=len(means),
-        seconds_per_object=scores.seconds,
+        seconds_per_object=float(np.mean([score.seconds for score in scores])),
         interval=(float(low), float(high)),
-        by_clauses=by_clauses,
+        by_clauses={int(k): float(means[clauses == k].mean()) for k in np.unique(clauses)},
     )
 
 
@@ -221,29 +241,79 @@ def _touches_another(part: np.ndarray) -> np.ndarray:
     return out
 
 
+def _guess(name: str, text: TextTable, weights: Path | None) -> Guess:
+    if name.startswith("film"):
+        return _film(name, weights)
+    return _retrieval() if name == "retrieval" else _baseline(name, text)
+
+
 def _film(name: str, weights: Path | None) -> Guess:
-    """Return the network, with text or features taken away as the row's name says."""
+    """Return the network, with text, hints or features taken away as the row's name says."""
     import torch
 
     from .film import WEIGHTS
     from .training.checkpoint import load_checkpoint
 
     network: FilmUNet = load_checkpoint(weights or WEIGHTS)
+    encoder = MiniLM()
 
-    def guess(batch: Batch):
-        scene = batch.scene
+    def guess(example: Example):
+        scene = example.batch.scene
         if name == "film-notext":
             nothing = torch.zeros_like(scene.clause_mask)
             scene = scene._replace(
                 clause_mask=nothing, has_object=torch.zeros_like(scene.has_object)
             )
+        if name == "film-nohints":
+            plain = torch.arange(scene.clauses.shape[-1]) < encoder.dim
+            scene = scene._replace(clauses=scene.clauses * plain)
         if name == "film-nofeatures":
             inputs = scene.inputs.clone()
             inputs[:, 1:5] = 0  # colour and its flag: occupancy and place stay
             scene = scene._replace(inputs=inputs)
+        if example.names:
+            scene = _with_names(scene, example, encoder)
         with torch.inference_mode():
             output = network(scene)
         return output.values, output.logits
+
+    return guess
+
+
+def _with_names(scene: Scene, example: Example, encoder: TextEncoder) -> Scene:
+    """Return the scene with the evidence of names as it is gathered at run time."""
+    import torch
+
+    from .film import name_evidence, standard
+
+    vocabulary = Vocabulary(load_table().phrases)
+    clauses = [next(iter(parse(said, vocabulary)), Clause(said)) for said in example.said]
+    here = [k for k, said in enumerate(example.said) if said]
+    if not here:
+        return scene
+    named = [NamedPart.of([slot], vocabulary, 0.0) for slot in example.names]
+    score, trust = name_evidence([clauses[k] for k in here], named, encoder)
+    part = scene.part[0].numpy()
+    evidence, reliability = torch.zeros_like(scene.evidence), scene.reliability.clone()
+    spread = standard(score.T[part.clip(min=0)], part >= 0)
+    evidence[0, 1, here], reliability[0, 1] = torch.from_numpy(spread), trust
+    return scene._replace(evidence=evidence, reliability=reliability)
+
+
+def _retrieval() -> Guess:
+    """Return retrieval: the clauses as one text, the parts by their size alone."""
+    import torch
+
+    retrieval = RetrievalPredictor()
+
+    def guess(example: Example):
+        part = example.batch.scene.part[0]
+        volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
+        labels = [(f"part {p + 1}",) for p in range(len(volumes))]
+        said = "; ".join(filter(None, example.said)) or "This is an object."
+        chosen = retrieval.choose(labels, said, part_volumes=volumes)
+        value = torch.tensor(np.array([DEFAULT.normalise(*c.value) for c in chosen]))
+        return value.float()[part.clamp(min=0)].movedim(-1, 0)[None], None
 
     return guess
 
@@ -262,17 +332,16 @@ def _baseline(name: str, text: TextTable) -> Guess:
         raise UsageError(f"unknown row {name!r}: wanted film, film-... or one of {BASELINES}")
     meaning, known = settled_values(text)
     mean = text.levels[:, -1].mean(axis=0)
-    embedding = torch.from_numpy(text.embedding.astype(np.float32))
+    first = {said: row for row, said in reversed(list(enumerate(text.texts)))}
 
-    def guess(batch: Batch):
+    def guess(example: Example):
         value = mean
-        present = batch.scene.clauses[batch.scene.clause_mask]
-        if name != "constant" and len(present):
-            rows = (present @ embedding.T).argmax(dim=1).numpy()
+        rows = np.array([first[said] for said in example.said if said], dtype=int)
+        if name != "constant" and len(rows):
             said = np.where(known[rows, None], np.nan_to_num(meaning[rows]), mean)
             value = said.mean(axis=0) if name == "table-mean" else said[0]
         tensor = torch.tensor(value, dtype=torch.float32)
-        return tensor[None, :, None, None, None].expand_as(batch.target), None
+        return tensor[None, :, None, None, None].expand_as(example.batch.target), None
 
     return guess
 
@@ -317,7 +386,6 @@ def named_materials(*, weights: Path | None = None, seed: int = 0) -> dict[str, 
 
     from .dataset.grammar import Grammar
     from .film import WEIGHTS
-    from .normalisation import DEFAULT
     from .training.checkpoint import load_checkpoint
 
     network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())

@@ -22,8 +22,8 @@ from .asset import UpAxis
 from .binding import NamedPart, is_whole, overlap
 from .field import MaterialField
 from .film_frame import Frame
-from .lexicon import with_lexicon
 from .normalisation import DEFAULT
+from .plain_words import HintedEncoder
 from .predictor import TextEncoder
 from .retrieval import RetrievalPredictor
 from .text import Clause, parse
@@ -208,10 +208,10 @@ class FilmPredictor:
 
         clauses = self.clauses(text)
         named = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in parts.part_labels]
-        spoken = [_own_name(part) for part in named]
+        spoken = [own_name(part) for part in named]
         k = max(len(clauses), 1)
-        texts = [c.text for c in clauses] + spoken + [text or "object"]
-        vectors = with_lexicon(self.encoder.text(texts), texts)
+        heard = HintedEncoder(self.encoder)
+        vectors = heard.text([c.text for c in clauses] + spoken + [text or "object"])
         dim = vectors.shape[1]
         embedded = np.zeros((1, k, dim), dtype=np.float32)
         embedded[0, : len(clauses)] = vectors[: len(clauses)]
@@ -223,15 +223,10 @@ class FilmPredictor:
             seen = frame.forward(appearance.features) @ appearance.words.text(
                 [" ".join(c.parts) or c.text for c in clauses]
             ).T.astype(np.float32)
-            evidence[0, 0], reliability[0, 0] = _standard(seen, part >= 0), VISION
+            evidence[0, 0], reliability[0, 0] = standard(seen, part >= 0), VISION
         if clauses and names:
-            score = np.clip(overlap(clauses, named), 0, 3)
-            reliability[0, 1] = SHARED_WORD
-            if not score.any():
-                nouns = self.encoder.text([" ".join(c.parts) or c.text for c in clauses])
-                plain = own[:, : nouns.shape[1]]
-                score, reliability[0, 1] = nouns @ plain.T, LIKE_WORD
-            evidence[0, 1] = _standard(score.T[part.clip(min=0)], part >= 0)
+            score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
+            evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
         inputs = frame.inputs(part, appearance.colours)
         known = [bool(name) and names for name in spoken]
         present = np.arange(k)[None] < len(clauses)
@@ -282,14 +277,26 @@ def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
     return out
 
 
-def _own_name(part: NamedPart) -> str:
+def own_name(part: NamedPart) -> str:
     """Words of a part with the material its labels tell, "" where they tell nothing."""
     word = "" if part.spoken == "object" else part.spoken
     material = part.material or ""
     return word if material in word else f"{word} {material}".strip()
 
 
-def _standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:
+def name_evidence(
+    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
+) -> tuple[Float[np.ndarray, "clauses parts"], float]:
+    """How well each part's own name fits each clause, and how far that is to be trusted."""
+    score = np.clip(overlap(clauses, named), 0, 3)
+    if score.any():
+        return score, SHARED_WORD
+    nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
+    names = encoder.text([own_name(part) for part in named])
+    return nouns @ names.T, LIKE_WORD
+
+
+def standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:
     """Evidence (k, x, y, z) with zero mean and unit deviation inside, 0 outside."""
     within = evidence[inside]
     scaled = (evidence - within.mean()) / np.sqrt(within.var() + 1e-4)  # 1e-4: as in training

@@ -16,7 +16,6 @@ from jaxtyping import Float
 
 from ..fem.table import MaterialTable, load_table
 from .normalisation import DEFAULT
-from .predictor import TextEncoder
 from .text import parse
 from .vocabulary import Vocabulary
 
@@ -34,36 +33,36 @@ def _stems(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_SOFT = _stems(
+SOFT = _stems(
     "soft softer softish squishy squashy squeezable plush flexible bendy pliable pliant floppy "
-    "supple elastic springy limp yielding cushiony compliant deformable jelly spongy stretchy "
+    "supple elastic springy limp yielding cushiony compliant deformable spongy stretchy "
     "flabby tender mushy malleable bouncy rubbery weak slack doughy"
 )
-_STIFF = _stems(
+STIFF = _stems(
     "stiff stiffer rigid firm hard harder inflexible unyielding sturdy tough solid robust strong "
     "unbending stout taut steely hardened rocklike"
 )
-_LIGHT = _stems("light lighter lightweight airy weightless feather feathery porous hollow fluffy")
-_HEAVY = _stems("heavy heavier dense denser weighty hefty burdensome ponderous massive leaden")
-_BEND = _stems(
+LIGHT = _stems("light lighter lightweight airy weightless feathery porous hollow fluffy")
+HEAVY = _stems("heavy heavier dense denser weighty hefty burdensome ponderous massive leaden")
+BEND = _stems(
     "bend bends bending bent flex flexes deform deforms squeeze squeezed compress press pressed "
     "sag sags give gives yield yields dent dents collapse collapses stretch stretches fold folds"
 )
-_BRITTLE = _stems(
+BRITTLE = _stems(
     "brittle fragile break breaks broken breakable shatter shatters crack cracks cracked cracking "
     "snap snaps splinter splinters fracture fractures chip chips crumbly crumble crumbles delicate "
     "crisp frail"
 )
-_FLOAT = _stems("float floats floating afloat buoyant bob bobs unsinkable drift drifts swim swims")
-_SINK = _stems("sink sinks sinking plunge plunges submerge submerges")
-_STRONGER = _stems(
+FLOAT = _stems("float floats floating afloat buoyant bob bobs unsinkable drift drifts swim swims")
+SINK = _stems("sink sinks sinking plunge plunges submerge submerges")
+STRONGER = _stems(
     "very extremely super ultra incredibly exceptionally really remarkably utterly extraordinarily "
     "totally completely absolutely perfectly immensely tremendously massively enormously "
-    "exceedingly amazingly surprisingly highly hugely terribly so rock never cannot impossible "
+    "exceedingly amazingly surprisingly highly hugely terribly so never cannot impossible "
     "slightest own air ton lead jelly feather almost minimal nothing anything all too "
     "collapse collapses"
 )
-_MODERATE = _stems(
+MODERATE = _stems(
     "medium moderate moderately average averagely typical normal normally usual ordinary common "
     "intermediate middling middle halfway neither standard balanced between"
 )
@@ -79,29 +78,38 @@ _COMPARISON = re.compile(
 _NEAR = 3  # words before an adjective that may negate it
 
 
+# "rock hard" is very hard, and no rock.
+_IDIOM = re.compile(r"\b(?:rock(?= (?:hard|solid))|feather(?= light))")
+
+
+def as_usual(text: str) -> str:
+    """Return the clause in lower case, with the idioms that hide a degree said plainly."""
+    return _IDIOM.sub("very", text.lower())
+
+
 class Lexicon:
     """Channels of clauses, by the words of a material table."""
 
     def __init__(self, table: MaterialTable | None = None) -> None:
         self.table = table or load_table()
-        self._vocabulary = Vocabulary(self.table.phrases)
+        self.vocabulary = Vocabulary(self.table.phrases)
 
     def channels(self, text: str) -> Float[np.ndarray, "channels"]:
         """Return the ``CHANNELS`` of one clause, each about in [-1, 1], 0 where it is silent."""
-        words = re.findall(r"[a-z]+", text.lower())
+        words = re.findall(r"[a-z]+", as_usual(text))
         stiffness, weight = _stiffness(words), _weight(words)
         water = _water(words)
         return np.array([
             *self._material(text),
             stiffness is not None, stiffness or 0.0, weight is not None, weight or 0.0,
-            bool(_BRITTLE & set(words)), water > 0, water < 0,
-            bool(_STRONGER & set(words)), bool(_MODERATE & set(words)),
+            bool(BRITTLE & set(words)), water > 0, water < 0,
+            bool(STRONGER & set(words)), bool(MODERATE & set(words)),
         ], dtype=np.float32)  # fmt: skip
 
     def _material(self, text: str) -> tuple[float, float, float, float]:
         """Whether the clause names a material, and its normalised value."""
-        plain = _COMPARISON.sub(" ", text.lower())
-        named = next((c.material for c in parse(plain, self._vocabulary) if c.material), None)
+        plain = _COMPARISON.sub(" ", as_usual(text))
+        named = next((c.material for c in parse(plain, self.vocabulary) if c.material), None)
         if named is None:
             return (0.0, 0.0, 0.0, 0.0)
         E, nu, rho = DEFAULT.normalise(*self.table.exact(named).value()).tolist()
@@ -126,24 +134,24 @@ def _score(words: Sequence[str], signs: Sequence[int]) -> float | None:
         return None
     if min(signs) < max(signs):
         return 0.0
-    if said & _MODERATE and "than" not in said:
+    if said & MODERATE and "than" not in said:
         return _MIDDLE * signs[0]
     compared = {"as", "like"} & set(words[-3:-1]) or {"as", "can"} <= said
-    strong = said & _STRONGER or compared
+    strong = said & STRONGER or compared
     return (_STRONG if strong else _PLAIN) * signs[0]
 
 
 def _stiffness(words: Sequence[str]) -> float | None:
     """Score from -1 (as soft as can be) to 1 (never bends)."""
-    signs = _sign(words, _SOFT, _STIFF)
+    signs = _sign(words, SOFT, STIFF)
     said = set(words)
-    if said & _BEND:
+    if said & BEND:
         hard = said & _NOT or "hard" in said
         signs = [1 if hard else -1]
     if "shape" in said:
         signs = [1]
     if not signs and said & _STIFFNESS:
-        signs = [-1, 1] if said & _MODERATE else [-1 if said & (_LITTLE | _NOT) else 1]
+        signs = [-1, 1] if said & MODERATE else [-1 if said & (_LITTLE | _NOT) else 1]
     return _score(words, signs)
 
 
@@ -152,10 +160,10 @@ def _weight(words: Sequence[str]) -> float | None:
     said = set(words)
     if "water" in said or "own" in said:  # "sags under its own weight"
         return None
-    signs = _sign(words, _LIGHT, _HEAVY)
+    signs = _sign(words, LIGHT, HEAVY)
     if not signs and said & _WEIGHT:
         few, many = bool(said & _LITTLE), bool(said & _MUCH)
-        signs = [-1] if few else [1] if many else [-1, 1] if said & _MODERATE else []
+        signs = [-1] if few else [1] if many else [-1, 1] if said & MODERATE else []
     if {"than", "air"} <= said:
         signs = [-1]
     return _score(words, signs)
@@ -165,12 +173,12 @@ def _water(words: Sequence[str]) -> int:
     """1 for what floats, -1 for what sinks, 0 where nothing is said of it."""
     said = set(words)
     negated = -1 if said & _NOT or "unable" in said else 1
-    if said & _FLOAT or "surface" in said:
+    if said & FLOAT or "surface" in said:
         return negated
-    if said & _SINK or "bottom" in said:
+    if said & SINK or "bottom" in said:
         return -negated
     if "water" in said:
-        lighter = said & _LIGHT or "less" in said or "top" in said
+        lighter = said & LIGHT or "less" in said or "top" in said
         return 1 if lighter else -1
     return 0
 
@@ -189,14 +197,3 @@ def with_lexicon(
     hints = np.stack([_default().channels(text) for text in texts])
     loud = LOUDNESS / np.sqrt(embedding.shape[1])
     return np.concatenate([embedding, loud * hints], axis=1).astype(np.float32)
-
-
-class HintedEncoder:
-    """A text encoder whose embeddings carry the lexicon's channels behind."""
-
-    def __init__(self, encoder: TextEncoder) -> None:
-        self.encoder = encoder
-
-    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
-        """Embedding of each sentence with its hints."""
-        return with_lexicon(self.encoder.text(list(sentences)), sentences)

@@ -58,6 +58,7 @@ class TextTable:
     pairs: Int[np.ndarray, "pairs 2"]
     real_names: Int[np.ndarray, "objects 7"]
     normalisation: Normalisation = DEFAULT
+    texts: tuple[str, ...] = ()  # of the rows; not kept in files
 
 
 def build_text_table(
@@ -99,6 +100,7 @@ def build_text_table(
         _level_values(),
         np.array(part_pairs(), dtype=np.int32),
         named,
+        texts=tuple(phrase.text for phrase in phrases),
     )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from ..dataset.real import RealObject
 from ..dataset.texttable import TextTable, build_text_table
 from ..film_scene import NetworkConfig
-from ..lexicon import CHANNELS, HintedEncoder
+from ..lexicon import CHANNELS
+from ..plain_words import HintedEncoder
 from .config import TrainingConfig
 from .embedding import TorchMiniLM
 from .samples import Mixture
@@ -50,6 +51,6 @@ def device_text_table(
     real: Sequence[RealObject] = (),
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device; ``folder`` holds the encoder's weights."""
-    encoder = HintedEncoder(TorchMiniLM(folder, device=device))
+    encoder = HintedEncoder(TorchMiniLM(folder, device=device), plain=False)
     rng = np.random.default_rng(seed)
     return build_text_table(rng, encoder.text, per_part=per_part, real=real)

@@ -6,6 +6,7 @@ from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.dataset.wordings import LEVELS, sentence, wordings
 from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.plain_words import HintedEncoder, PlainWords
 from scipy.stats import spearmanr
 
 LEXICON = Lexicon()
@@ -65,3 +66,37 @@ def test_hints_follow_the_embedding():
     assert np.array_equal(joined[:, :3], unit)
     assert not joined[0, 3:].any()
     assert np.isclose(joined[1, 3], LOUDNESS / np.sqrt(3))
+
+
+@pytest.mark.parametrize(
+    ("said", "plain"),
+    [
+        ("the seat gives way at the slightest touch", "the seat is very soft"),
+        ("the legs are rather pliant", "the legs are soft"),
+        ("a feather light wing", "a very light wing"),
+        ("whose hull would not sink in water", "whose hull floats on water"),
+        ("the dial breaks like a biscuit", "the dial is brittle"),
+        ("soft rubber sole", "soft rubber sole"),
+        ("the legs are made of oak", "the legs are made of oak"),
+        ("the mushroom cap is quite firm", "the mushroom cap is stiff"),
+    ],
+)
+def test_plain_words(said, plain):
+    """What is understood is said in plain words, once and for all; materials stay as they are."""
+    plainly = PlainWords(LEXICON)
+    assert plainly(said) == plain
+    assert plainly(plain) == plain
+
+
+def test_training_hears_every_word():
+    """With ``plain`` off the encoder hears the sentence as it was said."""
+    heard = []
+
+    class Encoder:
+        def text(self, sentences):
+            heard.extend(sentences)
+            return np.zeros((len(sentences), 2), dtype=np.float32)
+
+    HintedEncoder(Encoder(), plain=False).text(["a feather light wing"])
+    HintedEncoder(Encoder()).text(["a feather light wing"])
+    assert heard == ["a feather light wing", "a very light wing"]
