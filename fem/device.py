@@ -6,11 +6,14 @@ import contextlib
 import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from .errors import InputError
+
+Parameters = ParamSpec("Parameters")
+Answer = TypeVar("Answer")
 
 
 @contextlib.contextmanager
@@ -65,3 +68,14 @@ def one_thread() -> contextlib.AbstractContextManager:
     of the time.
     """
     return _blas().limit(limits=1, user_api="blas")
+
+
+def single_threaded(function: Callable[Parameters, Answer]) -> Callable[Parameters, Answer]:
+    """Make ``function`` run with ``one_thread``."""
+
+    @functools.wraps(function)
+    def wrapped(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Answer:
+        with one_thread():
+            return function(*args, **kwargs)
+
+    return wrapped

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .blocks import BlockMatrix, add_diagonal, apply_supports, discretise, stiffness
-from .device import checked_device
+from .device import checked_device, single_threaded
 from .errors import ConvergenceError, InputError
 from .krylov import Recorder
 from .mass import consistent_mass, lumped_mass
@@ -51,6 +51,7 @@ class Modes:
     residual: float
 
 
+@single_threaded
 def natural_modes(
     mesh: TetMesh,
     count: int = 6,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .blocks import BlockMatrix, apply_supports, discretise
-from .device import checked_device
+from .device import checked_device, single_threaded
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError
 from .mesh import TetMesh
@@ -50,6 +50,7 @@ class Potential:
         return np.inf
 
 
+@single_threaded
 def solve_nonlinear(
     mesh: TetMesh,
     supports: Supports,

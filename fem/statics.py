@@ -15,7 +15,7 @@ from .blocks import (
     displacement_gradients,
     stiffness,
 )
-from .device import checked_device
+from .device import checked_device, single_threaded
 from .elastic import ElasticBody, Law
 from .errors import ConvergenceError, InputError
 from .loads import Traction, body_force, gravity_force, traction_force
@@ -94,6 +94,7 @@ class StaticResult:
         return float(np.abs(np.linalg.eigvalsh(self.strain)).max())
 
 
+@single_threaded
 def solve_static(
     mesh: TetMesh,
     supports: Supports,
