@@ -22,8 +22,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+from convert_table import OURS, read_rows, summary, table
 
-OURS = "autophyx-tet"
 SAMPLE = 60  # inputs that the peers are run on, evenly spread over the corpus
 HERE = Path(__file__).resolve()
 
@@ -36,7 +36,7 @@ def main() -> None:
         return
     root = _root(args.corpus, Path(args.folder).resolve())
     inputs = corpus(args.corpus, root, args.limit)
-    done = _read_rows(args.rows)
+    done = read_rows(args.rows)
     known = {(row["input"], row["tool"]) for row in done}
     peers = [peer for peer in args.peers.split(",") if peer]
     sample = set(inputs[:: max(1, -(-len(inputs) // SAMPLE))])
@@ -137,7 +137,8 @@ def run_one(path: Path, tool: str, args: argparse.Namespace) -> dict:
             _timed(measure, Path(work), 600)
         found = Path(work) / "row.json"
         blank = {"guarantees": False, "tets": 0, "reason": _last_line(Path(work), code)}
-        return row | (json.loads(found.read_text()) if found.exists() else blank)
+        row |= json.loads(found.read_text()) if found.exists() else blank
+        return row | {"reason": row["reason"].replace(f"{path.parent}/", "")}
 
 
 def _timed(command: list[str], work: Path, limit: float) -> tuple[int, float, float, float]:
@@ -307,49 +308,6 @@ def _gmsh(path: Path, args: argparse.Namespace):
 
 
 PEERS = {"pytetwild": _pytetwild, "tetgen": _tetgen, "gmsh": _gmsh}
-
-
-def _read_rows(path: Path) -> list[dict]:
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-
-
-def summary(rows: list[dict]) -> dict[str, dict]:
-    """Per tool: inputs, converted with all guarantees, other ends, medians beside pytetwild."""
-    base = {r["input"]: r for r in rows if r["tool"] == "pytetwild" and r["exit"] == 0}
-    result = {}
-    for tool in dict.fromkeys(row["tool"] for row in rows):
-        mine = [row for row in rows if row["tool"] == tool]
-        good = [row for row in mine if row["guarantees"]]
-        both = [row for row in mine if row["exit"] == 0 and row["input"] in base]
-        result[tool] = {
-            "inputs": len(mine),
-            "guarantees": len(good),
-            "converted": sum(row["exit"] == 0 for row in mine),
-            "clear_errors": sum(row["exit"] in (3, 4) for row in mine),
-            "crashes": sum(row["exit"] < 0 for row in mine),
-            "time_limit": sum(row["exit"] == 124 for row in mine),
-            "min_dihedral_deg": _median(row["min_dihedral_deg"] for row in good),
-            "wall_s": _median(row["wall_s"] for row in good),
-            "wall_ratio": _median(r["wall_s"] / base[r["input"]]["wall_s"] for r in both),
-            "cpu_ratio": _median(r["cpu_s"] / base[r["input"]]["cpu_s"] for r in both),
-            "rss_mb": _median(row["rss_mb"] for row in good),
-        }
-    return result
-
-
-def _median(values) -> float | None:
-    values = list(values)
-    return round(float(np.median(values)), 3) if values else None
-
-
-def table(result: dict[str, dict]) -> str:
-    """Markdown for the docs."""
-    columns = list(next(iter(result.values()), {}))
-    lines = ["| tool | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
-    lines += [
-        f"| {t} | " + " | ".join(str(r[c]) for c in columns) + " |" for t, r in result.items()
-    ]
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -213,7 +213,7 @@ def test_torus_keeps_its_volume_wherever_it_is(seed):
     turn[:3, 3] = rng.normal(size=3) * 10 * scale
     ring.apply_transform(turn)
     ring.faces = rng.permutation(ring.faces)
-    mesh, report = _convert({"edge_length_rel": 0.1, "epsilon_rel": 1e-3}, ring=ring)
+    mesh, report = _convert({"edge_length_rel": 0.1}, ring=ring)
     assert mesh.volume == pytest.approx(2 * np.pi**2 * 0.09 * scale**3, rel=0.02)
     a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
@@ -222,10 +222,37 @@ def test_torus_keeps_its_volume_wherever_it_is(seed):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    ("body", "volume", "area"),
+    [
+        (trimesh.creation.box((1, 2, 3)), 6.0, 22.0),
+        (trimesh.creation.icosphere(4), 4 / 3 * np.pi, 4 * np.pi),
+    ],
+    ids=["box", "ball"],
+)
+def test_volume_and_area_wherever_it_is(body, volume, area, seed):
+    """V and A of a box and a ball within 1 %: turned, moved, scaled, faces and corners shuffled."""
+    rng = np.random.default_rng(seed)
+    scale = 10 ** rng.uniform(-3, 2)
+    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
+    turn[:3] *= scale
+    turn[:3, 3] = rng.normal(size=3) * 10 * scale
+    order = rng.permutation(len(body.vertices))
+    faces = np.argsort(order)[rng.permutation(body.faces)]
+    moved = trimesh.Trimesh(body.vertices[order], faces, process=False).apply_transform(turn)
+    mesh, _ = _convert({"edge_length_rel": 0.1}, body=moved)
+    assert mesh.volume == pytest.approx(volume * scale**3, rel=0.01)
+    a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
+    found = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert found == pytest.approx(area * scale**2, rel=0.01)
+
+
+@pytest.mark.slow
 def test_nested_balls_region_volumes():
     """At the default envelope each region is within 1 % of its polyhedron's volume."""
     inner, outer = trimesh.creation.icosphere(3, radius=0.6), trimesh.creation.icosphere(3)
-    mesh, _ = _convert({"edge_length_rel": 0.1, "epsilon_rel": 1e-3}, outer=outer, inner=inner)
+    mesh, _ = _convert({"edge_length_rel": 0.1}, outer=outer, inner=inner)
     volume = dict(zip(mesh.region_names, mesh.region_volumes(), strict=True))
     assert volume["inner"] == pytest.approx(inner.volume, rel=0.01)
     assert volume["outer"] == pytest.approx(outer.volume - inner.volume, rel=0.01)

@@ -1,0 +1,105 @@
+"""Rows of ``convert_corpus.py`` as tables: what converted, what did not and why, beside peers.
+
+python benchmarks/convert_table.py cgal.jsonl sweethome3d.jsonl > docs/convert_corpus.md
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+OURS = "autophyx-tet"
+REASON = 200  # characters of a reason that a table shows
+HEADINGS = {
+    "inputs": "inputs",
+    "guarantees": "all guarantees",
+    "converted": "some mesh",
+    "clear_errors": "exit 3 or 4",
+    "other_errors": "other errors",
+    "crashes": "crashes",
+    "time_limit": "out of time",
+    "min_dihedral_deg": "min dihedral [deg]",
+    "wall_s": "wall [s]",
+    "cpu_s": "processor [s]",
+    "wall_ratio": "wall / pytetwild",
+    "cpu_ratio": "processor / pytetwild",
+    "rss_mb": "memory [MiB]",
+}
+
+
+def read_rows(path: Path) -> list[dict]:
+    """Rows of a file of JSON lines, of which the last one of an input and tool counts."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = [json.loads(line) for line in lines]
+    return list({(row["input"], row["tool"]): row for row in rows}.values())
+
+
+def summary(rows: list[dict]) -> dict[str, dict]:
+    """Per tool: inputs, converted with all guarantees, other ends, medians beside pytetwild."""
+    base = {r["input"]: r for r in rows if r["tool"] == "pytetwild" and r["exit"] == 0}
+    result = {}
+    for tool in dict.fromkeys(row["tool"] for row in rows):
+        mine = [row for row in rows if row["tool"] == tool]
+        good = [row for row in mine if row["guarantees"]]
+        both = [row for row in mine if row["exit"] == 0 and row["input"] in base]
+        result[tool] = {
+            "inputs": len(mine),
+            "guarantees": len(good),
+            "converted": sum(row["exit"] == 0 for row in mine),
+            "clear_errors": sum(row["exit"] in (3, 4) for row in mine),
+            "other_errors": sum(row["exit"] > 0 for row in mine)
+            - sum(row["exit"] in (3, 4, 124) for row in mine),
+            "crashes": sum(row["exit"] < 0 for row in mine),
+            "time_limit": sum(row["exit"] == 124 for row in mine),
+            "min_dihedral_deg": median(row["min_dihedral_deg"] for row in good),
+            "wall_s": median(row["wall_s"] for row in good),
+            "cpu_s": median(row["cpu_s"] for row in good),
+            "wall_ratio": median(r["wall_s"] / base[r["input"]]["wall_s"] for r in both),
+            "cpu_ratio": median(r["cpu_s"] / base[r["input"]]["cpu_s"] for r in both),
+            "rss_mb": median(row["rss_mb"] for row in good),
+        }
+    return result
+
+
+def median(values: Iterable[float]) -> float | None:
+    """Median to three digits, None of nothing."""
+    values = list(values)
+    return round(float(np.median(values)), 3) if values else None
+
+
+def table(result: dict[str, dict]) -> str:
+    """Markdown of a summary: a row for each quantity, a column for each tool."""
+    lines = ["| | " + " | ".join(result) + " |", "|---" * (len(result) + 1) + "|"]
+    for key, heading in HEADINGS.items():
+        cells = ("-" if row[key] is None else f"{row[key]:g}" for row in result.values())
+        lines.append(f"| {heading} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def others(rows: list[dict]) -> str:
+    """Markdown of our inputs that have no mesh with all guarantees, and the reason."""
+    bad = [row for row in rows if row["tool"] == OURS and not row["guarantees"]]
+    if not bad:
+        return "Every input converted with all guarantees."
+    lines = ["| input | exit | seconds | reason |", "|---|---|---|---|"]
+    for row in sorted(bad, key=lambda row: (row["exit"], row["input"])):
+        reason = row["reason"].split("; --thicken")[0].replace("|", "/")
+        short = reason if len(reason) <= REASON else f"{reason[:REASON]} ..."
+        lines.append(f"| {row['input']} | {row['exit']} | {row['wall_s']:.0f} | {short} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print one section per file of rows."""
+    for path in map(Path, sys.argv[1:]):
+        rows = read_rows(path)
+        sys.stdout.write(f"## {path.stem}\n\n{table(summary(rows))}\n\n")
+        sys.stdout.write(f"Without all guarantees:\n\n{others(rows)}\n\n")
+
+
+if __name__ == "__main__":
+    main()
