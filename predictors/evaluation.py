@@ -71,7 +71,7 @@ class Score(NamedTuple):
     seconds: float
 
 
-class Example(NamedTuple):
+class Sample(NamedTuple):
     """One object with what its clauses say ("" for none) and its slots' names, if given."""
 
     batch: Batch
@@ -80,7 +80,7 @@ class Example(NamedTuple):
 
 
 # A predictor in the evaluation: an example in, values (1, 3, x, y, z) and logits (or None) out.
-Guess = Callable[[Example], tuple]
+Guess = Callable[[Sample], tuple]
 
 
 def evaluate(
@@ -121,10 +121,10 @@ def evaluate(
             if not batch.valued.any():
                 continue
             slots = real[index].slots if split == "validation" else ()
-            example = Example(batch, spoken(batch, text), slots if names else ())
+            example = Sample(batch, spoken(batch, text), slots if names else ())
             for name in asked:
                 scores[name].append(_score(guesses[name], example))
-    return [_row(name, split, scores[name]) for name in predictors]
+    return [summary(name, split, scores[name]) for name in predictors]
 
 
 def held_out_text(seed: int, *, per_part: int = 12, real: Sequence[RealObject] = ()) -> TextTable:
@@ -180,7 +180,7 @@ def held_out_batches(
         yield sampler.compose(item, torch.tensor([split == "validation"]), torch.tensor([False]))
 
 
-def _score(guess: Guess, example: Example) -> Score:
+def _score(guess: Guess, example: Sample) -> Score:
     """Compare a predictor with the truth of one object."""
     batch = example.batch
     began = time.perf_counter()
@@ -188,7 +188,7 @@ def _score(guess: Guess, example: Example) -> Score:
     seconds = time.perf_counter() - began
     wrong = ((values - batch.target) ** 2)[0].numpy()
     valued = batch.valued[0].numpy()
-    edge = _touches_another(batch.scene.part[0].numpy()) & valued
+    edge = touches_another(batch.scene.part[0].numpy()) & valued
     mean = wrong.mean(axis=0)
     sides = [float(mean[m].mean()) if m.any() else np.nan for m in (edge, valued & ~edge)]
     right = np.nan
@@ -199,7 +199,7 @@ def _score(guess: Guess, example: Example) -> Score:
     )
 
 
-def _row(name: str, split: str, scores: Sequence[Score]) -> Row:
+def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
     """Summarise the objects of one predictor."""
     if not scores:
         raise UsageError(f"no object of the {split} split has a known value: give more objects")
@@ -229,7 +229,7 @@ def _row(name: str, split: str, scores: Sequence[Score]) -> Row:
     )
 
 
-def _touches_another(part: np.ndarray) -> np.ndarray:
+def touches_another(part: np.ndarray) -> np.ndarray:
     """Voxels with a neighbour of another part among the six."""
     out = np.zeros(part.shape, dtype=bool)
     for axis in range(3):
@@ -257,7 +257,7 @@ def _film(name: str, weights: Path | None) -> Guess:
     network: FilmUNet = load_checkpoint(weights or WEIGHTS)
     encoder = MiniLM()
 
-    def guess(example: Example):
+    def guess(example: Sample):
         scene = example.batch.scene
         if name == "film-notext":
             nothing = torch.zeros_like(scene.clause_mask)
@@ -280,7 +280,7 @@ def _film(name: str, weights: Path | None) -> Guess:
     return guess
 
 
-def _with_names(scene: Scene, example: Example, encoder: TextEncoder) -> Scene:
+def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
     """Return the scene with the evidence of names as it is gathered at run time."""
     import torch
 
@@ -306,7 +306,7 @@ def _retrieval() -> Guess:
 
     retrieval = RetrievalPredictor()
 
-    def guess(example: Example):
+    def guess(example: Sample):
         part = example.batch.scene.part[0]
         volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
         labels = [(f"part {p + 1}",) for p in range(len(volumes))]
@@ -334,7 +334,7 @@ def _baseline(name: str, text: TextTable) -> Guess:
     mean = text.levels[:, -1].mean(axis=0)
     first = {said: row for row, said in reversed(list(enumerate(text.texts)))}
 
-    def guess(example: Example):
+    def guess(example: Sample):
         value = mean
         rows = np.array([first[said] for said in example.said if said], dtype=int)
         if name != "constant" and len(rows):

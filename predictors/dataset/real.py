@@ -172,13 +172,13 @@ def save_real(path: Path, objects: Iterable[RealObject]) -> None:
 
 def load_real(path: Path) -> list[RealObject]:
     """Read what ``save_real`` wrote."""
-    from safetensors import safe_open
+    from safetensors import SafetensorError, safe_open
 
     try:
         with safe_open(path, framework="np") as file:
             described = json.loads(file.metadata()["objects"])
             values, lengths, counts = (file.get_tensor(k) for k in ("values", "lengths", "counts"))
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a file of voxelised objects: {error}") from error
     ends = np.cumsum(counts)
     return [

@@ -131,12 +131,12 @@ def save_text_table(path: Path, table: TextTable) -> None:
 
 def load_text_table(path: Path) -> TextTable:
     """Read what ``save_text_table`` wrote."""
-    from safetensors import safe_open
+    from safetensors import SafetensorError, safe_open
 
     try:
         with safe_open(path, framework="np") as file:
             arrays = [file.get_tensor(name) for name in _ARRAYS]
             normalisation = Normalisation.from_dict(json.loads(file.metadata()["normalisation"]))
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a table of clauses: {error}") from error
     return TextTable(**dict(zip(_ARRAYS, arrays, strict=True)), normalisation=normalisation)

@@ -41,13 +41,13 @@ def save_checkpoint(path: Path, network: FilmUNet, *, facts: dict | None = None)
 
 def load_checkpoint(path: Path) -> FilmUNet:
     """Read a network that ``save_checkpoint`` wrote, in float32 on the CPU."""
-    from safetensors import safe_open
+    from safetensors import SafetensorError, safe_open
 
     try:
         with safe_open(path, framework="pt") as file:
             config = NetworkConfig.from_dict(json.loads(file.metadata()["network"]))
             tensors = {key: file.get_tensor(key).float() for key in file.keys()}
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a checkpoint of the FiLM network: {error}") from error
     network = FilmUNet(config)
     network.load_state_dict(tensors)

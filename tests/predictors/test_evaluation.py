@@ -1,0 +1,70 @@
+"""Laws of the evaluation: a perfect answer has no error, masses compare as the papers say."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.evaluation import BASELINES, evaluate
+from autophyx_tet.predictors.examples import Example, load_example, save_example
+from autophyx_tet.predictors.folder_evaluation import evaluate_folder
+from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.mass import mass_errors
+from autophyx_tet.predictors.voxels import PartVoxels
+
+
+def table_example(mass=None) -> Example:
+    """Oak legs under a steel top, 8 x 8 x 8 cells of 1 cm."""
+    part = np.full((8, 8, 8), -1)
+    part[1:7, 1:7, 1:4], part[1:7, 1:7, 4:7] = 0, 1
+    parts = PartVoxels(Grid(np.zeros(3), 0.01, part.shape), part, ("legs", "top"))
+    oak, steel = (load_table().exact(name).value() for name in ("oak", "steel"))
+    text = "oak legs and a steel top"
+    return Example("table", parts, (text,), np.array([[oak, steel]]), mass=mass)
+
+
+def test_example_round_trip(tmp_path):
+    """What is written is read: cells, names, texts, values, colours, mass."""
+    given = table_example(mass=2.5)
+    save_example(tmp_path / "table.safetensors", given)
+    found = load_example(tmp_path / "table.safetensors")
+    assert np.array_equal(found.parts.part, given.parts.part)
+    assert (found.parts.part_names, found.texts) == (given.parts.part_names, given.texts)
+    assert np.array_equal(found.values, given.values)
+    assert (found.mass, found.parts.grid.h, found.up) == (2.5, 0.01, "z")
+
+
+def test_another_file_is_refused(tmp_path):
+    """A file of another kind is named, not guessed."""
+    (tmp_path / "noise.safetensors").write_bytes(b"noise")
+    with pytest.raises(InputError, match="not an object with texts"):
+        load_example(tmp_path / "noise.safetensors")
+    with pytest.raises(InputError, match="holds no"):
+        evaluate_folder(tmp_path / "nothing")
+
+
+def test_a_perfect_answer_has_no_error(tmp_path):
+    """Retrieval that sees the names takes both rows exactly, and so the mass."""
+    oak, steel = (load_table().exact(name).value().rho for name in ("oak", "steel"))
+    mass = 6 * 6 * 3 * 1e-6 * (oak + steel)
+    save_example(tmp_path / "table.safetensors", table_example(mass=mass))
+    rows, masses = evaluate_folder(tmp_path, ("retrieval-names",))
+    assert rows[0].mse_mean < 1e-12
+    assert masses["retrieval-names"].MnRE == pytest.approx(1, abs=1e-6)
+
+
+def test_mass_errors():
+    """Twice and half the mass: ALDE ln 2, MnRE 1/2; ADE and ARE by hand."""
+    errors = mass_errors(np.array([1.0, 2.0]), np.array([2.0, 1.0]))
+    assert errors.ALDE == pytest.approx(np.log(2))
+    assert errors == pytest.approx((np.log(2), 1.0, 0.75, 0.5))
+    with pytest.raises(InputError, match="positive"):
+        mass_errors(np.array([1.0]), np.array([0.0]))
+
+
+@pytest.mark.slow
+def test_reading_clauses_helps_the_baselines():
+    """On held-out objects the mean of what is said is nearer than a constant."""
+    rows = {row.predictor: row for row in evaluate("procedural", BASELINES, objects=24, cells=32)}
+    assert rows["table-mean"].mse_mean < rows["constant"].mse_mean
+    low, high = rows["constant"].interval
+    assert low < rows["constant"].mse_mean < high
