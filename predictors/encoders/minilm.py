@@ -39,7 +39,7 @@ class MiniLM:
         from threadpoolctl import ThreadpoolController
         from tokenizers import Tokenizer
 
-        folder = folder or _packaged_weights()
+        folder = folder or packaged_weights()
         config = json.loads((folder / "config.json").read_text())
         self.dim: int = config["hidden_size"]
         self._heads: int = config["num_attention_heads"]
@@ -119,7 +119,7 @@ def _gelu(x: np.ndarray) -> np.ndarray:
     return 0.5 * x * (1 + erf)
 
 
-def _packaged_weights() -> Path:
+def packaged_weights() -> Path:
     """Folder of the weights, found without importing the package that holds them."""
     spec = importlib.util.find_spec(WEIGHTS_PACKAGE)
     if spec is None or not spec.submodule_search_locations:

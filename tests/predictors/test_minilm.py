@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, _gelu, _packaged_weights
+from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, _gelu, packaged_weights
 
 SENTENCES = [
     "a steel frame with an oak seat",
@@ -61,7 +61,7 @@ def test_a_cold_process_embeds_a_sentence_without_torch():
 def test_it_is_the_reference_implementation(encoder):
     """Cosine >= .9999 with sentence-transformers on the same weights, truncation included."""
     reference = pytest.importorskip("sentence_transformers")
-    model = reference.SentenceTransformer(str(_packaged_weights()), device="cpu")
+    model = reference.SentenceTransformer(str(packaged_weights()), device="cpu")
     assert model.max_seq_length == MAX_TOKENS
     wanted = model.encode(SENTENCES, normalize_embeddings=True)
     assert (encoder.text(SENTENCES) * wanted).sum(axis=1).min() >= 0.9999

@@ -1,0 +1,62 @@
+"""The verbs about learning: data and training, each from its file to its file."""
+
+import pytest
+import tyro
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.toolkit.cli_learning import COMMANDS
+from autophyx_tet.toolkit.learning import build_dataset, show_dataset, train
+
+CONFIG = """
+cells = 16
+batch = 2
+steps = 4
+every = 2
+objects = 4
+composites = 0
+text_batch = 4
+device = "cpu"
+bfloat16 = false
+
+[network]
+widths = [8, 8, 8, 8, 8]
+text_dim = 397
+slot_width = 16
+key_width = 8
+"""
+
+
+def test_samples_are_drawn(tmp_path):
+    """Every sample shows an object and says a clause of each of its parts."""
+    document = show_dataset(tmp_path / "samples.png", count=2)
+    assert (tmp_path / "samples.png").stat().st_size > 1000
+    assert len(document["samples"]) == 2
+    assert all(sample["clauses"] for sample in document["samples"])
+
+
+def test_an_unreadable_config_is_named(tmp_path):
+    """A missing file and an unknown option are errors of one line."""
+    with pytest.raises(InputError, match="cannot read the training config"):
+        train(tmp_path / "none.toml", data=tmp_path, output=tmp_path / "run")
+    (tmp_path / "bad.toml").write_text("colour = 3")
+    with pytest.raises(InputError, match="training config"):
+        train(tmp_path / "bad.toml", data=tmp_path, output=tmp_path / "run")
+
+
+def test_commands_parse():
+    """The commands read their options as the others do."""
+    arguments = "evaluate --split procedural --objects 3 --predictors film constant --json".split()
+    command = tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments)
+    assert (command.objects, command.predictors) == (3, ("film", "constant"))
+    assert command.common.json
+
+
+@pytest.mark.slow
+def test_build_and_train(tmp_path):
+    """The documented commands rebuild the data and a (shortened) training; done is done."""
+    made = build_dataset(tmp_path / "data", per_part=3, real=False)
+    assert made["clauses"] > 500
+    (tmp_path / "run.toml").write_text(CONFIG)
+    trained = train(tmp_path / "run.toml", data=tmp_path / "data", output=tmp_path / "run")
+    assert trained["steps"] == 4
+    again = train(tmp_path / "run.toml", data=tmp_path / "data", output=tmp_path / "run")
+    assert again["history"] == trained["history"]

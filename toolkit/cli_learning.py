@@ -1,0 +1,113 @@
+"""Commands about learning: build and show the data, train, evaluate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from .options import Common
+
+Flat = tyro.conf.OmitArgPrefixes
+Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Build the training data, or draw samples of it.
+
+    Examples: autophyx-tet dataset build -o data; autophyx-tet dataset show -o samples.png
+    """
+
+    action: tyro.conf.Positional[Literal["build", "show"]]
+    """What to do."""
+    output: Output
+    """Folder of the data (build), or .png of six samples (show)."""
+    per_part: int = 300
+    """Clauses for every kind of part; the shipped network heard 3,600."""
+    device: str = "cpu"
+    """Where clauses are embedded: cpu or cuda."""
+    no_real: bool = False
+    """Leave real furniture out: nothing is downloaded."""
+    seed: int = 0
+    """Seed of everything random."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .learning import build_dataset, show_dataset
+
+        if self.action == "show":
+            return show_dataset(self.output, seed=self.seed)
+        return build_dataset(
+            self.output,
+            per_part=self.per_part,
+            seed=self.seed,
+            device=self.device,
+            real=not self.no_real,
+        )
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train the voxel network; the same command goes on where it was interrupted.
+
+    Example: autophyx-tet train cpu --data data -o run
+    """
+
+    config: tyro.conf.Positional[str]
+    """TOML file of a training run, or `cpu` for one that takes a minute."""
+    output: Output
+    """Folder of the state and of film.safetensors."""
+    data: Path = Path("data")
+    """Folder that `dataset build` wrote."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .learning import train
+
+        return train(self.config, data=self.data, output=self.output)
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score predictors on objects, wordings and pairs that training never saw.
+
+    Example: autophyx-tet evaluate --split procedural --objects 16 --json
+    """
+
+    split: str = "procedural"
+    """procedural, validation (real furniture), or a folder of objects with texts and values."""
+    predictors: tuple[str, ...] = ()
+    """Rows of the table: film, film-names, film-notext, constant, table-mean, retrieval ..."""
+    data: Path | None = None
+    """Folder that `dataset build` wrote; without it the validation objects are fetched."""
+    weights: Path | None = None
+    """Weights of the network; the shipped ones by default."""
+    objects: int = 64
+    """How many objects."""
+    cells: int = 64
+    """Cells along the longest side."""
+    seed: int = 0
+    """Seed of the objects and of what is said of them."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .learning import evaluate
+
+        return evaluate(
+            self.split,
+            predictors=self.predictors,
+            data=self.data,
+            weights=self.weights,
+            objects=self.objects,
+            cells=self.cells,
+            seed=self.seed,
+        )
+
+
+COMMANDS = {"dataset": Dataset, "train": Train, "evaluate": Evaluate}
