@@ -25,6 +25,9 @@ NAMES: dict[str, tuple[str, str, str]] = {
     "pixie": ("E", "nu", "density"),
 }
 _ITERATIONS = 30
+# Decimals of log10 E, nu and log10 rho that tell two materials apart: values of one part that passed
+# through a field differ in the last bits of fp64, and are one material.
+_DIGITS = 9
 
 
 class BinError(NamedTuple):
@@ -66,11 +69,12 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
         raise InputError(f"bins must be at least 1, got {bins}")
     material = material_of(mesh)
     exact = np.stack([material.E, material.nu, material.rho], axis=1)
-    rows, label = np.unique(exact, axis=0, return_inverse=True)
+    plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
+    plain = np.round(plain, _DIGITS)
+    rows, first, label = np.unique(plain, axis=0, return_index=True, return_inverse=True)
     if len(rows) <= bins:
         none = BinError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        return Bins(*rows.T, label=label.ravel(), error=none)
-    plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
+        return Bins(*exact[first].T, label=label.ravel(), error=none)
     weight = mesh.volumes
     label = _cluster(plain, weight, bins)
     share = np.bincount(label, weight)

@@ -65,6 +65,17 @@ def test_few_materials_are_exact():
     assert binned.error.largest == (0, 0, 0)
 
 
+def test_round_off_makes_no_new_material():
+    """Values that differ in their last bits only, as after a field, are one material."""
+    mesh = box_mesh((1, 1, 1), (4, 4, 4))
+    E = np.where(mesh.centroids[:, 0] < 0.5, 1.25e10, 6.7e4)
+    shaken = E * (1 + 1e-15 * np.random.default_rng(0).normal(size=len(E)))
+    material = ElementMaterial(shaken, np.full_like(E, 0.3), np.full_like(E, 600.0))
+    binned = bin_materials(mesh.with_material(material))
+    assert len(binned) == 2
+    np.testing.assert_allclose(binned.E[binned.label], E, rtol=1e-12)
+
+
 def test_vertex_masses_sum_to_the_mass():
     mesh = varying()
     np.testing.assert_allclose(vertex_masses(mesh).sum(), mesh.mass, rtol=1e-12)
