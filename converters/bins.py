@@ -25,7 +25,7 @@ NAMES: dict[str, tuple[str, str, str]] = {
     "pixie": ("E", "nu", "density"),
 }
 _ITERATIONS = 30
-# Decimals of log10 E, nu and log10 rho that tell two materials apart: values of one part that passed
+# Decimals of log10 E, nu and log10 rho that tell two materials apart: values of one part that went
 # through a field differ in the last bits of fp64, and are one material.
 _DIGITS = 9
 
