@@ -72,12 +72,8 @@ def tetrahedralize(
         Folder in which results of the engine are remembered; seed of the samples that check the
         result (the engine itself is not deterministic); called with (stage, seconds) meanwhile.
 
-    Raises
-    ------
-    NoVolumeError
-        Where no part encloses a volume, or no attempt gave a mesh.
-    UsageError
-        Where an option is out of range or names an unknown part.
+    Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh, UsageError where
+    an option is out of range or names an unknown part.
     """
     diagonal = float(np.linalg.norm(asset.size))
     if edge_length is not None:
