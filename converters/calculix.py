@@ -32,7 +32,8 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
 def _mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     yield "*NODE, NSET=NALL\n"
     yield from (
-        f"{i}, {x!r}, {y!r}, {z!r}\n" for i, (x, y, z) in enumerate(mesh.points.tolist(), 1)
+        f"{i}, {_number(x)}, {_number(y)}, {_number(z)}\n"
+        for i, (x, y, z) in enumerate(mesh.points.tolist(), 1)
     )
     ids = np.column_stack([np.arange(1, len(mesh.tets) + 1), mesh.tets + 1])
     for bin_id in range(len(bins)):
@@ -50,7 +51,8 @@ def _mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
 def _materials(bins: Bins) -> Iterator[str]:
     rows = zip(bins.E.tolist(), bins.nu.tolist(), bins.rho.tolist(), strict=True)
     for i, (E, nu, rho) in enumerate(rows, 1):
-        yield f"*MATERIAL, NAME=MAT{i}\n*ELASTIC\n{E!r}, {nu!r}\n*DENSITY\n{rho!r}\n"
+        yield f"*MATERIAL, NAME=MAT{i}\n*ELASTIC\n{_number(E)}, {_number(nu)}\n"
+        yield f"*DENSITY\n{_number(rho)}\n"
         yield f"*SOLID SECTION, ELSET=BIN{i}, MATERIAL=MAT{i}\n"
 
 
@@ -63,9 +65,14 @@ def _step(mesh: TetMesh, options: ExportOptions) -> Iterator[str]:
         held = np.flatnonzero(supports.fixed[:, component])
         values = supports.values[held, component].tolist()
         for node, value in zip((held + 1).tolist(), values, strict=True):
-            yield f"{node}, {component + 1}, {component + 1}, {value!r}\n"
-    yield f"*DLOAD\nEALL, GRAV, {options.gravity!r}, {down[0]}., {down[1]}., {down[2]}.\n"
+            yield f"{node}, {component + 1}, {component + 1}, {_number(value)}\n"
+    yield f"*DLOAD\nEALL, GRAV, {_number(options.gravity)}, {down[0]}., {down[1]}., {down[2]}.\n"
     yield "*NODE FILE\nU, RF\n*EL FILE\nS\n*NODE PRINT, NSET=NALL\nU\n*END STEP\n"
+
+
+def _number(value: float) -> str:
+    """At most 20 characters: CalculiX cuts the rest off, the exponent with it."""
+    return f"{value:.13g}"
 
 
 def _list(entries: list) -> Iterator[str]:

@@ -187,6 +187,19 @@ def test_calculix_deck_holds_every_tet_once(tmp_path):
     assert "DLOAD\nEALL, GRAV, 9.81, 0., 0., -1." in deck.read_text()
 
 
+def test_calculix_numbers_fit_their_field(tmp_path):
+    """No number is longer than the 20 characters that CalculiX reads: 1.2e-05 would become 1.2."""
+    box = box_mesh((1, 1, 1), (1, 1, 1), lo=(1e-5 / 3, -1e-5 / 3, 1e-7 / 7))
+    points = box.points + 1e-17
+    E = np.full(len(box.tets), 1e10 / 3)
+    mesh = TetMesh(points, box.tets, box.region, material=ElementMaterial(E, E * 1e-11, E * 1e-7))
+    (deck,) = export_mesh(mesh, "calculix", tmp_path / "deck").files
+    lines = [line for line in deck.read_text().splitlines() if not line.startswith("*")]
+    numbers = [word.strip() for line in lines for word in line.split(",")]
+    assert max(map(len, numbers)) <= 20
+    assert any("e-06" in number for number in numbers)
+
+
 def test_usd_has_no_x_up(tmp_path):
     with pytest.raises(UsageError, match="USD knows the up axes y and z"):
         export_mesh(varying(), "usd", tmp_path / "m", up="x")
