@@ -96,7 +96,9 @@ def run_guarded(
 
 
 def _memory() -> int:
-    return int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    share = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    ours, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return share if ours == resource.RLIM_INFINITY else min(share, ours)
 
 
 def _wait(
@@ -149,7 +151,7 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
     raise ChildFailure("crash", f"the engine crashed ({end})", seconds)
 
 
-def _guard(parent: int, memory: int) -> None:
+def guard(parent: int, memory: int) -> None:
     """Limit this process's memory, and let it die with its parent."""
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -166,7 +168,7 @@ def main(folder: Path, parent: int) -> int:
 
     arrays = load_npz(folder / _JOB)
     job = json.loads(str(arrays.pop("__job__")))
-    _guard(parent, job["memory"])
+    guard(parent, job["memory"])
     try:
         result = TASKS[job["task"]](arrays, **job["options"])
         np.savez(folder / "partial.npz", **result)  # type: ignore[arg-type]

@@ -6,18 +6,24 @@ import logging
 import sys
 import traceback
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
-from ..fem.errors import AutophyxError
+from ..fem.errors import AutophyxError, UsageError
+from .cli_batch import Batch
+from .cli_look import Doctor, Info, Materials
+from .config import config_text, with_config
 from .options import (
     AssignOptions,
     Common,
     ConvertOptions,
     ExportOptions,
     FeatureOptions,
+    Flat,
+    Output,
     Repeated,
     SimulateOptions,
     Target,
@@ -27,9 +33,6 @@ from .options import (
 
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
-
-Flat = tyro.conf.OmitArgPrefixes
-Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
 
 
 @dataclass(frozen=True)
@@ -225,42 +228,6 @@ class Features:
         return features(self.asset, output=self.output, options=self.options).document()
 
 
-@dataclass(frozen=True)
-class Materials:
-    """List the material table, or the rows that match a query.
-
-    Example: autophyx-tet materials oak
-    """
-
-    query: tyro.conf.Positional[str] = ""
-    """Words to look for in names, aliases and categories."""
-    common: Flat[Common] = field(default_factory=Common)
-
-    def __call__(self) -> dict[str, Any]:
-        """Run the command and return its document."""
-        from .listing import materials
-
-        return materials(self.query)
-
-
-@dataclass(frozen=True)
-class Info:
-    """Say what a mesh file holds: size, regions, volume, mass, quality.
-
-    Example: autophyx-tet info chair.msh
-    """
-
-    file: tyro.conf.Positional[Path]
-    """Mesh to look at: .msh, .vtu or .vtk."""
-    common: Flat[Common] = field(default_factory=Common)
-
-    def __call__(self) -> dict[str, Any]:
-        """Run the command and return its document."""
-        from .listing import info
-
-        return info(self.file)
-
-
 COMMANDS = {
     "convert": Convert,
     "assign": Assign,
@@ -271,32 +238,66 @@ COMMANDS = {
     "features": Features,
     "materials": Materials,
     "info": Info,
+    "doctor": Doctor,
+    "batch": Batch,
 }
 
 
+DESCRIPTION = """From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.
+
+Exit codes: 0 done (a missing texture or a failed verdict is a warning); 1 a bug; 2 a wrong option,
+part name or text; 3 input that cannot be read, an output that cannot be written, a missing extra;
+4 no volume or no tet mesh possible; 5 E, nu or rho outside their band, under --strict; 6 a solver
+did not converge; 130 interrupted.
+
+Completion: autophyx-tet --tyro-print-completion bash|zsh|tcsh prints the shell's script."""
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; the exit code is 0, or the one of the error (see docs)."""
-    command = tyro.extras.subcommand_cli_from_dict(
-        COMMANDS,
-        prog="autophyx-tet",
-        description="From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.",
-        args=arguments,
-    )
+    """Run one command; the exit code is 0, or the one of the error (see ``DESCRIPTION``)."""
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        command = _parse(given)
+    except AutophyxError as error:
+        _say(f"autophyx-tet: {_one_line(error)}")
+        return error.exit_code
     common: Common = command.common
+    if common.print_config:
+        sys.stdout.write(config_text(command))
+        return 0
     _configure_logging(common)
+    return _call(command, common)
+
+
+def _parse(given: list[str]) -> Any:
+    """The command with its options; exits with 2 where tyro cannot read them."""
+    verb = next(iter(given), "")
+    if verb and not verb.startswith("-") and verb not in COMMANDS:
+        close = get_close_matches(verb, COMMANDS, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(COMMANDS)}"
+        raise UsageError(f"there is no command {verb!r}: {hint}")
+    return tyro.extras.subcommand_cli_from_dict(
+        COMMANDS, prog="autophyx-tet", description=DESCRIPTION, args=with_config(given)
+    )
+
+
+def _call(command: Any, common: Common) -> int:
+    """Run the command, show its document, and turn errors into one line and an exit code."""
     try:
         document = command()
     except AutophyxError as error:
-        if common.traceback:
-            traceback.print_exc()
+        _trace(common)
         _say(f"autophyx-tet: {_one_line(error)}")
         return error.exit_code
     except KeyboardInterrupt:
         _say("autophyx-tet: interrupted; nothing half-written was left")
         return EXIT_INTERRUPTED
+    except MemoryError as error:
+        _trace(common)
+        _say(f"autophyx-tet: out of memory: {_one_line(error) or 'no more could be had'}")
+        return EXIT_BUG
     except Exception as error:
-        if common.traceback:
-            traceback.print_exc()
+        _trace(common)
         _say(
             f"autophyx-tet: a bug: {type(error).__name__}: {_one_line(error)} "
             "(run again with --traceback and report it)"
@@ -304,6 +305,11 @@ def main(arguments: list[str] | None = None) -> int:
         return EXIT_BUG
     _show(document, common)
     return 0
+
+
+def _trace(common: Common) -> None:
+    if common.traceback:
+        traceback.print_exc()
 
 
 def _configure_logging(common: Common) -> None:

@@ -21,6 +21,8 @@ Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 
 Repeated = tyro.conf.UseAppendAction
+Flat = tyro.conf.OmitArgPrefixes
+Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
 
 
 @dataclass(frozen=True)
@@ -159,8 +161,41 @@ class FeatureOptions:
 
 
 @dataclass(frozen=True)
+class BatchOptions:
+    """Who does the rows of a batch, and what each row may use."""
+
+    engine: Literal["local", "ray"] = "local"
+    """Processes of this machine, or a Ray cluster (the extra `batch`)."""
+    address: str | None = None
+    """Address of a running Ray cluster; by default one is started here."""
+    workers: int | None = None
+    """Assets at a time; by default as many as there are cores."""
+    time_limit: float = 1800.0
+    """Seconds that one asset may take."""
+    memory_limit: float = 8.0
+    """Address space [GB] of each process of an asset; 2 is enough for small ones."""
+
+    def checked(self) -> BatchOptions:
+        """Return itself, or say what is out of range."""
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"--workers must be at least 1, got {self.workers}")
+        for name in ("time_limit", "memory_limit"):
+            if not getattr(self, name) > 0:
+                flag = name.replace("_", "-")
+                raise UsageError(f"--{flag} must be > 0, got {getattr(self, name):g}")
+        if self.address and self.engine != "ray":
+            raise UsageError("--address names a Ray cluster: say --engine ray too")
+        return self
+
+
+@dataclass(frozen=True)
 class Common:
     """What every command has."""
+
+    config: Path | None = None
+    """TOML file of options; what stands on the command line wins."""
+    print_config: bool = False
+    """Print the options as TOML, for --config, and do nothing."""
 
     json: bool = False
     """Print one JSON document on stdout; everything else goes to stderr."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"} | {
@@ -10,6 +11,7 @@ PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho
     "why": "because",
 }
 MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
+_FRAME = re.compile(r"_(\d{5})(\.vtu)$")  # what a .pvd calls its frames
 _FORMATS = {"E": ".3g", "nu": ".3g", "rho": ".4g", "mass": ".3g"}
 
 
@@ -23,14 +25,60 @@ def show(document: Mapping[str, Any]) -> None:
     if "materials" in document:
         console.print(_table(document["materials"], MATERIALS))
         console.print(f"{len(document['materials'])} materials; --json adds sources and aliases")
-    for line in _totals(document):
-        console.print(line)
-    for path in document.get("files", ()):
-        console.print("wrote", str(path), markup=False, soft_wrap=True)
+    for line in (*_totals(document), *_machine(document), *_rows(document)):
+        console.print(line, markup=False, soft_wrap=True)
+    for path in _told_once(document.get("files", ())):
+        console.print("wrote", path, markup=False, soft_wrap=True)
     for warning in document.get("warnings", ()):
         Console(stderr=True, highlight=False).print(
             "warning:", warning, markup=False, style="yellow", soft_wrap=True
         )
+
+
+def _told_once(files: Iterable[Any]) -> Iterator[str]:
+    """Every file, but the frames of a motion as one."""
+    groups: dict[str, list[str]] = {}
+    for path in map(str, files):
+        groups.setdefault(_FRAME.sub(r"_*\2", path), []).append(path)
+    for first, *others in groups.values():
+        yield f"{first} ... {len(others) + 1} frames" if others else first
+
+
+def _rows(document: Mapping[str, Any]) -> Iterator[str]:
+    """The counts of a batch."""
+    if "assets" in document:
+        yield (
+            f"{document['assets']} assets: {document['done']} done, {document['failed']} failed; "
+            f"{document['new']} were run this time"
+        )
+
+
+def _machine(document: Mapping[str, Any]) -> Iterator[str]:
+    """What `doctor` found."""
+    if "extras" not in document:
+        return
+    yield (
+        f"autophyx-tet {document['package']}, Python {document['python']}, {document['platform']}, "
+        f"{document['cores']} cores, {document['memory'] / 1e9:.0f} GB"
+    )
+    yield f"libraries: {_versions(document['libraries'])}"
+    for extra, packages in document["extras"].items():
+        lacking = None in packages.values()
+        advice = f" (pip install autophyx-tet[{extra}])" if lacking else ""
+        yield f"extra {extra}: {_versions(packages)}{advice}"
+    for device in document["devices"]:
+        yield f"device {device['name']}: {device['what']}"
+    for file in document["weights"]:
+        yield f"weights {file['name']}: {file['bytes'] / 1e6:.1f} MB"
+    for name, place in document["programs"].items():
+        yield f"program {name}: {place or 'not found'}"
+    for cache in document["caches"]:
+        size = f"{cache['files']} files, {cache['bytes'] / 1e6:.1f} MB"
+        yield f"cache {cache['name']}: {size} in {cache['path']}"
+
+
+def _versions(packages: Mapping[str, str | None]) -> str:
+    return ", ".join(f"{name} {found or 'MISSING'}" for name, found in packages.items())
 
 
 def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]):

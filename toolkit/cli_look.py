@@ -1,0 +1,63 @@
+"""Commands that only look: the material table, a mesh file, this installation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from .options import Common, Flat
+
+
+@dataclass(frozen=True)
+class Materials:
+    """List the material table, or the rows that match a query.
+
+    Example: autophyx-tet materials oak
+    """
+
+    query: tyro.conf.Positional[str] = ""
+    """Words to look for in names, aliases and categories."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .listing import materials
+
+        return materials(self.query)
+
+
+@dataclass(frozen=True)
+class Info:
+    """Say what a mesh file holds: size, regions, volume, mass, quality.
+
+    Example: autophyx-tet info chair.msh
+    """
+
+    file: tyro.conf.Positional[Path]
+    """Mesh to look at: .msh, .vtu or .vtk."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .listing import info
+
+        return info(self.file)
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what is installed and what is missing: versions, extras, devices, weights, caches.
+
+    Example: autophyx-tet doctor --json
+    """
+
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .doctor import doctor
+
+        return doctor()
