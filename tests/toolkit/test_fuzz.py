@@ -115,7 +115,7 @@ def test_a_claim_costs_nothing(tmp_path, name):
     st.floats(0, 1),
     st.lists(st.tuples(st.floats(0, 1), st.sampled_from(NUMBERS)), max_size=4),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_corrupted_files_are_read_or_refused(suffix, keep, strikes):
     """Truncated and overwritten files of every format: surfaces or one sentence, nothing else."""
     data = bytearray(FILES[suffix][: int((0.2 + 0.8 * keep) * len(FILES[suffix]))])
@@ -142,7 +142,7 @@ def _soup(seed: int, points: int, faces: int, size: float = 1.0) -> trimesh.Trim
 
 
 @given(SOUPS, st.sampled_from([1e-9, 1.0, 1e9]))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_soups_are_repaired_or_sheets(soup, size):
     """Repair ends, keeps every index in range, and every solid it finds has a volume."""
     mesh = _soup(*soup, size)
