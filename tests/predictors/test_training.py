@@ -9,11 +9,23 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.dataset.texttable import build_text_table, save_text_table
+from autophyx_tet.predictors.dataset.objects import make_objects
+from autophyx_tet.predictors.dataset.shapes import EMPTY
+from autophyx_tet.predictors.dataset.texttable import (
+    build_text_table,
+    load_text_table,
+    save_text_table,
+)
+from autophyx_tet.predictors.film_frame import Frame
 from autophyx_tet.predictors.film_scene import NetworkConfig
+from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.lexicon import with_lexicon
+from autophyx_tet.predictors.training.phrasebook import Phrasebook
 from autophyx_tet.predictors.training.presets import CPU, TEXT_DIM
+from autophyx_tet.predictors.training.samples import Mixture, Sampler
+from autophyx_tet.predictors.training.stores import procedural_store
 from autophyx_tet.predictors.training.trainer import train
+from autophyx_tet.predictors.voxels import PartVoxels
 
 TINY = replace(
     CPU, batch=2, steps=20, every=10, objects=8, text_batch=8,
@@ -97,3 +109,27 @@ def test_two_processes_stay_in_step(text, tmp_path):
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert (tmp_path / "0.reports").read_text() == "2"
     assert (tmp_path / "1.reports").read_text() == "0"
+
+
+def test_training_sees_what_prediction_sees(text):
+    """Of 5 objects both get the same voxels, colours (to their noise) and places (to a cell)."""
+    cells = 64
+    made = make_objects(5, np.random.default_rng(4))
+    palette = torch.rand(5, 6, 3, generator=torch.Generator().manual_seed(0))
+    store = procedural_store(made, cells=cells, device="cpu")._replace(colour=palette)
+    mixture = Mixture(colour=1.0, augment=0.0)
+    book = Phrasebook(load_text_table(text), "cpu")
+    sampler = Sampler(book, store, None, None, mixture=mixture, seed=0)
+    part = torch.where(store.label == EMPTY, -1, store.label.long())
+    trained = sampler._inputs(store, part).numpy()
+    for index in range(5):
+        cell = part[index].numpy()
+        parts = PartVoxels(Grid(np.zeros(3), 0.01, cell.shape), cell, tuple("abcdef"))
+        frame = Frame.of(parts, "z")
+        colours = palette[index].numpy()[cell.clip(min=0)]
+        seen = frame.inputs(frame.forward(cell, outside=-1), colours)
+        ours, theirs = trained[index][:, cell >= 0], seen[:, seen[0] > 0]
+        assert ours.shape == theirs.shape
+        assert np.abs(ours[1:4] - theirs[1:4]).max() <= 0.04 + 1e-6
+        assert np.array_equal(ours[4], theirs[4])
+        assert np.abs(ours[5:] - theirs[5:]).max() <= 2 / (cells - 2) + 1e-6
