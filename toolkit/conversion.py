@@ -22,9 +22,10 @@ ENVELOPE_SHARE = 0.5
 SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
 KIND_SAMPLES = 4000  # of the input: its hidden and sheet-like shares to one per cent
-# Epsilons off the surface at which each side is asked for, inside or outside. Where the answers
-# differ, a plate or a gap is thinner than two envelopes: they may meet in its middle and close it.
-PROBES = (0.125, 2 * ENVELOPE_SHARE)
+PROBE = 0.125  # epsilons off the surface at which each side is asked for: inside or outside
+# Of its radius: room that a ball of diameter epsilon needs on both sides of a point of the input.
+# Where it has less, a plate or gap is thinner than two envelopes, which may meet and close it.
+ROOM = 0.9
 
 
 @dataclass(frozen=True)
@@ -197,14 +198,15 @@ class Kinds(NamedTuple):
 
 
 def _kinds(solids: Solids, samples: Samples, epsilon: float) -> Kinds:
-    """Ask on both sides of each sample, near it and ``epsilon`` [m] away, for inside."""
-    steps = np.array([side * depth for depth in PROBES for side in (-1, 1)]) * epsilon
-    sides = (samples.where + steps[:, None, None] * samples.normal).reshape(-1, 3)
-    outside = (solids.label(sides, np.ones(len(sides))) < 0).reshape(len(steps), -1)
-    below, above, far_below, far_above = outside
+    """Ask on both sides of each sample for inside, and for room for a ball of ``epsilon`` [m]."""
+    both = np.array([-1, 1])[:, None, None] * samples.normal * epsilon
+    sides = (samples.where + PROBE * both).reshape(-1, 3)
+    below, above = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1)
     visible = below != above
-    same = (below == far_below) & (above == far_above)
-    return Kinds(~below & ~above, below & above, visible & same, visible & ~same)
+    centres = (samples.where + both / 2).reshape(-1, 3)
+    room = closest(centres, solids.surface.points, solids.surface.faces).distance
+    roomy = (room >= ROOM * epsilon / 2).reshape(2, -1).all(axis=0)
+    return Kinds(~below & ~above, below & above, visible & roomy, visible & ~roomy)
 
 
 def guarantees(

@@ -33,6 +33,7 @@ DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets i
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
+OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
 CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
@@ -230,20 +231,33 @@ def conforming(
 
     The engine swallows what is thinner than its envelope; tets that then cross the input are told
     apart by their centroids, at random. A boundary vertex that far from the input lies inside or
-    outside, and so do all tets around it.
+    outside, and so do all tets around it; a face whose middle is outside bounds no solid.
     """
     part = part.copy()
     for _ in range(CONFORMING_ROUNDS):
-        skin = np.unique(boundary_faces(tets[part >= 0]).faces)
-        distance = closest(points[skin], solids.surface.points, solids.surface.faces).distance
-        far = skin[distance > epsilon]
-        if not far.size:
+        if not (part >= 0).any():
             break
-        label = np.full(len(points), -1)
-        label[far] = solids.label(points[far], np.ones(len(far)))
-        outside = np.zeros(len(points), dtype=bool)
-        outside[far] = label[far] < 0
-        within = label[tets].max(axis=1)
-        part = np.where((part < 0) & (within >= 0), within, part)
-        part[outside[tets].any(axis=1)] = -1
+        boundary = boundary_faces(tets[part >= 0])
+        skin = np.unique(boundary.faces)
+        vertex = _labels_off(solids, points[skin], epsilon)
+        face = _labels_off(solids, points[boundary.faces].mean(axis=1), epsilon)
+        if (vertex == NEAR).all() and (face == NEAR).all():
+            break
+        wrong = np.flatnonzero(part >= 0)[boundary.tet[face == OUTSIDE]]
+        corner = np.full(len(points), NEAR)
+        corner[skin] = vertex
+        within = corner[tets].max(axis=1)
+        part = np.where((part == OUTSIDE) & (within >= 0), within, part)
+        part[(corner[tets] == OUTSIDE).any(axis=1)] = OUTSIDE
+        part[wrong] = OUTSIDE
     return part
+
+
+def _labels_off(
+    solids: Solids, where: Float[np.ndarray, "n 3"], epsilon: float
+) -> Int[np.ndarray, "n"]:
+    """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
+    label = np.full(len(where), NEAR)
+    far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
+    label[far] = solids.label(where[far], np.ones(int(far.sum())))
+    return label
