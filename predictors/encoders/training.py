@@ -40,7 +40,7 @@ class TrainingOptions:
     smallest: int = 12  # output cells that a region needs: 200 pixels
     penalty: float = 1.0  # relative to the mean variance of a feature
     balance: float = 0.5  # power of a text's rarity in the weight of its regions
-    sorts: tuple[float, ...] = (1.0, 0.3, 0.1, 0.1)  # share of each sort of words
+    sorts: tuple[float, ...] = (1.0, 1.0, 0.3, 0.3)  # share of each sort of words
     seed: int = 0
     variety: Variety = field(default_factory=Variety)
 
