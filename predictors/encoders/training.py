@@ -99,7 +99,8 @@ def region_means(found: list[torch.Tensor], part: torch.Tensor, *, smallest: int
         mask = (shown == name[:, None, None]).float()
         means = []
         for level in found:
-            cover = F.adaptive_avg_pool2d(mask[None], level.shape[2:])[0].flatten(1)
+            size = (level.shape[2], level.shape[3])
+            cover = F.adaptive_avg_pool2d(mask[None], size)[0].flatten(1)
             cover = cover / cover.sum(dim=1, keepdim=True)
             means.append(cover @ level[picture].flatten(1).T)
         rows.append(torch.cat(means, dim=1).cpu().numpy())
