@@ -287,7 +287,7 @@ def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
     from .film import name_evidence, standard
 
     vocabulary = Vocabulary(load_table().phrases)
-    clauses = [next(iter(parse(said, vocabulary)), Clause(said)) for said in example.said]
+    clauses = [_one_clause(said, vocabulary) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]
     if not here:
         return scene
@@ -298,6 +298,13 @@ def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
     spread = standard(score.T[part.clip(min=0)], part >= 0)
     evidence[0, 1, here], reliability[0, 1] = torch.from_numpy(spread), trust
     return scene._replace(evidence=evidence, reliability=reliability)
+
+
+def _one_clause(said: str, vocabulary: Vocabulary) -> Clause:
+    """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
+    first, *others = [*parse(said, vocabulary), Clause(said)]
+    spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
+    return Clause(said, first.material, (*first.parts, *spoken_of))
 
 
 def _retrieval() -> Guess:

@@ -19,7 +19,8 @@ from jaxtyping import Float
 from ..fem.errors import UsageError
 from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
-from .binding import NamedPart, is_whole, overlap
+from .binding import NamedPart, is_whole, nouns_of, overlap
+from .encoders.kinds import kind_of
 from .field import MaterialField
 from .film_frame import Frame
 from .normalisation import DEFAULT
@@ -38,6 +39,7 @@ WEIGHTS = Path(__file__).parent / "weights" / "film.safetensors"
 # How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
 VISION = 0.5
+SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: as a word of a label
 # Reasons of the retrieval predictor that come from the user's words.
 _TOLD, _TOLD_OF_ALL = ("text:", "override"), "whole sentence:"
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
@@ -289,11 +291,19 @@ def name_evidence(
 ) -> tuple[Float[np.ndarray, "clauses parts"], float]:
     """How well each part's own name fits each clause, and how far that is to be trusted."""
     score = np.clip(overlap(clauses, named), 0, 3)
+    score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
     if score.any():
         return score, SHARED_WORD
     nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
     names = encoder.text([own_name(part) for part in named])
     return nouns @ names.T, LIKE_WORD
+
+
+def _same_matter(clauses: Sequence[Clause], named: Sequence[NamedPart]) -> np.ndarray:
+    """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
+    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
+    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
+    return np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked])
 
 
 def standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:
