@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -111,7 +112,8 @@ def main() -> None:
     parser.add_argument("rows", nargs="+", type=Path)
     parser.add_argument("--note", default="", help="a paragraph about how the rows were made")
     args = parser.parse_args()
-    sys.stdout.write(f"{INTRODUCTION}\n{args.note}\n\n" if args.note else f"{INTRODUCTION}\n")
+    note = f"{textwrap.fill(args.note, 100, break_on_hyphens=False)}\n\n" if args.note else ""
+    sys.stdout.write(f"{INTRODUCTION}\n{note}")
     for path in args.rows:
         rows = read_rows(path)
         sys.stdout.write(f"## {path.stem}\n\n{table(summary(rows))}\n\n")
