@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ DROP_FRAMES = 90
 SQUEEZE_FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
 SLOWNESS = 50.0
+
+Tell = Callable[[int, int], None]  # called with (frames done, frames in all)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +71,12 @@ def drop(
     scheme: Scheme = Scheme.IMPLICIT_EULER,
     order: int = 1,
     device: str = "cpu",
+    tell: Tell | None = None,
 ) -> MotionResult:
     """Let ``mesh`` fall on the ground from ``height`` [m], half its size by default.
 
-    ``friction`` is the coefficient of Coulomb friction of the ground, ``gravity`` in [m/s^2].
+    ``friction`` is the coefficient of Coulomb friction of the ground, ``gravity`` in [m/s^2];
+    ``tell`` hears of every frame.
     """
     axis = up_axis(up)
     height = 0.5 * float(np.ptp(mesh.bounds, axis=0).max()) if height is None else height
@@ -90,7 +95,7 @@ def drop(
         device=device,
     )
     dt = FALLS * float(np.sqrt(2 * height / gravity)) / frames
-    return MotionResult(tuple(body.run(dt, frames)), dt, len(mesh.points))
+    return MotionResult(tuple(_followed(body, dt, frames, tell)), dt, len(mesh.points))
 
 
 def squeeze(
@@ -103,10 +108,12 @@ def squeeze(
     law: Law = Law.NEO_HOOKEAN,
     order: int = 1,
     device: str = "cpu",
+    tell: Tell | None = None,
 ) -> MotionResult:
     """Squeeze ``mesh`` between two plates that close by ``share`` of its width along ``axis``.
 
-    The plates close slowly against the waves in the body; gravity is left out.
+    The plates close slowly against the waves in the body; gravity is left out; ``tell`` hears of
+    every frame.
     """
     if not 0 < share < 1:
         raise InputError(f"share {share:g}: wanted between 0 and 1")
@@ -122,4 +129,13 @@ def squeeze(
     plates = gripper(tuple(low - room), tuple(high + room), k, share * width / 2 / duration)
     body = Dynamics(mesh, obstacles=plates, friction=friction, law=law, order=order, device=device)
     dt = duration / frames
-    return MotionResult(tuple(body.run(dt, frames)), dt, len(mesh.points))
+    return MotionResult(tuple(_followed(body, dt, frames, tell)), dt, len(mesh.points))
+
+
+def _followed(body: Dynamics, dt: float, frames: int, tell: Tell | None) -> Iterator[Motion]:
+    """The states after every step, the start first, each one told of."""
+    yield body.state
+    for frame in range(1, frames + 1):
+        yield body.step(dt)
+        if tell is not None:
+            tell(frame, frames)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,14 @@ def _local(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator
 
 def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
     """Every row is a task of a Ray cluster; all its machines see ``output`` under one path."""
-    ray = _cluster(options)
+    with redirect_stdout(sys.stderr):  # Ray tells of lost workers there; ours is the document's
+        yield from _ray_tasks(_cluster(options), jobs, output, options)
+
+
+def _ray_tasks(
+    ray: Any, jobs: Sequence[Job], output: Path, options: BatchOptions
+) -> Iterator[Outcome]:
+    """A worker that is lost is replaced; a row that loses too many is named with it."""
     try:
         task = ray.remote(num_cpus=1, max_retries=RAY_RETRIES)(perform)
         limits = _limits(options, threads=1)

@@ -14,6 +14,7 @@ import tyro
 
 from ..fem.errors import AutophyxError, UsageError
 from .cli_batch import Batch
+from .cli_learning import COMMANDS as LEARNING
 from .cli_look import Doctor, Info, Materials
 from .config import config_text, with_config
 from .options import (
@@ -46,6 +47,8 @@ class Convert:
     """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """Mesh to write: .msh, .vtu or .vtk."""
+    dry_run: bool = False
+    """Say what would be done and estimate tets, time and memory; write nothing."""
     options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
     common: Flat[Common] = field(default_factory=Common)
 
@@ -54,6 +57,10 @@ class Convert:
         from .pipeline import convert
         from .progress import progress
 
+        if self.dry_run:
+            from .estimate import plan
+
+            return plan(self.asset, self.options, output=self.output)
         with progress(quiet=self.common.quiet) as tell:
             return convert(
                 self.asset, output=self.output, options=self.options, progress=tell
@@ -109,6 +116,8 @@ class Simulate:
     """Result to write: .vtu or .vtk (the last state), or .pvd (the whole motion)."""
     report: Path | None = None
     """Page to write too: .html."""
+    picture: Path | None = None
+    """Picture to write too: .png (the last state), .gif or .webp (the motion)."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
     options: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
@@ -117,10 +126,18 @@ class Simulate:
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .pipeline import simulate
+        from .progress import progress
 
-        return simulate(
-            self.mesh, up=self.up, output=self.output, report=self.report, options=self.options
-        ).document()
+        with progress(quiet=self.common.quiet) as tell:
+            return simulate(
+                self.mesh,
+                up=self.up,
+                output=self.output,
+                report=self.report,
+                picture=self.picture,
+                options=self.options,
+                progress=tell,
+            ).document()
 
 
 @dataclass(frozen=True)
@@ -136,6 +153,10 @@ class Run:
     """Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json."""
     text: Annotated[tuple[str, ...], Repeated] = ()
     """What the object is made of; repeat it to compare two sentences under the same loads."""
+    picture: Path | None = None
+    """One more picture, outside the folder: .png, or the motion as .gif or .webp."""
+    dry_run: bool = False
+    """Say what would be done and estimate tets, time and memory; write nothing."""
     convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
     assign: Flat[AssignOptions] = field(default_factory=AssignOptions)
     simulate: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
@@ -146,11 +167,22 @@ class Run:
         from .pipeline import run
         from .progress import progress
 
+        if self.dry_run:
+            from .estimate import plan
+
+            return plan(
+                self.asset,
+                self.convert,
+                output=self.output,
+                texts=self.text or ("",),
+                simulate=self.simulate,
+            )
         with progress(quiet=self.common.quiet) as tell:
             result = run(
                 self.asset,
                 self.text or ("",),
                 output=self.output,
+                picture=self.picture,
                 convert_options=self.convert,
                 assign_options=self.assign,
                 simulate_options=self.simulate,
@@ -240,6 +272,7 @@ COMMANDS = {
     "info": Info,
     "doctor": Doctor,
     "batch": Batch,
+    **LEARNING,
 }
 
 

@@ -18,7 +18,7 @@ PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seco
 
 def write_folder(folder: Path, result: RunResult) -> RunResult:
     """Write everything and return the result with its files; further texts go to ``text2/`` ..."""
-    files: list[Path] = []
+    files = list(result.files)
     for number, case in enumerate(result.cases, 1):
         home = folder if number == 1 else folder / f"text{number}"
         home.mkdir(parents=True, exist_ok=True)

@@ -142,12 +142,14 @@ def simulate(
     up: UpAxis | None = None,
     output: Path | None = None,
     report: Path | None = None,
+    picture: Path | None = None,
     options: SimulateOptions | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Simulation:
     """Load a mesh with materials and solve its scenario: it settles, moves or rings.
 
     ``output`` takes the last state as .vtu or .vtk, or the whole motion as .pvd; ``report`` the
-    page, .html.
+    page, .html; ``picture`` the last state as .png, or the motion as .gif or .webp.
 
     Raises
     ------
@@ -159,23 +161,29 @@ def simulate(
     from .pages import simulation_page
     from .report import write_report
     from .scenario import solve
+    from .snapshot import SUFFIXES, write_picture
 
     options = options or SimulateOptions()
     if output is not None:
         check_file(output, (".vtu", ".vtk", ".pvd"))
     if report is not None:
         check_file(report, (".html",))
+    if picture is not None:
+        check_file(picture, SUFFIXES)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     mesh, sidecar, _ = _read(mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    result = solve(mesh, options, up=sidecar.up)
+    result = solve(mesh, options, up=sidecar.up, progress=progress)
     if output is not None:
         result = replace(result, files=tuple(result.write(output)))
     if report is not None:
         written = write_report(report, simulation_page(name, result, sidecar))
         result = replace(result, files=(*result.files, written))
+    if picture is not None:
+        drawn = write_picture(picture, result, up=sidecar.up)
+        result = replace(result, files=(*result.files, drawn))
     return result
 
 
@@ -184,6 +192,7 @@ def run(
     texts: Sequence[str],
     *,
     output: Path,
+    picture: Path | None = None,
     convert_options: ConvertOptions | None = None,
     assign_options: AssignOptions | None = None,
     simulate_options: SimulateOptions | None = None,
@@ -191,11 +200,15 @@ def run(
 ) -> RunResult:
     """Convert once, assign and simulate every sentence under the same loads, write a folder.
 
-    Nothing is written before everything is computed. Raises what the single verbs raise.
+    ``picture`` (.png, .gif, .webp) is one more, of the first sentence. Nothing is written before
+    everything is computed. Raises what the single verbs raise.
     """
     from .folder import write_folder
+    from .snapshot import SUFFIXES, write_picture
 
     check_folder(output)
+    if picture is not None:
+        check_file(picture, SUFFIXES)
     clock = Stopwatch()
     solid = convert(asset, options=convert_options, progress=progress)
     clock.lap("convert")
@@ -203,11 +216,14 @@ def run(
     for text in texts:
         body = assign(solid.mesh, text, asset=solid.asset, options=assign_options)
         clock.lap("assign")
-        cases.append(
-            RunCase(body, simulate(body.mesh, up=solid.asset.up, options=simulate_options))
-        )
+        answer = simulate(body.mesh, up=solid.asset.up, options=simulate_options, progress=progress)
+        cases.append(RunCase(body, answer))
         clock.lap("simulate")
-    return write_folder(output, RunResult(solid, tuple(cases), clock.seconds))
+    result = RunResult(solid, tuple(cases), clock.seconds)
+    if picture is not None:
+        drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
+        result = replace(result, files=(drawn,))
+    return write_folder(output, result)
 
 
 class Stopwatch:

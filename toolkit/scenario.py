@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +20,15 @@ STATIC = ("sag", "hang", "wind", "poke")
 QUICK = 60_000
 STANDING_MODES = 3
 
+Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
-def solve(mesh: TetMesh, options: SimulateOptions, *, up: UpAxis) -> Simulation:
+
+def solve(
+    mesh: TetMesh, options: SimulateOptions, *, up: UpAxis, progress: Progress | None = None
+) -> Simulation:
     """Solve the scenario of ``options`` on a mesh with a material.
+
+    ``progress`` hears of the scenario, and of every frame of a motion.
 
     Raises
     ------
@@ -31,12 +38,14 @@ def solve(mesh: TetMesh, options: SimulateOptions, *, up: UpAxis) -> Simulation:
         Where the solver does not reach its tolerance.
     """
     started = time.perf_counter()
+    if progress is not None:
+        progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     if options.scenario in STATIC:
         found = _settle(mesh, options, up)
     elif options.scenario == "modal":
         found = _ring(mesh, options, up)
     else:
-        found = _move(mesh, options, up)
+        found = _move(mesh, options, up, progress)
     return replace(found, seconds=time.perf_counter() - started)
 
 
@@ -68,11 +77,20 @@ def _ring(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Ringing:
     return Ringing(mesh, options.scenario, modes=modes)
 
 
-def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Moving:
+def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis, progress: Progress | None) -> Moving:
     from ..fem import motions
+
+    started = time.perf_counter()
+
+    def tell(frame: int, frames: int) -> None:
+        if progress is not None:
+            seconds = time.perf_counter() - started
+            left = seconds / frame * (frames - frame)
+            progress(f"{options.scenario}: frame {frame} of {frames}, {left:.0f} s left", seconds)
 
     law = LAWS[options.law or "neohookean"]
     common: dict[str, Any] = {"order": options.order or 1, "device": options.device, "law": law}
+    common["tell"] = tell
     if options.scenario == "drop":
         common |= {"height": options.drop_height, "gravity": options.gravity}
         motion = motions.drop(mesh, up=up, **common)

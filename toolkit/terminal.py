@@ -25,7 +25,7 @@ def show(document: Mapping[str, Any]) -> None:
     if "materials" in document:
         console.print(_table(document["materials"], MATERIALS))
         console.print(f"{len(document['materials'])} materials; --json adds sources and aliases")
-    for line in (*_totals(document), *_machine(document), *_rows(document)):
+    for line in (*_totals(document), *_machine(document), *_rows(document), *_plan(document)):
         console.print(line, markup=False, soft_wrap=True)
     for path in _told_once(document.get("files", ())):
         console.print("wrote", path, markup=False, soft_wrap=True)
@@ -51,6 +51,17 @@ def _rows(document: Mapping[str, Any]) -> Iterator[str]:
             f"{document['assets']} assets: {document['done']} done, {document['failed']} failed; "
             f"{document['new']} were run this time"
         )
+
+
+def _plan(document: Mapping[str, Any]) -> Iterator[str]:
+    """The steps of a dry run and what they may cost."""
+    if "dry_run" not in document:
+        return
+    yield from (f"would {step}" for step in document["steps"])
+    for name, found in document["estimates"].items():
+        unit, scale = {"memory": ("GB", 1e-9), "tets": ("tets", 1)}.get(name, ("s of a core", 1))
+        low, likely, high = (f"{scale * found[key]:,.3g}" for key in ("low", "likely", "high"))
+        yield f"estimate, {name}: about {likely} {unit} ({low} to {high})"
 
 
 def _machine(document: Mapping[str, Any]) -> Iterator[str]:

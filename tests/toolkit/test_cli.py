@@ -1,8 +1,10 @@
 """The command line as a user meets it: help, start-up, JSON, one clear line for every bad input."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -182,3 +184,124 @@ def test_assign_and_simulate_from_files(cube_msh, tmp_path):
     solved = run_cli("simulate", target, "-o", tmp_path / "s.vtu", "--json")
     assert solved.returncode == 0, solved.stderr
     assert 0 < json.loads(solved.stdout)["sag"]["sag_ratio"] < 1e-4  # rho g l / E is 1e-8
+
+
+# The verbs that the design of the product promises, and no others.
+VERBS = (
+    "run", "convert", "assign", "simulate", "transfer", "export", "features", "info", "materials",
+    "doctor", "dataset", "train", "evaluate", "batch",
+)  # fmt: skip
+
+
+def test_help_names_every_verb_and_every_exit_code():
+    text = run_cli("--help").stdout
+    listed = re.search(r"\{([\w,\s]+)\}", text)[1]
+    assert set(re.findall(r"\w+", listed)) == set(VERBS)
+    words = " ".join(text.split())
+    for code in (0, 1, 2, 3, 4, 5, 6, 130):
+        assert re.search(rf"\b{code} [a-zE]", words), code
+    assert "--tyro-print-completion" in words
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["converts", "a.obj"], "did you mean convert?"),
+        (["frobnicate"], "there are convert"),
+        (["convert", "a.obj", "-o", "a.msh", "--sizes", "3"], "--size"),
+    ],
+)
+def test_did_you_mean(arguments, words):
+    done = run_cli(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_knows_the_verbs(shell):
+    script = run_cli("--tyro-print-completion", shell).stdout
+    assert all(verb in script for verb in VERBS)
+
+
+def printed(capsys, *arguments):
+    assert main([*arguments, "--print-config"]) == 0
+    return capsys.readouterr().out
+
+
+def test_a_printed_configuration_is_read_again(tmp_path, capsys):
+    """--config of what --print-config printed gives the same options; the command line wins."""
+    given = ["--size", "0.5", "--part", 'a="oak, \\dark"', "--strict", "--scenario", "hang"]
+    given += ["--text", "steel", "--text", "a 'soft' foam\ttoo"]
+    text = printed(capsys, "run", "a.glb", "-o", "out", *given)
+    options = tomllib.loads(text)
+    assert (options["size"], options["strict"], options["scenario"]) == (0.5, True, "hang")
+    assert options["text"] == ["steel", "a 'soft' foam\ttoo"]
+    (tmp_path / "run.toml").write_text(text)
+    config = ["--config", str(tmp_path / "run.toml")]
+    assert printed(capsys, "run", "b.glb", "-o", "out", *config) == text
+    wins = printed(capsys, "run", "b.glb", "-o", "out", *config, "--size", "2")
+    assert tomllib.loads(wins) == options | {"size": 2.0}
+
+
+def test_a_configuration_that_is_none_or_wrong_is_refused(tmp_path):
+    (tmp_path / "no.toml").write_text("size = = 3")
+    (tmp_path / "unknown.toml").write_text("sizes = 3")
+    call = ("convert", "a.obj", "-o", "a.msh", "--config")
+    broken = run_cli(*call, tmp_path / "no.toml")
+    assert broken.returncode == 3
+    assert len(broken.stderr.strip().splitlines()) == 1
+    assert run_cli(*call, tmp_path / "unknown.toml").returncode == 2
+
+
+def test_dry_run_writes_nothing_and_estimates_within_its_range(cube, tmp_path, capsys):
+    """The cube at the default edge has 4,943 tets (measured once): inside the range given."""
+    before = sorted(tmp_path.rglob("*"))
+    call = ["run", str(cube), "--text", "oak", "-o", str(tmp_path / "out"), "--dry-run", "--json"]
+    assert main(call) == 0
+    document = json.loads(capsys.readouterr().out)
+    tets = document["estimates"]["tets"]
+    assert tets["low"] < 4943 < tets["high"]
+    assert any("oak" in step for step in document["steps"])
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_doctor_lists_what_the_package_requires(capsys):
+    """Every requirement of the package is told with its version, and a device, weights, caches."""
+    assert main(["doctor", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["libraries"]["numpy"] == np.__version__
+    assert {"batch", "openclip", "usd"} <= set(document["extras"])
+    assert document["devices"][0]["name"] == "cpu"
+    assert all(file["bytes"] > 1e5 for file in document["weights"])
+    assert "kernels" in {cache["name"] for cache in document["caches"]}
+
+
+def test_frames_are_told_in_one_line(capsys):
+    from autophyx_tet.toolkit.terminal import show
+
+    frames = [f"out/motion_{i:05d}.vtu" for i in range(24)]
+    show({"files": ["out/mesh.msh", "out/motion.pvd", *frames, "out/run.json"]})
+    assert capsys.readouterr().out.splitlines() == [
+        "wrote out/mesh.msh",
+        "wrote out/motion.pvd",
+        "wrote out/motion_00000.vtu ... 24 frames",
+        "wrote out/run.json",
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["png", "gif"])
+def test_simulate_draws_a_picture(suffix, cube_msh, tmp_path, capsys):
+    """A picture that is not blank; the GIF moves: its frames differ."""
+    from PIL import Image
+
+    mesh, picture = str(tmp_path / "m.msh"), tmp_path / f"p.{suffix}"
+    assert main(["assign", str(cube_msh), "--text", "rubber", "-o", mesh, "-q"]) == 0
+    call = ["simulate", mesh, "-o", str(tmp_path / "s.vtu"), "--order", "1", "-q"]
+    assert main([*call, "--picture", str(picture)]) == 0
+    with Image.open(picture) as image:
+        first = np.asarray(image.convert("RGB"), dtype=float)
+        image.seek(getattr(image, "n_frames", 1) - 1)
+        last = np.asarray(image.convert("RGB"), dtype=float)
+    assert first.std() > 10
+    assert (abs(first - last).max() > 10) == (suffix == "gif")
