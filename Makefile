@@ -4,7 +4,7 @@ PY := .venv/bin/python
 PYTEST := $(PY) -m pytest
 STAMP := .venv/.ready
 
-.PHONY: setup demo check test test-all bench lint types clean
+.PHONY: setup demo check test test-all bench lint types notebooks docs clean
 
 setup: $(STAMP)
 
@@ -40,6 +40,13 @@ test-all: lint types
 
 bench: $(STAMP)
 	@$(PY) benchmarks/statics.py --sizes S,M
+
+notebooks: $(STAMP)
+	@$(PY) .ci/notebooks
+
+docs: $(STAMP)
+	@$(PY) -m mkdocs build -q --strict -d out/docs
+	@echo "look at out/docs/index.html"
 
 clean:
 	rm -rf .venv out build .cache

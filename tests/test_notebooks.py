@@ -1,11 +1,21 @@
-"""Every walkthrough runs from start to end and keeps what it asserts."""
+"""Every walkthrough runs from start to end, keeps what it asserts, and is shown as it ran."""
 
+import hashlib
+import json
 import runpy
 from pathlib import Path
 
 import pytest
 
 SOURCES = sorted((Path(__file__).resolve().parent.parent / "notebooks").glob("*.py"))
+EACH = pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+LARGEST = 300_000  # bytes: a page shows it at once, and the history stays small
+
+
+def _with_marks(source):
+    """Notebooks that call an outside program belong to the tests that need it."""
+    marks = [pytest.mark.external] if '"ccx"' in source.read_text() else []
+    return pytest.param(source, id=source.stem, marks=marks)
 
 
 def test_there_are_notebooks():
@@ -13,9 +23,26 @@ def test_there_are_notebooks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("source", map(_with_marks, SOURCES))
 def test_a_notebook_keeps_its_promises(source, tmp_path, monkeypatch):
     """It needs no file but those it makes, and each asserts at least one number."""
     assert "\nassert " in source.read_text()
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
     runpy.run_path(str(source))
+
+
+@EACH
+def test_what_is_shown_is_what_the_source_does(source):
+    """The executed notebook has its source's hash and cells, no error, a picture, and is small."""
+    shown = source.with_suffix(".ipynb")
+    assert shown.exists(), "run `make notebooks`"
+    book = json.loads(shown.read_text())
+    made_of = hashlib.sha256(source.read_bytes()).hexdigest()
+    assert book["metadata"]["autophyx_tet"]["source_sha256"] == made_of, "run `make notebooks`"
+    assert shown.stat().st_size < LARGEST
+    code = [cell for cell in book["cells"] if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert all(output["output_type"] != "error" for output in outputs)
+    assert any("image/png" in output.get("data", {}) for output in outputs)

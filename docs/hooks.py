@@ -1,0 +1,92 @@
+"""What the pages take from the program itself: help texts, tables of formats, numbers, pictures.
+
+A line ``{{ name argument }}`` of a page is replaced by what ``FILLERS[name]`` makes of it; every
+picture of the executed notebooks is at ``pictures/NOTEBOOK-NUMBER.png``.
+"""
+
+import base64
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "docs" / "data"
+_BLANK = re.compile(r"^\{\{ (\w+) ?(.*?) \}\}$", re.MULTILINE)
+
+
+def on_page_markdown(markdown: str, **_) -> str:
+    """Fill the blanks of a page; an unknown one is an error."""
+    return _BLANK.sub(lambda found: FILLERS[found[1]](*found[2].split()), markdown)
+
+
+def on_files(files: Files, config) -> Files:
+    """Add the pictures of the notebooks."""
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text())["cells"]
+        outputs = [out for cell in cells for out in cell.get("outputs", [])]
+        pictures = [
+            out["data"]["image/png"] for out in outputs if "image/png" in out.get("data", {})
+        ]
+        for number, picture in enumerate(pictures):
+            name = f"pictures/{path.stem}-{number}.png"
+            content = base64.b64decode(picture)
+            files.append(File.generated(config, name, content=content))
+    return files
+
+
+def commands() -> str:
+    """One section a command: what ``--help`` prints."""
+    from autophyx_tet.toolkit.cli import COMMANDS
+
+    return "\n".join(f"## {name}\n\n```text\n{_help(name)}\n```\n" for name in COMMANDS)
+
+
+def _help(command: str) -> str:
+    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", command, "--help"]
+    plain = os.environ | {"COLUMNS": "92", "NO_COLOR": "1"}
+    done = subprocess.run(words, env=plain, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def formats(kind: str) -> str:
+    """Table of the suffixes that the readers and writers know."""
+    from autophyx_tet.converters import export, points, table
+    from autophyx_tet.toolkit import readers
+
+    if kind == "surfaces":
+        return ", ".join(f"`{suffix}`" for suffix in readers.READERS)
+    if kind == "exports":
+        rows = [(f"`{name}`", ", ".join(t.suffixes)) for name, t in export.TARGETS.items()]
+        return _table(("program", "files"), rows)
+    known = {"meshes": table.FORMATS, "points": points.FORMATS}[kind]
+    says = lambda given: "yes" if given else ""  # noqa: E731
+    rows = [(f"`{s}`", f[0], says(f.read), says(f.write)) for s, f in known.items()]
+    return _table(("suffix", "what", "read", "written"), rows)
+
+
+def measured(name: str, *columns: str) -> str:
+    """Table of the chosen columns of a benchmark's rows, with its command and machine."""
+    document = json.loads((DATA / f"{name}.json").read_text())
+    rows = [[_cell(row.get(column)) for column in columns] for row in document["rows"]]
+    machine = ", ".join(f"{key} {value}" for key, value in document["machine"].items())
+    heads = [column.replace("_", " ") for column in columns]
+    return f"{_table(heads, rows)}\n\n`{document['command']}` ({machine})"
+
+
+def _cell(value) -> str:
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return f"{value:,}" if isinstance(value, int) else str("" if value is None else value)
+
+
+def _table(heads, rows) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+FILLERS = {"commands": commands, "formats": formats, "measured": measured}

@@ -1,0 +1,51 @@
+"""The documentation builds without a warning, and its commands and numbers are the program's."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+import tyro
+from autophyx_tet.toolkit.cli import COMMANDS
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(root, tmp_path):
+    """Strict: a dead link, a lost name or a docstring that does not parse is an error."""
+    words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path)]
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[-3000:]
+    page = (tmp_path / "cli.html").read_text()
+    assert all(f"usage: autophyx-tet {name}" in page for name in COMMANDS)
+    assert not list(tmp_path.rglob("*.py"))
+    assert "{{" not in page
+
+
+def _shell_lines(path):
+    """Commands of ours in the code blocks of a page, with continued lines joined."""
+    blocks = re.findall(r"```bash\n(.*?)```", path.read_text(), re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    return [line.split("#")[0] for line in lines if line.startswith("autophyx-tet ")]
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/index.md"])
+def test_commands_of_the_page_exist(root, name):
+    """Every command line shown parses: its command and options are the program's own."""
+    lines = _shell_lines(root / name)
+    assert lines
+    for line in lines:
+        command, *words = shlex.split(line)[1:]
+        tyro.cli(COMMANDS[command], args=words)
+
+
+def test_measured_numbers_say_how_and_where(root):
+    """Each file of numbers has its command, its machine and at least one row."""
+    files = sorted((root / "docs" / "data").glob("*.json"))
+    assert files
+    for path in files:
+        document = json.loads(path.read_text())
+        assert document["command"]
+        assert document["machine"]
+        assert document["rows"]
