@@ -23,6 +23,9 @@ DROP_FRAMES = 90
 SQUEEZE_FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
 SLOWNESS = 50.0
+# And at least this long [s]: friction sticks below a speed that is a share of the size per second,
+# so the corners of a squeeze in milliseconds (stiff bodies) would be too sharp for Newton.
+LEAST = 10.0
 
 Tell = Callable[[int, int], None]  # called with (frames done, frames in all)
 
@@ -125,7 +128,7 @@ def squeeze(
     if material is None:
         raise InputError("the mesh has no material yet: run `assign` first")
     slowest = float(np.sqrt((material.lame.mu / material.rho).min()))
-    duration = SLOWNESS * float(np.linalg.norm(high - low)) / slowest
+    duration = max(LEAST, SLOWNESS * float(np.linalg.norm(high - low)) / slowest)
     plates = gripper(tuple(low - room), tuple(high + room), k, share * width / 2 / duration)
     body = Dynamics(mesh, obstacles=plates, friction=friction, law=law, order=order, device=device)
     dt = duration / frames

@@ -67,6 +67,17 @@ def test_squeeze():
     assert result.smallest_gap > 0
 
 
+@pytest.mark.parametrize("E", [1e5, 1e10])
+def test_squeeze_with_friction_converges_for_soft_and_stiff(E):
+    """The plates hold the faces that they touch: pressed a tenth, it bulges between them."""
+    body = shaken_box((0.1,) * 3, (4, 4, 4), E=E, nu=0.35, rho=700, amount=0)
+    moved = body.points + squeeze(body, share=0.1, friction=0.5).displacements[-1]
+    width = np.ptp(moved[:, 0])
+    assert width == pytest.approx(0.09, rel=0.01)  # the plates start a little away
+    middle = np.abs(body.points[:, 0] - 0.05) < 1e-9
+    assert np.ptp(moved[middle, 1]) > np.ptp(moved[body.points[:, 0] < 1e-9, 1])
+
+
 def test_verdicts():
     """Stiff columns hold their shape, soft ones do not; sentences carry the numbers."""
     stiff, soft = (sag(column(E=E), law=Law.LINEAR) for E in (1e9, 5e4))
