@@ -122,8 +122,8 @@ def _cluster(options: BatchOptions) -> Any:
     """Ray, connected to the cluster that was named, or to one started on this machine."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
-        import ray
-        import ray.exceptions
+        import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
+        import ray.exceptions  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise InputError("--engine ray needs the extra: pip install autophyx-tet[batch]") from error
     try:
