@@ -70,13 +70,13 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
     material = material_of(mesh)
     exact = np.stack([material.E, material.nu, material.rho], axis=1)
     plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
-    plain = np.round(plain, _DIGITS)
-    rows, first, label = np.unique(plain, axis=0, return_index=True, return_inverse=True)
+    rounded = np.round(plain, _DIGITS)
+    rows, first, label = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     if len(rows) <= bins:
         none = BinError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         return Bins(*exact[first].T, label=label.ravel(), error=none)
     weight = mesh.volumes
-    label = _cluster(plain, weight, bins)
+    label = _cluster(rounded, weight, bins)
     share = np.bincount(label, weight)
     logE, nu, rho = (
         np.bincount(label, weight * values) / share
