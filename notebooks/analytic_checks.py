@@ -27,6 +27,7 @@ from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.statics import solve_static
 from autophyx_tet.fem.supports import Supports
+from matplotlib.ticker import NullFormatter
 
 E, nu = 1e7, 0.3  # Pa, 1: a stiff rubber, but compressible
 
@@ -149,5 +150,6 @@ axes[1].loglog(h, sphere[1][0] * (h / h[1]) ** 2, "k:", label="second order")
 for axis, title in zip(axes, ("Beam: sink of the tip", "Hollow sphere"), strict=True):
     axis.set(title=title, xlabel="size of a cell / thickness", ylabel="relative error")
     axis.grid(alpha=0.3)
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.legend()
 figure.tight_layout()
