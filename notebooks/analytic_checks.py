@@ -87,7 +87,7 @@ def tip(n, order):
 
 
 across = {1: np.array([1, 2, 4, 8]), 2: np.array([1, 2, 4])}
-sunk = {order: np.array([tip(n, order) for n in cells]) for order, cells in across.items()}
+sunk = {order: np.array([tip(n, order) for n in cells.tolist()]) for order, cells in across.items()}
 for order, values in sunk.items():
     rows = zip(across[order], values / textbook, strict=True)
     print(f"order {order}:", ", ".join(f"{n} across: {share:.3f}" for n, share in rows))
@@ -130,7 +130,9 @@ def radial_error(n, order):
 
 
 edges = {1: np.array([4, 8, 16]), 2: np.array([4, 8])}
-sphere = {order: np.array([radial_error(n, order) for n in ns]) for order, ns in edges.items()}
+sphere = {
+    order: np.array([radial_error(n, order) for n in ns.tolist()]) for order, ns in edges.items()
+}
 rate = np.log2(sphere[1][-2] / sphere[1][-1])
 print(f"linear tets: {sphere[1]}, rate {rate:.2f}; quadratic: {sphere[2]}")
 assert rate > 1.7  # two is the theory's
