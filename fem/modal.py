@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +86,7 @@ def natural_modes(
     M = kron(consistent_mass(mesh, space), np.eye(3), format="csr")
     K, M = K[free][:, free].tocsc(), M[free][:, free].tocsc()
     slow = _slowest(mesh)
-    if K.shape[0] <= (DIRECT_THIN if _is_thin(mesh) else DIRECT):
+    if is_factored(mesh, K.shape[0]):
         square, x = _shift_invert(K, M, count + rigid, -SHIFT * slow)
     else:
         motions = rigid_motions(space.nodes - space.nodes.mean(axis=0)).reshape(-1, 6)[free]
@@ -108,15 +109,17 @@ def natural_modes(
     )
 
 
+def is_factored(mesh: TetMesh, unknowns: int) -> bool:
+    """Whether modes come from a direct factor, in seconds; LOBPCG may take minutes."""
+    surface = len(np.unique(mesh.boundary.faces))
+    thin = surface > THIN * len(np.unique(mesh.tets))
+    return unknowns <= (DIRECT_THIN if thin else DIRECT)
+
+
 def _diagonal(values: np.ndarray):
     from scipy.sparse import diags_array
 
     return diags_array(values, format="csr")
-
-
-def _is_thin(mesh: TetMesh) -> bool:
-    surface = np.unique(mesh.boundary.faces)
-    return len(surface) > THIN * len(np.unique(mesh.tets))
 
 
 def _slowest(mesh: TetMesh) -> float:
@@ -141,9 +144,10 @@ def _lobpcg(K, M, motions: np.ndarray | None, preconditioner, count: int):
     from scipy.sparse.linalg import lobpcg
 
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
-    square, x = lobpcg(
-        K, start, B=M, M=preconditioner, Y=motions, largest=False, tol=None, maxiter=MAX_ITERATIONS
-    )
+    options = {"B": M, "M": preconditioner, "Y": motions, "largest": False, "tol": None}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # it warns of residuals: ours are checked
+        square, x = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
     order = np.argsort(square)[:count]
     return square[order], x[:, order]
 

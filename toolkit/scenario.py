@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..fem.elastic import Law
-from ..fem.errors import ConvergenceError, UsageError
+from ..fem.errors import ConvergenceError, InputError, UsageError
 from ..fem.mesh import TetMesh
 from ..predictors.asset import UpAxis
 from .options import SimulateOptions
@@ -108,15 +108,17 @@ def _modes(mesh: TetMesh, up: UpAxis, count: int, *, order: int, device: str):
 
 
 def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
-    """First vibrations of a standing body where they are quick to find, else None."""
+    """First vibrations of a standing body where a direct factor finds them quickly, else None."""
     from ..fem.gap import p2_unknowns
+    from ..fem.modal import is_factored
 
-    order = 2 if p2_unknowns(mesh) <= QUICK else 1
-    if order == 1 and 3 * len(mesh.points) > QUICK:
+    sizes = {2: p2_unknowns(mesh), 1: 3 * len(mesh.points)}
+    quick = [order for order, n in sizes.items() if n <= QUICK and is_factored(mesh, n)]
+    if not quick:
         return None
     try:
-        return _modes(mesh, up, STANDING_MODES, order=order, device=options.device)
-    except (ConvergenceError, UsageError, ValueError):
+        return _modes(mesh, up, STANDING_MODES, order=quick[0], device=options.device)
+    except (ConvergenceError, InputError):  # too few unknowns for so many modes
         return None
 
 

@@ -49,7 +49,14 @@ def boxes(folder, count):
 def start(manifest, output, *options):
     """A batch as a user starts it, in a process of its own."""
     command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest)]
-    return subprocess.Popen([*command, "-o", str(output), "--json", *options], **PIPES)
+    return subprocess.Popen(
+        [*command, "-o", str(output), "--json", *options], preexec_fn=_hear_interrupts, **PIPES
+    )
+
+
+def _hear_interrupts():
+    """Ctrl-C reaches the child even where the tests run in the background, which ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
