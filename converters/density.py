@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..fem.device import start_warp
 from ..fem.errors import InputError
 from ..predictors.grid import MAX_CELLS, Grid
 from . import npz
@@ -141,8 +142,7 @@ def _read_npz(path: str | os.PathLike) -> DensityGrid:
 
 
 def _write_nvdb(path: Path, grid: DensityGrid, array: np.ndarray) -> None:
-    import warp
-
+    warp = start_warp()
     with writing(path) as target:
         # NanoVDB counts voxel centres: cell (0, 0, 0) sits half a cell inside the box.
         warp.Volume.load_from_numpy(
@@ -156,10 +156,9 @@ def _write_nvdb(path: Path, grid: DensityGrid, array: np.ndarray) -> None:
 
 def _read_nvdb(path: str | os.PathLike) -> DensityGrid:
     with reading(path, "a NanoVDB file with a float grid") as source:
-        import warp
-
         from .kernels_volume import lookup
 
+        warp = start_warp()
         with source.open("rb") as file:
             volume = warp.Volume.load_from_nvdb(file, device="cpu")
         info = volume.get_grid_info()

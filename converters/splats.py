@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fem.device import start_warp
 from ..fem.errors import InputError
 from ..predictors.grid import Grid
 from .files import reading
@@ -165,10 +166,9 @@ def opacity_grid(splats: Gaussians, grid: Grid) -> np.ndarray:
     Each Gaussian is widened by half a cell, so that none falls between centres, and ends at three
     standard deviations or ``MAX_CELLS`` cells.
     """
-    import warp
-
     from .kernels_volume import add_gaussians
 
+    warp = start_warp()
     sigmas = np.clip(np.hypot(splats.sigmas / grid.h, 0.5), None, MAX_CELLS / REACH)  # in cells
     axes = _rotation_matrices(splats.rotations)
     means = grid.to_index(splats.means)

@@ -1,6 +1,8 @@
 """Density grids: places of cells, round trips, foreign layouts written from their definitions."""
 
 import gzip
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -139,3 +141,17 @@ def test_hostile_density_files(suffix, content, tmp_path):
     path.write_bytes(content)
     with pytest.raises(InputError, match="bad"):
         read_density(path)
+
+
+def test_volumes_start_without_a_banner(tmp_path):
+    """The standard output belongs to --json: writing and reading NanoVDB prints nothing."""
+    script = (
+        "import sys, numpy as np\n"
+        "from autophyx_tet.converters.density import DensityGrid, read_density, write_density\n"
+        "grid = DensityGrid(np.zeros(3), np.ones(3), np.ones((2, 2, 2), np.float32), 0.5, {})\n"
+        "write_density(sys.argv[1], grid)\n"
+        "read_density(sys.argv[1])\n"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path / "g.nvdb")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
