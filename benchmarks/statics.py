@@ -117,11 +117,12 @@ def run(tool: str, size: str, order: int, device: str) -> dict | None:
 def line(row: dict, reference: float | None) -> str:
     """One row in words; ``reference`` is the tip to compare with."""
     apart = "" if reference is None else f"  off ours {abs(row['tip'] / reference - 1):.1e}"
+    residual = "-" if row["rel_residual"] is None else f"{row['rel_residual']:.1e}"
     return (
         f"{row['tool']:12s} {row['size']} P{row['order']} {row['tets']:7d} tets  "
         f"cpu {row['assemble_cpu_s']:.2f} + {row['solve_cpu_s']:.2f} = {row['cpu_s']:.2f} s  "
         f"wall {row['wall_s']:.2f} s  {row['rss_mb']:.0f} MB  {row['iterations']:3d} it  "
-        f"tip {row['tip']:.9f}  res {row['rel_residual']:.1e}{apart}"
+        f"tip {row['tip']:.9f}  res {residual}{apart}"
     )
 
 
