@@ -18,6 +18,7 @@ def red_box(folder):
     return str(folder / "box.glb")
 
 
+@pytest.mark.slow
 def test_a_red_box_is_red_all_through(tmp_path, capsys):
     """Values, picture and document of one run; the second run reads the first one's cache."""
     target, picture = tmp_path / "box.npz", tmp_path / "box.png"

@@ -43,6 +43,7 @@ def test_modal_writes_shapes_and_one_period(column, tmp_path):
     assert result.film.times[-1] < 1 / result.frequencies[0]
 
 
+@pytest.mark.slow
 def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     """Free fall until the ground, which is never passed; every frame is in the .pvd."""
     mesh = box_mesh((0.1, 0.1, 0.1), (1, 1, 1))
