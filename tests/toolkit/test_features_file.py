@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 import trimesh
 from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.predictors.grid import Grid
