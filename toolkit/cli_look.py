@@ -1,4 +1,4 @@
-"""Commands that only look: the material table, a mesh file, this installation."""
+"""Commands that only look: an asset from all sides, the material table, a mesh, this machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,28 @@ from typing import Any
 
 import tyro
 
-from .options import Common, Flat
+from .options import Common, FeatureOptions, Flat, Output
+
+
+@dataclass(frozen=True)
+class Features:
+    """See an asset from all sides and lift what an encoder sees onto its voxels.
+
+    Example: autophyx-tet features chair.glb -o chair.npz
+    """
+
+    asset: tyro.conf.Positional[Path]
+    """Surface to look at: obj, ply, stl, off, glb, gltf ..."""
+    output: Output
+    """File to write: .npz with cells, values, part and grid."""
+    options: Flat[FeatureOptions] = field(default_factory=FeatureOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from .features import features
+
+        return features(self.asset, output=self.output, options=self.options).document()
 
 
 @dataclass(frozen=True)
@@ -61,3 +82,6 @@ class Doctor:
         from .doctor import doctor
 
         return doctor()
+
+
+COMMANDS = {"features": Features, "materials": Materials, "info": Info, "doctor": Doctor}
