@@ -1,6 +1,7 @@
 """The rules of the house: direction of imports, package list, start-up time, what loads."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -92,3 +93,11 @@ def test_notice_names_every_dependency(root):
     names = {re.match(r"[\w.-]+", need)[0].lower() for need in wanted}
     notice = (root / "NOTICE").read_text().lower()
     assert {name for name in names if name not in notice} == set()
+
+
+def test_no_random_example_is_timed():
+    """A busy machine fails no test: generated examples have no deadline, and are the same ones."""
+    from hypothesis import settings
+
+    assert settings().deadline is None
+    assert settings().derandomize or "AUTOPHYX_EXPLORE" in os.environ

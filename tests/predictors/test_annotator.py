@@ -38,7 +38,7 @@ def server():
 
 
 def annotator(server) -> Annotator:
-    return Annotator(f"http://127.0.0.1:{server.server_port}/v1", "small", key="k", timeout=5)
+    return Annotator(f"http://127.0.0.1:{server.server_port}/v1", "small", key="k", timeout=60)
 
 
 def variant(text="a ceramic pot with soil", pot=POT, soil=SOIL, constraints=("pot.E > soil.E",)):
