@@ -15,6 +15,7 @@ from .sampling import Samples, interface_faces, sample, stratified
 from .triangles import closest
 
 Engine = Literal["tetwild", "alpha wrap + tetwild"]
+BROKEN = "broken"  # begins the outcome of an attempt whose mesh breaks a guarantee
 # Of epsilon: the envelope that the engine gets. It keeps sampled points of its surface within that
 # distance of the input; between them the surface bulges, and where three faces meet in a right
 # angle the corner is sqrt(3) envelopes away.
@@ -40,7 +41,12 @@ class Guarantee:
     @property
     def ok(self) -> bool:
         """Whether it is kept."""
-        return self.value <= self.threshold
+        return bool(self.value <= self.threshold)
+
+    @property
+    def sentence(self) -> str:
+        """What was measured, and what was wanted."""
+        return f"{self.name} is {self.value:.3g} {self.unit}, wanted at most {self.threshold:.3g}"
 
 
 @dataclass(frozen=True)
@@ -128,17 +134,19 @@ class ConversionReport:
     @property
     def failed(self) -> tuple[str, ...]:
         """Sentences about the guarantees that are not kept."""
-        return tuple(
-            f"{g.name} is {g.value:.3g} {g.unit}, wanted at most {g.threshold:.3g}"
-            for g in self.guarantees
-            if not g.ok
-        )
+        return tuple(g.sentence for g in self.guarantees if not g.ok)
+
+    @property
+    def asked_epsilon(self) -> float:
+        """Distance [m] that was asked for; ``epsilon`` is the one that the guarantees state."""
+        return self.attempts[0].epsilon if self.attempts else self.epsilon
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON, with the verdict of every guarantee."""
         return {
             **asdict(self),
             "ok": self.ok,
+            "asked_epsilon": self.asked_epsilon,
             "guarantees": [{**asdict(g), "ok": g.ok} for g in self.guarantees],
         }
 

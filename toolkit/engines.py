@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .decimate import decimated
+from .decimate import MANY, decimated
 from .triangles import Triangles
 
 Arrays = dict[str, np.ndarray]
@@ -33,13 +33,15 @@ def tetwild(
 ) -> Arrays:
     """Fill the box around ``points`` (n, 3), ``faces`` (m, 3) of about unit size with fTetWild.
 
-    The surface is first decimated within ``decimate_rel``, or simplified by fTetWild where that is
-    None. Returns ``points`` and positively oriented ``tets`` that conform to the surface.
+    The surface is first decimated within ``decimate_rel``; where that is None or leaves many
+    triangles alone, it is simplified by fTetWild. Returns ``points`` and positively oriented
+    ``tets`` that conform to the surface.
     """
-    surface = Triangles(arrays["points"], arrays["faces"])
+    surface, simplify = Triangles(arrays["points"], arrays["faces"]), True
     if decimate_rel is not None:
         _stage("decimating")
-        surface = decimated(surface, decimate_rel)
+        surface, left_alone = decimated(surface, decimate_rel)
+        simplify = left_alone > MANY
     # Half of this process's start, and needed for pictures only: pytetwild does without.
     sys.modules.setdefault("pyvista", ModuleType("pyvista"))
     pytetwild: Any = importlib.import_module("pytetwild")  # its stubs want narrower arrays
@@ -52,7 +54,7 @@ def tetwild(
         edge_length_fac=edge_length_rel,
         epsilon=epsilon_rel,
         stop_energy=stop_energy,
-        simplify=decimate_rel is None,
+        simplify=simplify,
         disable_filtering=True,
         num_threads=1,
         vtk_ordering=True,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
-from .conversion import SHARE_TOLD, Attempt, ConversionReport
+from .conversion import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 
 # Words of things whose closed surface usually stands for a shell.
 HOLLOW = re.compile(
@@ -53,11 +53,14 @@ def said(report: ConversionReport) -> tuple[str, ...]:
         )
     failed = [attempt for attempt in report.attempts if attempt.outcome != "ok"]
     if failed:
-        last = report.attempts[-1]
         sentences.append(
             f"{len(failed)} of {len(report.attempts)} attempts failed "
-            f"({'; '.join(attempt.outcome for attempt in failed)}); the last had epsilon "
-            f"{last.epsilon:.3g} m, edge {last.edge_length:.3g} m"
+            f"({'; '.join(attempt.outcome for attempt in failed)})"
+        )
+    if report.epsilon > report.asked_epsilon:
+        sentences.append(
+            f"the distance that is kept is epsilon {report.epsilon:.3g} m, not the "
+            f"{report.asked_epsilon:.3g} m asked for; the wanted edge is {report.edge_length:.3g} m"
         )
     return tuple(sentences)
 
@@ -78,12 +81,13 @@ def no_volume(asset: Asset, thinnest: float) -> str:
 
 
 def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
-    """Why no attempt gave a mesh."""
+    """Why no attempt gave a mesh, or none that keeps what a conversion promises."""
+    if any(attempt.outcome.startswith(BROKEN) for attempt in attempts):
+        what, way = "tet mesh that keeps its guarantees", "--accept-broken gives the best of them"
+    else:
+        what, way = "tet mesh", "a longer --time-limit or a larger --epsilon-rel may help"
     tried = "; ".join(f"{a.engine} at epsilon {a.epsilon:.3g} m: {a.outcome}" for a in attempts)
-    return (
-        f"{asset.name}: no tet mesh after {len(attempts)} attempts ({tried}); "
-        "a longer --time-limit or a larger --epsilon-rel may help"
-    )
+    return f"{asset.name}: no {what} after {len(attempts)} attempts ({tried}); {way}"
 
 
 def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +17,14 @@ from .child import Progress
 from .conversion import (
     Attempt,
     ConversionReport,
-    Distances,
     InputVolume,
     Region,
     guarantees,
     input_volume,
     measure_distances,
 )
-from .ladder import Filling, Job, Target, climb_within, tighten
+from .filling import Filling, Target
+from .ladder import Climb, Job, Made, climb_within
 from .offset import hollowed, thickened
 from .quality import quality
 from .regions import Solids, sheet_faces
@@ -46,6 +45,7 @@ def tetrahedralize(
     stop_energy: float = 20.0,
     time_limit: float = 300.0,
     memory_limit: int | None = None,
+    accept_broken: bool = False,
     cache: Path | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -68,12 +68,14 @@ def tetrahedralize(
         AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
     time_limit, memory_limit
         Seconds and bytes that one attempt of the engine may take.
+    accept_broken
+        Return the best mesh, with warnings, where no attempt gave one that keeps its guarantees.
     cache, seed, progress
         Folder in which results of the engine are remembered; seed of the samples that check the
         result (the engine itself is not deterministic); called with (stage, seconds) meanwhile.
 
-    Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh, UsageError where
-    an option is out of range or names an unknown part.
+    Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh that keeps its
+    guarantees, UsageError where an option is out of range or names an unknown part.
     """
     diagonal = float(np.linalg.norm(asset.size))
     if edge_length is not None:
@@ -82,15 +84,29 @@ def tetrahedralize(
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     rng = np.random.default_rng(seed)
-    prepared = partial(_solids, asset.parts, target.envelope, thicken, walls)
+    centre = asset.bounds.mean(axis=0)
+    prepared = partial(_solids, _moved(asset.parts, -centre), target.envelope, thicken, walls)
     solids, repaired = prepared(WELD_REL)
     if not solids.shells:
         raise NoVolumeError(no_volume(asset, target.envelope))
     volume = input_volume(solids, len(asset.parts), rng=rng)
-    job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner)
-    made = _made(asset, job, max_tets, rng)
-    report = _report(asset, job, volume, made, repaired, walls, seed)
-    return made.mesh, replace(report, warnings=said(report))
+    judge = _judged(asset, solids, volume, rng)
+    job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner, judge)
+    found = climb_within(job, max_tets)
+    made = _kept(asset, found, accept_broken)
+    report = _report(asset, job, volume, made, found.attempts, repaired, walls, seed)
+    mesh = replace(made.mesh, points=made.mesh.points + centre)
+    return mesh, replace(report, warnings=said(report))
+
+
+def _moved(parts: Sequence[Part], by: np.ndarray) -> list[Part]:
+    """The bare parts near the origin: far from it, winding numbers and distances lose digits."""
+    from trimesh import Trimesh
+
+    return [
+        replace(part, mesh=Trimesh(part.mesh.vertices + by, part.mesh.faces, process=False))
+        for part in parts
+    ]
 
 
 def _solids(
@@ -108,37 +124,26 @@ def _solids(
     return hollowed(solids, walls), repaired
 
 
-class Made(NamedTuple):
-    """A mesh with what is known about its making."""
+def _judged(
+    asset: Asset, solids: Solids, volume: InputVolume, rng: np.random.Generator
+) -> Callable[[Filling, float], Made]:
+    """What measures a filling of the solids and holds it against epsilon [m]."""
 
-    mesh: TetMesh
-    filling: Filling
-    gaps: Distances
-    epsilon: float
-    attempts: tuple[Attempt, ...]
-
-
-def _made(asset: Asset, job: Job, max_tets: int | None, rng: np.random.Generator) -> Made:
-    """Fill the solids; once more in a narrower envelope if parts of the input are missed."""
-    filling, attempts = climb_within(job, max_tets)
-    if filling is None:
-        raise NoVolumeError(no_mesh(asset, attempts))
-    epsilon = filling.target.epsilon
-
-    def measured(filling: Filling, attempts: tuple[Attempt, ...]) -> Made:
+    def judge(filling: Filling, epsilon: float) -> Made:
         mesh = _mesh(filling, asset.part_names)
-        gaps = measure_distances(mesh, job.solids, epsilon=epsilon, rng=rng)
-        return Made(mesh, filling, gaps, epsilon, attempts)
+        measured = quality(mesh)
+        gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
+        promised = guarantees(mesh, measured, volume, gaps, epsilon)
+        return Made(filling, mesh, gaps, measured, promised, epsilon)
 
-    made = measured(filling, attempts)
-    if max_tets is not None or made.gaps.good(epsilon):
-        return made
-    tighter, attempt = tighten(job._replace(target=filling.target), attempts[-1])
-    if tighter is None:
-        return made._replace(attempts=(*attempts, attempt))
-    again = measured(tighter, (*attempts, attempt))
-    better = again.gaps.largest <= max(made.gaps.largest, epsilon)
-    return again if better else made._replace(attempts=again.attempts)
+    return judge
+
+
+def _kept(asset: Asset, found: Climb, accept_broken: bool) -> Made:
+    """The mesh of a climb, unless it breaks what a conversion promises."""
+    if found.made is None or not (found.kept or accept_broken):
+        raise NoVolumeError(no_mesh(asset, found.attempts))
+    return found.made
 
 
 def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
@@ -172,20 +177,20 @@ def _report(
     job: Job,
     volume: InputVolume,
     made: Made,
+    attempts: tuple[Attempt, ...],
     repaired: RepairReport,
     walls: Mapping[int, float],
     seed: int,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
     mesh, solids, filling, names = made.mesh, job.solids, made.filling, asset.part_names
-    measured = quality(mesh)
     missing = [name for name in names if name not in mesh.region_names]
     sheets = tuple(names[i] for i in solids.sheets)
     return ConversionReport(
         repair=repaired,
-        attempts=made.attempts,
-        guarantees=guarantees(mesh, measured, volume, made.gaps, made.epsilon),
-        quality=measured,
+        attempts=attempts,
+        guarantees=made.guarantees,
+        quality=made.quality,
         regions=_regions(mesh, names, volume),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,

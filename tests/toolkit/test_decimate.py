@@ -19,7 +19,7 @@ def _volume(surface):
 def test_a_ball_stays_within_its_tolerance(tolerance):
     """Both ways; the volume changes by at most area times tolerance."""
     ball = _triangles(trimesh.creation.icosphere(5))
-    coarse = decimated(ball, tolerance)
+    coarse = decimated(ball, tolerance).surface
     assert len(coarse.faces) < len(ball.faces) / 2
     for start, end in ((ball, coarse), (coarse, ball)):
         assert closest(start.points, *end).distance.max() <= tolerance
@@ -31,7 +31,7 @@ def test_a_finely_divided_box_keeps_its_edges():
     box = trimesh.creation.box((1, 2, 3))
     for _ in range(5):
         box = box.subdivide()
-    coarse = decimated(_triangles(box), 1e-3)
+    coarse = decimated(_triangles(box), 1e-3).surface
     assert len(coarse.faces) <= 1000
     assert _volume(coarse) == pytest.approx(6, rel=1e-3)
 
@@ -42,16 +42,20 @@ def test_what_touches_is_left_alone():
     other = box.copy()
     other.apply_translation((1, 0, 0))
     both = _triangles(trimesh.util.concatenate([box, other]))
-    assert decimated(both, 1e-2).faces is both.faces
+    same, left_alone = decimated(both, 1e-2)
+    assert same.faces is both.faces
+    assert left_alone == len(both.faces)
     other.apply_translation((1, 0, 0))
     apart = _triangles(trimesh.util.concatenate([box, other]))
-    assert len(decimated(apart, 1e-2).faces) < len(apart.faces)
+    fewer, left_alone = decimated(apart, 1e-2)
+    assert len(fewer.faces) < len(apart.faces)
+    assert left_alone == 0
 
 
 def test_small_components_are_left_alone():
     """A crumb of 12 triangles beside a fine ball keeps every one of them, and its volume."""
     ball, crumb = trimesh.creation.icosphere(5), trimesh.creation.box((0.01,) * 3)
     crumb.apply_translation((2, 0, 0))
-    coarse = decimated(_triangles(trimesh.util.concatenate([ball, crumb])), 5e-3)
+    coarse = decimated(_triangles(trimesh.util.concatenate([ball, crumb])), 5e-3).surface
     mine = (coarse.points[coarse.faces][:, :, 0] > 1.5).all(axis=1)
     assert mine.sum() == 12

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.ladder import conforming
+from autophyx_tet.toolkit.filling import conforming
 from autophyx_tet.toolkit.regions import Solids
 from autophyx_tet.toolkit.repair import repair
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import NoVolumeError, UsageError
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit import cache
@@ -199,6 +200,50 @@ def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
     monkeypatch.setattr(cache, "run_guarded", crash)
     with pytest.raises(NoVolumeError, match=r"5 attempts.*SIGSEGV.*--time-limit"):
         tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+
+
+def _engine(height, *, right_from=np.inf):
+    """In place of the engine: a cube of the given share of its height, whole from an envelope on.
+
+    The cube that it gets has a unit diagonal.
+    """
+    side = 3**-0.5
+
+    def run(task, arrays, options, **_):
+        if task == "alpha_wrap":
+            return {"points": arrays["points"], "faces": arrays["faces"]}
+        share = 1.0 if options["epsilon_rel"] >= right_from else height
+        box = box_mesh((side, side, side * share), (3, 3, 3))
+        return {"points": box.points - side / 2, "tets": box.tets}
+
+    return run
+
+
+def test_a_broken_guarantee_goes_on_to_a_coarser_epsilon_and_says_so(monkeypatch):
+    """The engine cuts 2 % off until its envelope doubles: what is stated is what was kept."""
+    right = 2 * QUICK["epsilon_rel"] / 2
+    monkeypatch.setattr(cache, "run_guarded", _engine(0.98, right_from=0.99 * right))
+    mesh, report = tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    assert report.ok
+    assert mesh.volume == pytest.approx(1)
+    assert report.epsilon == pytest.approx(2 * QUICK["epsilon_rel"] * 3**0.5)
+    assert report.asked_epsilon == pytest.approx(report.epsilon / 2)
+    assert report.attempts[0].outcome.startswith("broken: distance")
+    assert {g.threshold for g in report.guarantees if g.unit == "m"} == {report.epsilon}
+    assert any("not the" in w and "asked for" in w for w in report.warnings)
+
+
+def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
+    """Every attempt lacks a fifth of the cube: exit 4 with the distance, unless it is accepted."""
+    cube = _asset(cube=trimesh.creation.box((1, 1, 1)))
+    monkeypatch.setattr(cache, "run_guarded", _engine(0.8))
+    with pytest.raises(NoVolumeError, match=r"distance.*wanted at most.*--accept-broken") as error:
+        tetrahedralize(cube, **QUICK)
+    assert error.value.exit_code == 4
+    mesh, report = tetrahedralize(cube, **QUICK, accept_broken=True)
+    assert mesh.volume == pytest.approx(0.8)
+    assert not report.ok
+    assert set(report.failed) <= set(report.warnings)
 
 
 @pytest.mark.slow

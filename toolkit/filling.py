@@ -1,0 +1,146 @@
+"""A filling: the tets of the solids, as the engine makes them once for one target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..fem.errors import UsageError
+from ..fem.mesh import boundary_faces, signed_volumes
+from .cache import Runner
+from .conversion import ENVELOPE_SHARE
+from .manifold import Separated, separate
+from .regions import Solids
+from .triangles import closest
+
+COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
+DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
+OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
+CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the engine is asked for; lengths are shares of ``diagonal`` [m]."""
+
+    diagonal: float
+    edge_length_rel: float
+    epsilon_rel: float
+    stop_energy: float
+
+    @property
+    def edge_length(self) -> float:
+        """Wanted edge [m]."""
+        return self.edge_length_rel * self.diagonal
+
+    @property
+    def epsilon(self) -> float:
+        """Largest distance from the input [m]."""
+        return self.epsilon_rel * self.diagonal
+
+    @property
+    def envelope(self) -> float:
+        """Distance [m] that the engine keeps; a plate thinner than that is swallowed whole."""
+        return ENVELOPE_SHARE * self.epsilon
+
+    def checked(self) -> Target:
+        """Return itself, or say what is out of range."""
+        for option, value, most in (
+            ("--edge-length-rel", self.edge_length_rel, 1.0),
+            ("--epsilon-rel", self.epsilon_rel, 0.1),
+        ):
+            if not 0 < value <= most:
+                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
+        return self
+
+    def coarser(self, factor: float) -> Target:
+        """Return the same with longer edges and a wider envelope, within sense."""
+        return replace(
+            self,
+            edge_length_rel=min(self.edge_length_rel * factor, COARSEST_EDGE_REL),
+            epsilon_rel=min(self.epsilon_rel * factor, COARSEST_EPSILON_REL),
+        )
+
+
+class Filling(NamedTuple):
+    """Tets of the solids in metres, the part of each, and the target they meet."""
+
+    mesh: Separated
+    part: np.ndarray
+    target: Target
+
+
+class NoFilling(RuntimeError):
+    """An attempt that gave no usable mesh, and why."""
+
+
+def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
+    """One run of the engine in a box of unit diagonal, and the tets that lie in a solid."""
+    points, faces = solids.clean_triangles()
+    lo, hi = points.min(axis=0), points.max(axis=0)
+    centre, scale = (lo + hi) / 2, float(np.linalg.norm(hi - lo))
+    box = runner.run(
+        "tetwild",
+        {"points": (points - centre) / scale, "faces": faces},
+        {
+            "edge_length_rel": min(target.edge_length / scale, 1.0),
+            "epsilon_rel": target.envelope / scale,
+            "stop_energy": target.stop_energy,
+            "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,
+        },
+    )
+    where = box["points"] * scale + centre
+    part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
+    part = conforming(where, box["tets"], part, solids, target.epsilon)
+    if not (part >= 0).any():
+        raise NoFilling("no tet lies in a solid")
+    mesh = separate(where, box["tets"][part >= 0])
+    if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
+        raise NoFilling(f"{flat} tets are flat or inverted")
+    return Filling(mesh, part[part >= 0][mesh.origin], target)
+
+
+def conforming(
+    points: Float[np.ndarray, "points 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    part: Int[np.ndarray, "tets"],
+    solids: Solids,
+    epsilon: float,
+) -> Int[np.ndarray, "tets"]:
+    """Relabel tets where the boundary is farther than ``epsilon`` [m] from the input.
+
+    The engine swallows what is thinner than its envelope; tets that then cross the input are told
+    apart by their centroids, at random. A boundary vertex that far from the input lies inside or
+    outside, and so do all tets around it; a face whose middle is outside bounds no solid.
+    """
+    part = part.copy()
+    for _ in range(CONFORMING_ROUNDS):
+        if not (part >= 0).any():
+            break
+        boundary = boundary_faces(tets[part >= 0])
+        skin = np.unique(boundary.faces)
+        vertex = _labels_off(solids, points[skin], epsilon)
+        face = _labels_off(solids, points[boundary.faces].mean(axis=1), epsilon)
+        if (vertex == NEAR).all() and (face == NEAR).all():
+            break
+        wrong = np.flatnonzero(part >= 0)[boundary.tet[face == OUTSIDE]]
+        corner = np.full(len(points), NEAR)
+        corner[skin] = vertex
+        within = corner[tets].max(axis=1)
+        part = np.where((part == OUTSIDE) & (within >= 0), within, part)
+        part[(corner[tets] == OUTSIDE).any(axis=1)] = OUTSIDE
+        part[wrong] = OUTSIDE
+    return part
+
+
+def _labels_off(
+    solids: Solids, where: Float[np.ndarray, "n 3"], epsilon: float
+) -> Int[np.ndarray, "n"]:
+    """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
+    label = np.full(len(where), NEAR)
+    far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
+    label[far] = solids.label(where[far], np.ones(int(far.sum())))
+    return label
