@@ -35,7 +35,8 @@ def load_vtu(path: Path, *, max_bytes: int = MAX_UNPACKED) -> meshio.Mesh:
             packed = _blocks(data, header.newbyteorder(order))
             unpacked = bytearray()
             for block in packed:
-                unpacked += _unpack(block, str(self.compression), self.left - len(unpacked))
+                left = self.left - len(unpacked)
+                unpacked += _unpack(block, str(self.compression), left, max_bytes)
             self.left -= len(unpacked)
             return np.frombuffer(unpacked, dtype=np.dtype(dtype).newbyteorder(order))
 
@@ -71,13 +72,13 @@ def _characters(count: int) -> int:
     return -(-count // 3) * 4
 
 
-def _unpack(block: bytes, compressor: str, limit: int) -> bytes:
-    """The bytes of a block, at most ``limit`` of them."""
+def _unpack(block: bytes, compressor: str, left: int, allowed: int) -> bytes:
+    """The bytes of a block, at most the ``left`` ones of all that are ``allowed``."""
     tool = lzma.LZMADecompressor() if "LZMA" in compressor else zlib.decompressobj()
-    result = tool.decompress(block, limit + 1)
-    if len(result) > limit:
+    result = tool.decompress(block, left + 1)
+    if len(result) > left:
         raise InputError(
-            f"its compressed arrays unpack to more than {MAX_UNPACKED >> 30} GiB; "
+            f"its compressed arrays unpack to more than {allowed:,} bytes; "
             "write the mesh uncompressed if it is that large"
         )
     if not tool.eof:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from .document import plain, versions
@@ -17,13 +16,13 @@ def run_page(result: RunResult) -> ReportContent:
     """Gather what the report shows of a run, one case a sentence."""
     conversion, document = result.conversion, result.document()
     asset = conversion.asset
-    cases = [
-        _case(c.assignment.text, c.simulation, c.assignment.part_rows(), c.assignment.verdicts())
-        for c in result.cases
-    ]
+    cases = (
+        _case(c.assignment.text, c.simulation, c.assignment.part_rows(), verdicts)
+        for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
+    )
     return ReportContent(
         title=asset.name,
-        cases=tuple(_told_apart(cases, [c.simulation for c in result.cases])),
+        cases=tuple(cases),
         up=asset.up,
         quality=_quality(conversion),
         warnings=tuple(document["warnings"]),
@@ -99,20 +98,6 @@ def _case(
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
     )
-
-
-def _told_apart(cases: list[Case], simulations: list[Simulation]) -> list[Case]:
-    """Say of every further settled case whether the eye can tell it from the first."""
-    from ..fem.checks import distinguishable
-
-    first, *others = simulations
-    told = cases[:1]
-    for case, other in zip(cases[1:], others, strict=True):
-        if isinstance(first, Settled) and isinstance(other, Settled):
-            found = Verdict.of(distinguishable(first.solved, other.solved))
-            case = replace(case, verdicts=(*case.verdicts, found))
-        told.append(case)
-    return told
 
 
 def _part_row(row: dict[str, Any]) -> PartRow:

@@ -263,11 +263,13 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
 
 def _doubts(choices: Sequence[PartChoice], sampled: Assigned) -> Iterator[str]:
     """Sentences about what was guessed rather than known."""
+    spoken = {choice.why.removeprefix("text: ") for choice in choices}
     for choice in choices:
-        if choice.weight < GUESS:
+        borrowed = choice.why.removeprefix("whole sentence: ")
+        if choice.weight < GUESS or (borrowed != choice.why and borrowed in spoken):
             yield (
                 f"nothing says what part {choice.part!r} is made of: taken as {choice.material}; "
-                f'say it in the text or with --part {choice.part}="..."'
+                f"say it in the text or with --part '{choice.part}=...'"
             )
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"

@@ -11,7 +11,7 @@ from .report_content import Band, Case, PartRow, ReportContent, Verdict
 from .report_data import frames_shown
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
-_MARKS = {"good": "✓", "note": "i", "warning": "!", "bad": "✕"}
+MARKS = {"good": "✓", "note": "i", "warning": "!", "bad": "✕"}
 
 
 def si(value: float, unit: str, *, digits: int = 3) -> str:
@@ -123,9 +123,10 @@ def _span(lo: float, hi: float, unit: str) -> str:
 
 
 def _verdict(verdict: Verdict) -> str:
-    detail = f"<small>{escape(verdict.detail)}</small>" if verdict.detail else ""
+    below = verdict.advice or verdict.detail
+    detail = f"<small>{escape(below)}</small>" if below else ""
     return (
-        f'<li class="{verdict.mark}"><b aria-label="{verdict.mark}">{_MARKS[verdict.mark]}</b>'
+        f'<li class="{verdict.mark}"><b aria-label="{verdict.mark}">{MARKS[verdict.mark]}</b>'
         f"<span>{escape(verdict.sentence)}{detail}</span></li>"
     )
 

@@ -14,9 +14,9 @@ from ..fem.table import FIELDS, outside_band
 from ..predictors.asset import Asset
 from ..predictors.field import MaterialField
 from .document import mesh_document
-from .report_content import Verdict
+from .report_content import ADVICE, Verdict
 from .sidecar import Sidecar
-from .simulation import Simulation
+from .simulation import Settled, Simulation
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
@@ -95,7 +95,7 @@ class Assignment:
     def verdicts(self) -> list[Verdict]:
         """Whether the E, nu and rho of every part are usual for its category."""
         return [
-            Verdict("note", f"{choice.part}: {complaint}", "inside band")
+            Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
         ] or [Verdict("good", "E, nu and rho of every part are usual for its kind.", "inside band")]
@@ -111,6 +111,7 @@ class Assignment:
             "text": self.text,
             **mesh_document(self.mesh),
             "parts": self.part_rows(),
+            "verdicts": self.verdicts(),
             "warnings": self.warnings,
         }
 
@@ -132,14 +133,29 @@ class RunResult:
     seconds: dict[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 
+    def verdicts(self) -> list[list[Verdict]]:
+        """Of every case: are its values usual, and can the eye tell it from the first one."""
+        from ..fem.checks import distinguishable
+
+        found = [case.assignment.verdicts() for case in self.cases]
+        first, *others = (case.simulation for case in self.cases)
+        for verdicts, other in zip(found[1:], others, strict=True):
+            if isinstance(first, Settled) and isinstance(other, Settled):
+                verdicts.append(Verdict.of(distinguishable(first.solved, other.solved)))
+        return found
+
     def document(self) -> dict[str, Any]:
         """Return what ``run --json`` prints: the first sentence on top, all in ``cases``."""
         kind = self.cases[0].simulation.kind
         cases = [
-            {**case.assignment.document(), kind: case.simulation.document()[kind]}
-            for case in self.cases
+            {
+                **case.assignment.document(),
+                "verdicts": verdicts,
+                kind: case.simulation.document()[kind],
+            }
+            for case, verdicts in zip(self.cases, self.verdicts(), strict=True)
         ]
-        keys = ("text", "tets", "volume", "mass", "bounds", "parts", kind)
+        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", kind)
         warnings = [
             *self.conversion.document()["warnings"],
             *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),

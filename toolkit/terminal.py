@@ -4,35 +4,62 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from .report_content import Verdict
 
 PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"} | {
     "mass": "mass [kg]",
     "why": "because",
 }
+REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
 MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
 _FRAME = re.compile(r"_(\d{5})(\.vtu)$")  # what a .pvd calls its frames
-_FORMATS = {"E": ".3g", "nu": ".3g", "rho": ".4g", "mass": ".3g"}
+_FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold
 
 
 def show(document: Mapping[str, Any]) -> None:
-    """Print a result's document: parts or materials as a table, then the totals and the files."""
+    """Print a result's document: tables, then what was found, the files and the warnings."""
     from rich.console import Console
 
     console = Console(highlight=False)
-    if document.get("parts"):
-        console.print(_table(document["parts"], PARTS))
-    if "materials" in document:
-        console.print(_table(document["materials"], MATERIALS))
-        console.print(f"{len(document['materials'])} materials; --json adds sources and aliases")
-    for line in (*_totals(document), *_machine(document), *_rows(document), *_plan(document)):
-        console.print(line, markup=False, soft_wrap=True)
+    cases = document.get("cases", ())
+    for case in cases if len(cases) > 1 else [document]:
+        if case is not document:
+            console.print(f"\n{case['text']!r}", markup=False, style="bold", soft_wrap=True)
+        for table in _tables(case):
+            console.print(table)
+        for line in _lines(case):
+            console.print(line, markup=False, soft_wrap=True)
     for path in _told_once(document.get("files", ())):
         console.print("wrote", path, markup=False, soft_wrap=True)
     for warning in document.get("warnings", ()):
         Console(stderr=True, highlight=False).print(
             "warning:", warning, markup=False, style="yellow", soft_wrap=True
         )
+
+
+def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
+    """Parts, materials, regions of a mesh file, or the scores of `evaluate`."""
+    if document.get("parts"):
+        yield _table(document["parts"], PARTS)
+    if "materials" in document:
+        yield _table(document["materials"], MATERIALS)
+    if "file" in document:
+        yield _table(document["regions"], REGIONS)
+    if "papers" in document:
+        yield _table(document["rows"], _scalars(document["rows"]))
+
+
+def _lines(document: Mapping[str, Any]) -> Iterator[str]:
+    yield from _totals(document)
+    yield from _machine(document)
+    yield from _batch(document)
+    yield from _plan(document)
+    yield from _learning(document)
 
 
 def _told_once(files: Iterable[Any]) -> Iterator[str]:
@@ -44,13 +71,23 @@ def _told_once(files: Iterable[Any]) -> Iterator[str]:
         yield f"{first} ... {len(others) + 1} frames" if others else first
 
 
-def _rows(document: Mapping[str, Any]) -> Iterator[str]:
+def _batch(document: Mapping[str, Any]) -> Iterator[str]:
     """The counts of a batch."""
     if "assets" in document:
         yield (
             f"{document['assets']} assets: {document['done']} done, {document['failed']} failed; "
             f"{document['new']} were run this time"
         )
+
+
+def _learning(document: Mapping[str, Any]) -> Iterator[str]:
+    """What was built, drawn or trained."""
+    if "clauses" in document:
+        yield f"{document['clauses']:,} clauses, {document['real_objects']:,} real objects"
+    for sample in document.get("samples", ()):
+        yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
+    if "history" in document:
+        yield f"trained for {document['steps']:,} steps"
 
 
 def _plan(document: Mapping[str, Any]) -> Iterator[str]:
@@ -92,26 +129,37 @@ def _versions(packages: Mapping[str, str | None]) -> str:
     return ", ".join(f"{name} {found or 'MISSING'}" for name, found in packages.items())
 
 
-def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]):
+def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for key, title in columns.items():
-        table.add_column(title, justify="right" if key in _FORMATS else "left")
+        number = all(isinstance(row[key], int | float | tuple) for row in rows)
+        table.add_column(title, justify="right" if number else "left")
     for row in rows:
         table.add_row(*(escape(_cell(key, row[key])) for key in columns))
     return table
 
 
+def _scalars(rows: list[Mapping[str, Any]]) -> dict[str, str]:
+    """The columns of one word or number a row, each under its own name."""
+    plain = (str, int, float, type(None))
+    names = [name for name in rows[0] if all(isinstance(row[name], plain) for row in rows)]
+    return {name: name.replace("_", " ") for name in names}
+
+
 def _cell(key: str, value: Any) -> str:
-    if key not in _FORMATS:
-        return str(value)
+    if isinstance(value, str | int):
+        return f"{value:,}" if isinstance(value, int) else value
     numbers = value if isinstance(value, tuple) else (value,)
-    return " – ".join(dict.fromkeys(format(float(number), _FORMATS[key]) for number in numbers))
+    form = _FORMATS.get(key, ".3g")
+    return " – ".join(dict.fromkeys("" if n is None else format(float(n), form) for n in numbers))
 
 
 def _totals(document: Mapping[str, Any]) -> Iterator[str]:
+    if "materials" in document:
+        yield f"{len(document['materials'])} materials; --json adds sources and aliases"
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
@@ -127,8 +175,17 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{document['bins']:,} materials for {document['for']}"
     for kind in ("sag", "motion", "modal"):
         if answer := document.get(kind):
-            yield from (verdict.sentence for verdict in answer["verdicts"])
             yield from _answer(kind, answer)
+            yield from map(_verdict, answer["verdicts"])
+    yield from map(_verdict, document.get("verdicts", ()))
+
+
+def _verdict(verdict: Verdict) -> str:
+    """What was found, and what to do about it."""
+    from .report_html import MARKS
+
+    advice = f" {verdict.advice}" if verdict.advice else ""
+    return f"{MARKS[verdict.mark]} {verdict.sentence}{advice}"
 
 
 def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:

@@ -276,19 +276,6 @@ def test_doctor_lists_what_the_package_requires(capsys):
     assert "kernels" in {cache["name"] for cache in document["caches"]}
 
 
-def test_frames_are_told_in_one_line(capsys):
-    from autophyx_tet.toolkit.terminal import show
-
-    frames = [f"out/motion_{i:05d}.vtu" for i in range(24)]
-    show({"files": ["out/mesh.msh", "out/motion.pvd", *frames, "out/run.json"]})
-    assert capsys.readouterr().out.splitlines() == [
-        "wrote out/mesh.msh",
-        "wrote out/motion.pvd",
-        "wrote out/motion_00000.vtu ... 24 frames",
-        "wrote out/run.json",
-    ]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "gif"])
 def test_simulate_draws_a_picture(suffix, cube_msh, tmp_path, capsys):

@@ -7,8 +7,11 @@ import pytest
 import trimesh
 from autophyx_tet.converters import npz
 from autophyx_tet.converters.table import read_data, read_mesh
+from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.toolkit.cli import main
+from autophyx_tet.toolkit.pipeline import assign
 
 OUTPUTS = {"mesh.msh", "mesh.json", "mesh.vtu", "field.npz", "motion.pvd", "report.html"}
 
@@ -93,3 +96,15 @@ def test_two_texts_are_compared_under_the_same_load(tmp_path, capsys):
     assert ratio == pytest.approx((rubber.rho / rubber.E) / (oak.rho / oak.E), rel=1)
     assert {p.name for p in (tmp_path / "out/text2").glob("*.vtu")} >= {"mesh.vtu"}
     assert len(list((tmp_path / "out").rglob("*.msh"))) == 1
+
+
+def test_a_part_that_nobody_speaks_of_is_told():
+    """Three layers, two of them in the text: the third gets a material, and a warning."""
+    solid = box_mesh((0.1, 0.1, 0.3), (1, 1, 3))
+    layer = (solid.points[solid.tets].mean(axis=1)[:, 2] / 0.1).astype(int)
+    mesh = TetMesh(solid.points, solid.tets, layer, ("left leg", "seat", "back"))
+    told = "the legs are oak, the seat is soft foam"
+    (warning,) = (w for w in assign(mesh, told).warnings if w.startswith("nothing says"))
+    assert "'back'" in warning
+    assert "--part 'back=...'" in warning
+    assert not [w for w in assign(mesh, "oak").warnings if w.startswith("nothing says")]

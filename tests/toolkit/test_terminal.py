@@ -1,0 +1,67 @@
+"""What a person reads: tables of every verb, each verdict with its way out, frames in one line."""
+
+import pytest
+from autophyx_tet.fem.checks import Check
+from autophyx_tet.toolkit.report_content import ADVICE, Verdict
+from autophyx_tet.toolkit.terminal import show
+
+
+def shown(capsys, document):
+    show(document)
+    return capsys.readouterr().out
+
+
+def test_frames_are_told_in_one_line(capsys):
+    frames = [f"out/motion_{i:05d}.vtu" for i in range(24)]
+    out = shown(capsys, {"files": ["out/mesh.msh", "out/motion.pvd", *frames, "out/run.json"]})
+    assert out.splitlines() == [
+        "wrote out/mesh.msh",
+        "wrote out/motion.pvd",
+        "wrote out/motion_00000.vtu ... 24 frames",
+        "wrote out/run.json",
+    ]
+
+
+def test_scores_are_a_table(capsys):
+    """Every column of one value a row, a missing one left empty; nested ones are for --json."""
+    row = {"predictor": "film", "mse_mean": 0.05651, "clause_accuracy": None, "by": {1: 0.2}}
+    other = row | {"predictor": "table-mean", "clause_accuracy": 0.5}
+    out = shown(capsys, {"rows": [row, other], "papers": {}})
+    heads, first, second = out.splitlines()
+    assert heads.split() == ["predictor", "mse", "mean", "clause", "accuracy"]
+    assert first.split() == ["film", "0.0565"]
+    assert second.split() == ["table-mean", "0.0565", "0.5"]
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        ({"clauses": 1200, "real_objects": 3}, "1,200 clauses, 3 real objects"),
+        (
+            {"samples": [{"object": "chair", "clauses": ["oak legs", "soft seat"]}]},
+            "chair: oak legs",
+        ),
+        ({"steps": 2000, "history": []}, "trained for 2,000 steps"),
+    ],
+)
+def test_what_was_learnt_is_told(document, words, capsys):
+    assert words in shown(capsys, document)
+
+
+@pytest.mark.parametrize("name", ADVICE)
+def test_a_failed_check_says_what_to_do(name, capsys):
+    """The sentence says what was found; then the way out, if it failed."""
+    bad, good = (Verdict.of(Check(name, passed, 1.0, 2.0, "Found.")) for passed in (False, True))
+    out = shown(capsys, {"verdicts": [bad, good]}).splitlines()
+    assert out == [f"{'!' if bad.mark == 'warning' else 'i'} Found. {ADVICE[name]}", "✓ Found."]
+
+
+def test_two_sentences_are_told_one_after_the_other(capsys):
+    """Both have their numbers below their words; the files come once, at the end."""
+    cases = [
+        {"text": text, "tets": 9, "volume": 1.0, "mass": m} for text, m in (("oak", 2), ("tin", 7))
+    ]
+    out = shown(capsys, {**cases[0], "cases": cases, "files": ["report.html"]})
+    words = ["'oak'", "mass 2 kg", "'tin'", "mass 7 kg", "wrote report.html"]
+    assert sorted(words, key=out.index) == words
+    assert out.count("mass") == 2
