@@ -69,7 +69,7 @@ def load_asset(
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
     surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
-    warnings = [*references.warnings, *warnings]
+    warnings = [*references.warnings, *content.warnings, *warnings]
     parts = _parts(surfaces, path.stem, warnings)
     asset = Asset(
         name=path.stem,

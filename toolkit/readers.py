@@ -37,7 +37,8 @@ class Surface(NamedTuple):
 class Content(NamedTuple):
     """What a file holds: surfaces, and metres per unit and up axis where it states them.
 
-    ``cloud`` (n, 3) are points without triangles; ``up_guess`` is what most such files do.
+    ``cloud`` (n, 3) are points without triangles; ``up_guess`` is what most such files do;
+    ``warnings`` are sentences for the user.
     """
 
     surfaces: list[Surface]
@@ -45,6 +46,7 @@ class Content(NamedTuple):
     up: UpAxis | None = None
     up_guess: UpAxis = "z"
     cloud: np.ndarray | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def read(path: Path, data: bytes, references: References) -> Content:

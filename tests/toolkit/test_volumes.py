@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+import trimesh
 from autophyx_tet.converters.density import DensityGrid, write_density
 from autophyx_tet.converters.points import PointTable, write_points
 from autophyx_tet.converters.splats import standard_columns
 from autophyx_tet.fem.errors import InputError, NoVolumeError
+from autophyx_tet.toolkit import clouds
+from autophyx_tet.toolkit.clouds import guessed_share
 from autophyx_tet.toolkit.load import load_asset
+from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
 
 BALL = 4 / 3 * np.pi
 
@@ -88,3 +92,31 @@ def test_what_is_no_body_is_told(tmp_path):
     (tmp_path / "text.npz").write_text("not a zip")
     with pytest.raises(InputError, match=r"text\.npz"):
         load_asset(tmp_path / "text.npz")
+
+
+def test_the_guessed_share_of_a_surface():
+    """Points on a unit ball below z = 1/2: the cap above is a quarter of its area, 2 pi (1 - z)."""
+    ball, x = trimesh.creation.icosphere(5), sphere(60_000)
+    assert guessed_share(ball, x) == 0
+    assert guessed_share(ball, x[x[:, 2] < 0.5]) == pytest.approx(0.25, abs=0.06)
+
+
+def test_a_cloud_far_from_its_surface_is_refused(tmp_path, monkeypatch):
+    """Points on a quarter of a ball, and the whole ball as the surface through them: exit 4."""
+    ball = trimesh.creation.icosphere(5, radius=0.5)
+    ball.apply_translation((0.5, 0.5, 0.5))
+    surface = {"points": ball.vertices, "faces": ball.faces}
+    monkeypatch.setattr(clouds, "run_guarded", lambda *_, **__: surface)
+    x, path = sphere(), tmp_path / "part.xyz"
+    np.savetxt(path, x[x[:, 2] < -0.5])
+    with pytest.raises(NoVolumeError, match="cover no closed surface"):
+        load_asset(path)
+
+
+def test_points_of_a_field_enclose_nothing(tmp_path):
+    """A flat field of points has no other side: exit 4 with a sentence, before any engine."""
+    x, y = np.random.default_rng(0).random((2, 1000))
+    path = tmp_path / "field.xyz"
+    np.savetxt(path, np.stack([x, y, 0.05 * np.sin(9 * x)], axis=1))
+    with pytest.raises(NoVolumeError, match=r"volume|closed surface"):
+        tetrahedralize(load_asset(path))
