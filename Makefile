@@ -1,21 +1,22 @@
 # Everything runs in .venv; the first call of any target sets it up.
 SHELL := /bin/bash
-PY := .venv/bin/python
+VENV := .venv
+PY := $(VENV)/bin/python
 PYTEST := $(PY) -m pytest
-STAMP := .venv/.ready
+STAMP := $(VENV)/.ready
 
-.PHONY: setup demo check test test-all bench lint types notebooks docs clean
+.PHONY: setup demo check quick test test-all newest wheel bench lint types notebooks docs clean
 
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt .ci/setup
-	@bash .ci/setup
+	@VENV=$(VENV) bash .ci/setup
 	@touch $@
 
 demo: $(STAMP)
 	@mkdir -p out/demo
 	@$(PY) -m autophyx_tet.toolkit.bonsai out/demo/bonsai.glb
-	@.venv/bin/autophyx-tet run out/demo/bonsai.glb -o out/demo \
+	@$(VENV)/bin/autophyx-tet run out/demo/bonsai.glb -o out/demo \
 		--text "the pot is ceramic, the soil is moist soil, the trunk is oak, the foliage is leaves"
 	@echo "look at out/demo/report.html"
 
@@ -27,7 +28,9 @@ lint: $(STAMP)
 types: $(STAMP)
 	@$(PY) -m pyright
 
-check: lint types
+check: lint types quick
+
+quick: $(STAMP)
 	@$(PYTEST) -n 2 -m "not slow and not real and not browser and not external"
 
 test: lint types
@@ -37,6 +40,13 @@ test-all: lint types
 	@bash .ci/system --all
 	@EXTRAS=external,openclip bash .ci/setup
 	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2
+
+# The quick tests and the wheel with the newest Python that we promise, in an environment of its own.
+newest:
+	@python=$$(bash .ci/python 3.12) && PYTHON=$$python $(MAKE) VENV=.venv-3.12 quick wheel
+
+wheel: $(STAMP)
+	@$(PYTEST) tests/test_package.py
 
 bench: $(STAMP)
 	@$(PY) benchmarks/statics.py --sizes S,M
@@ -49,4 +59,4 @@ docs: $(STAMP)
 	@echo "look at out/docs/index.html"
 
 clean:
-	rm -rf .venv out build .cache
+	rm -rf .venv .venv-3.12 out build .cache

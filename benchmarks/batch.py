@@ -1,6 +1,6 @@
-"""Batch on real furniture with a worker killed halfway, and how two workers scale.
+"""Batch on real furniture with a worker and the driver killed, and how two workers scale.
 
-python benchmarks/batch.py furniture --count 50 -o out/batch
+python benchmarks/batch.py furniture --count 50 --time-limit 240 -o out/batch
 python benchmarks/batch.py scaling --count 8
 """
 
@@ -14,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -59,26 +58,22 @@ def write_manifest(folder: Path, rows: list[dict]) -> Path:
     return path
 
 
-def run(manifest: Path, output: Path, workers: int, *, kill_at: int | None = None) -> dict:
-    """Run the batch as a user would; kill one worker after ``kill_at`` results."""
-    command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest)]
-    command += ["-o", str(output), "--workers", str(workers), "--time-limit", "240", "--json"]
-    started = time.perf_counter()
-    driver = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    if kill_at is not None:
-        threading.Thread(target=kill_one, args=(driver.pid, output, kill_at), daemon=True).start()
-    document = json.loads(driver.communicate()[0])
-    return document | {"seconds": time.perf_counter() - started}
+def call(manifest: Path, output: Path, options: argparse.Namespace, workers: int):
+    """Start the batch as a user would."""
+    command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest), "--json"]
+    command += ["-o", str(output), "--workers", str(workers), "--time-limit", options.time_limit]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def kill_one(driver: int, output: Path, after: int) -> None:
-    """SIGKILL a process of the driver once ``after`` rows have ended."""
-    while len(list(output.glob("*/batch.json"))) < after:
+def results(output: Path) -> dict[str, int]:
+    """Finished rows and when they were finished."""
+    return {path.parent.name: path.stat().st_mtime_ns for path in output.glob("*/batch.json")}
+
+
+def wait(driver: subprocess.Popen, output: Path, count: int) -> None:
+    """Return when ``count`` rows are finished, or the driver has ended."""
+    while len(results(output)) < count and driver.poll() is None:
         time.sleep(0.2)
-    while not (found := children(driver)):
-        time.sleep(0.05)
-    os.kill(found[0], signal.SIGKILL)
-    print(f"killed worker {found[0]} after {after} results", file=sys.stderr)
 
 
 def children(pid: int) -> list[int]:
@@ -87,24 +82,77 @@ def children(pid: int) -> list[int]:
     return [int(child) for task in tasks for child in task.read_text().split()]
 
 
+def kill_worker(driver: subprocess.Popen) -> None:
+    """SIGKILL one process that the driver started."""
+    while driver.poll() is None:
+        if found := children(driver.pid):
+            os.kill(found[0], signal.SIGKILL)
+            return
+        time.sleep(0.05)
+
+
+def furniture(folder: Path, output: Path, options: argparse.Namespace) -> dict:
+    """A third done: a worker is killed; two thirds: the driver, and the same command goes on."""
+    manifest = furniture_manifest(folder, options.count)
+    started = time.perf_counter()
+    driver = call(manifest, output, options, options.workers)
+    wait(driver, output, options.count // 3)
+    kill_worker(driver)
+    wait(driver, output, 2 * options.count // 3)
+    driver.kill()
+    driver.communicate()
+    before = results(output)
+    driver = call(manifest, output, options, options.workers)
+    document = json.loads(driver.communicate()[0])
+    after = results(output)
+    return {
+        "rows": document["rows"],
+        "done": document["done"],
+        "failed": document["failed"],
+        "done_before_the_driver_was_killed": len(before),
+        "done_twice": sum(after.get(name) != when for name, when in before.items()),
+        "seconds": round(time.perf_counter() - started, 1),
+    }
+
+
+def scaling(folder: Path, output: Path, options: argparse.Namespace) -> dict:
+    """The same boxes with one worker, then with two."""
+    manifest, rows = box_manifest(folder, options.count), []
+    for workers in (1, 2):
+        started = time.perf_counter()
+        driver = call(manifest, output / str(workers), options, workers)
+        done = json.loads(driver.communicate()[0])["done"]
+        rows.append({"workers": workers, "done": done, "seconds": time.perf_counter() - started})
+    return {"rows": [row | {"speedup": rows[0]["seconds"] / row["seconds"]} for row in rows]}
+
+
+def told(found: dict) -> str:
+    """What a person wants to know."""
+    lines = [
+        f"{name.replace('_', ' ')}: {value}" for name, value in found.items() if name != "rows"
+    ]
+    for row in found["rows"]:
+        if "workers" in row:
+            lines.append("{workers} workers: {seconds:.1f} s, {speedup:.2f} x".format(**row))
+        elif row["code"] or row["attempts"] > 1:
+            lines.append("{id}: exit {code} after {attempts} attempts: {reason}".format(**row))
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("furniture", "scaling"))
     parser.add_argument("--count", type=int, default=8)
-    parser.add_argument("-o", "--output", type=Path, default=None)
+    parser.add_argument("--workers", type=int, default=2, help="of furniture")
+    parser.add_argument("--time-limit", default="240", help="seconds of one asset")
+    parser.add_argument("-o", "--output", type=Path, default=None, help="folder to keep")
+    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder, output = Path(name), options.output or Path(name, "out")
-        if options.what == "furniture":
-            manifest = furniture_manifest(folder, options.count)
-            found = run(manifest, output, 2, kill_at=options.count // 2)
-            tried = [row["id"] for row in found["rows"] if row["attempts"] > 1]
-            print(f"{len(found['rows'])} rows: {found['done']} done, {found['failed']} failed")
-            print(f"tried again: {tried}; {found['seconds']:.0f} s", *found["warnings"], sep="\n")
-            return
-        manifest = box_manifest(folder, options.count)
-        times = [run(manifest, output / str(n), n)["seconds"] for n in (1, 2)]
-        print(f"1 worker {times[0]:.1f} s, 2 workers {times[1]:.1f} s: {times[0] / times[1]:.2f} x")
+        folder = Path(name)
+        measure = {"furniture": furniture, "scaling": scaling}[options.what]
+        found = measure(folder, options.output or folder / "out", options)
+    print(json.dumps(found, indent=1) if options.json else told(found))
 
 
 if __name__ == "__main__":
