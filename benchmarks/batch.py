@@ -21,6 +21,7 @@ from autophyx_tet.toolkit.sweethome3d import SOURCES, catalog, extract
 
 # Coarse, so that fifty objects fit into minutes; the scenario is the default, sag.
 COARSE = {"edge_length_rel": 0.1, "epsilon_rel": 0.01, "max_tets": 4000, "order": 1, "cells": 24}
+KEPT = ("id", "asset", "text", "code", "reason", "attempts", "seconds", "tets", "mass")  # of a row
 TEXTS = ("oak wood", "steel", "soft foam", "ceramic", "polypropylene plastic")
 
 
@@ -106,7 +107,7 @@ def furniture(folder: Path, output: Path, options: argparse.Namespace) -> dict:
     document = json.loads(driver.communicate()[0])
     after = results(output)
     return {
-        "rows": document["rows"],
+        "rows": [{name: row[name] for name in KEPT} for row in document["rows"]],
         "done": document["done"],
         "failed": document["failed"],
         "done_before_the_driver_was_killed": len(before),

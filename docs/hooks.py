@@ -73,9 +73,24 @@ def measured(name: str, *columns: str) -> str:
     """Table of the chosen columns of a benchmark's rows, with its command and machine."""
     document = json.loads((DATA / f"{name}.json").read_text())
     rows = [[_cell(row.get(column)) for column in columns] for row in document["rows"]]
-    machine = ", ".join(f"{key} {value}" for key, value in document["machine"].items())
     heads = [column.replace("_", " ") for column in columns]
-    return f"{_table(heads, rows)}\n\n`{document['command']}` ({machine})"
+    return f"{_table(heads, rows)}\n\n{_origin(document)}"
+
+
+def batch(name: str) -> str:
+    """What became of a batch: the counts, then the rows that failed or were tried again."""
+    document = json.loads((DATA / f"{name}.json").read_text())
+    facts = {key: value for key, value in document.items() if isinstance(value, int | float)}
+    counts = _table([key.replace("_", " ") for key in facts], [map(_cell, facts.values())])
+    odd = [row for row in document["rows"] if row["code"] or row["attempts"] > 1]
+    columns = ("id", "code", "attempts", "seconds", "reason")
+    rows = _table(columns, [[_cell(row[column]) for column in columns] for row in odd])
+    return f"{counts}\n\n{rows if odd else 'No row failed.'}\n\n{_origin(document)}"
+
+
+def _origin(document: dict) -> str:
+    machine = ", ".join(f"{key} {value}" for key, value in document["machine"].items())
+    return f"`{document['command']}` ({machine})"
 
 
 def _cell(value) -> str:
@@ -89,4 +104,4 @@ def _table(heads, rows) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-FILLERS = {"commands": commands, "formats": formats, "measured": measured}
+FILLERS = {"batch": batch, "commands": commands, "formats": formats, "measured": measured}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import traceback
 from difflib import get_close_matches
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from .. import __version__
 from ..fem.errors import AutophyxError, UsageError
 from .cli_batch import Batch
 from .cli_carry import COMMANDS as CARRY
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
+EXIT_PIPE = 141  # what shells return when nobody reads any more: `--help | head`
 COMMANDS = {**MESH, **CARRY, **LOOK, "batch": Batch, **LEARNING}
 
 
@@ -33,12 +36,24 @@ part name or text; 3 input that cannot be read, an output that cannot be written
 4 no volume or no tet mesh possible; 5 E, nu or rho outside their band, under --strict; 6 a solver
 did not converge; 130 interrupted.
 
+Every command has --help with an example; --version says which version this is.
 Completion: autophyx-tet --tyro-print-completion bash|zsh|tcsh prints the shell's script."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, or the one of the error (see ``DESCRIPTION``)."""
     given = sys.argv[1:] if arguments is None else arguments
+    try:
+        return _main(given)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
+        return EXIT_PIPE
+
+
+def _main(given: list[str]) -> int:
+    if given == ["--version"]:
+        sys.stdout.write(f"autophyx-tet {__version__}\n")
+        return 0
     try:
         command = _parse(given)
     except AutophyxError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -21,7 +21,7 @@ class Batch:
     Example: autophyx-tet batch chairs.csv -o out/chairs --workers 4 --time-limit 600
     """
 
-    manifest: tyro.conf.Positional[Path]
+    manifest: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MANIFEST")]]
     """CSV file, one asset a row."""
     output: Output
     """Folder for a folder a row, results.csv, results.json and index.html."""

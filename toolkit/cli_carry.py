@@ -18,9 +18,9 @@ class Transfer:
     Example: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply
     """
 
-    source: tyro.conf.Positional[Path]
+    source: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="SOURCE")]]
     """Field (.npz), mesh with E, nu and rho (.msh, .vtu, .vtk), or points that have them."""
-    target: tyro.conf.Positional[Path]
+    target: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="TARGET")]]
     """Carrier to write again: ply, splat, spz, ksplat, pcd, las, xyz, npz, nvdb ..."""
     output: Output
     """File to write, every property of TARGET kept; STEM.npz beside it where it has no room."""
@@ -42,7 +42,7 @@ class Export:
     Example: autophyx-tet export chair.msh --for calculix -o chair.inp
     """
 
-    mesh: tyro.conf.Positional[Path]
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`."""
     target: Annotated[Target, tyro.conf.arg(name="for")]
     """Program that shall read it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -18,7 +18,7 @@ class Features:
     Example: autophyx-tet features chair.glb -o chair.npz
     """
 
-    asset: tyro.conf.Positional[Path]
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
     """Surface to look at: obj, ply, stl, off, glb, gltf ..."""
     output: Output
     """File to write: .npz with cells, values, part and grid."""
@@ -39,7 +39,7 @@ class Materials:
     Example: autophyx-tet materials oak
     """
 
-    query: tyro.conf.Positional[str] = ""
+    query: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="QUERY")]] = ""
     """Words to look for in names, aliases and categories."""
     common: Flat[Common] = field(default_factory=Common)
 
@@ -57,7 +57,7 @@ class Info:
     Example: autophyx-tet info chair.msh
     """
 
-    file: tyro.conf.Positional[Path]
+    file: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
     """Mesh to look at: .msh, .vtu or .vtk."""
     common: Flat[Common] = field(default_factory=Common)
 

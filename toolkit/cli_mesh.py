@@ -27,7 +27,7 @@ class Convert:
     Example: autophyx-tet convert chair.glb -o chair.msh --size 0.9
     """
 
-    asset: tyro.conf.Positional[Path]
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
     """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """Mesh to write: .msh, .vtu or .vtk."""
@@ -58,7 +58,7 @@ class Assign:
     Example: autophyx-tet assign chair.msh --text "the legs are oak, the seat is soft foam" -o m.msh
     """
 
-    mesh: tyro.conf.Positional[Path]
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh made by `convert`: .msh, .vtu or .vtk."""
     output: Output
     """Mesh to write: .msh, .vtu or .vtk."""
@@ -94,7 +94,7 @@ class Simulate:
     autophyx-tet simulate chair.msh --scenario drop -o drop.pvd
     """
 
-    mesh: tyro.conf.Positional[Path]
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`."""
     output: Output
     """Result to write: .vtu or .vtk (the last state), or .pvd (the whole motion)."""
@@ -131,7 +131,7 @@ class Run:
     Example: autophyx-tet run bonsai.glb --text "the pot is ceramic, the trunk is oak" -o out/bonsai
     """
 
-    asset: tyro.conf.Positional[Path]
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
     """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
     output: Output
     """Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json."""

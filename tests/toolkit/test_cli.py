@@ -1,14 +1,18 @@
 """The command line as a user meets it: help, start-up, JSON, one clear line for every bad input."""
 
+import inspect
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
 
+import autophyx_tet
 import numpy as np
 import pytest
 import trimesh
+import tyro
 from autophyx_tet.toolkit.cli import COMMANDS, main
 
 HEAVY = {"torch", "warp", "open3d", "pymeshlab", "pytetwild", "igl", "trimesh", "meshio", "scipy"}
@@ -215,6 +219,28 @@ def test_did_you_mean(arguments, words):
     done = run_cli(*arguments)
     assert done.returncode == 2
     assert words in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_examples_of_the_help_parse(command):
+    """Every command shows at least one call of itself, and its words are options of its own."""
+    words = " ".join(inspect.getdoc(COMMANDS[command]).split())
+    calls = re.findall(rf"autophyx-tet {command} [^;]+", words)
+    assert calls
+    for call in calls:
+        tyro.cli(COMMANDS[command], args=shlex.split(call)[2:])
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    """`--help | head -1`: the rest is not written, and nothing is said about it."""
+    command = f'"{sys.executable}" -m autophyx_tet.toolkit.cli --help | head -n 1'
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True)
+    assert (len(done.stdout.splitlines()), done.stderr) == (1, "")
+
+
+def test_the_version_is_told(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"autophyx-tet {autophyx_tet.__version__}\n"
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
