@@ -33,7 +33,7 @@ def render_grid(
 
     The default cameras are 15 on the upper hemisphere of the cells that have density.
     """
-    cameras = tuple(cameras or hemisphere(_bounds(density, grid), up=up))
+    cameras = tuple(cameras or hemisphere(matter_bounds(density, grid), up=up))
     shown = colour[density > 0].astype(np.float64)
     colours, covers = [], []
     for camera in cameras:
@@ -52,7 +52,7 @@ def render_grid(
     )
 
 
-def _bounds(density: Float[np.ndarray, "nx ny nz"], grid: Grid) -> Float[np.ndarray, "2 3"]:
+def matter_bounds(density: Float[np.ndarray, "nx ny nz"], grid: Grid) -> Float[np.ndarray, "2 3"]:
     """Box [m] around the cells that have density."""
     cells = np.argwhere(density > 0)
     low, high = grid.to_world(cells.min(axis=0)), grid.to_world(cells.max(axis=0))

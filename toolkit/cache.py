@@ -1,4 +1,4 @@
-"""Results of the engines on disk, keyed by all that they depend on."""
+"""Results on disk, keyed by all that they depend on: the engines', and others' arrays."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ class Runner:
     ) -> Arrays:
         """Return what the task gives, from the cache if it has been run before."""
         path = None if self.cache is None else self.cache / f"{digest(task, arrays, options)}.npz"
-        if path is not None and (known := _load(path)) is not None:
+        if path is not None and (known := recalled(path)) is not None:
             return known
         result = run_guarded(
             task,
@@ -66,9 +67,7 @@ class Runner:
             progress=self.progress,
         )
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            save_npz(path, **result)
-            _prune(path.parent)
+            remember(path, result, most_bytes=MAX_BYTES)
         return result
 
 
@@ -83,8 +82,8 @@ def digest(task: str, arrays: Mapping[str, np.ndarray], options: Mapping[str, An
     return sha.hexdigest()
 
 
-def _load(path: Path) -> Arrays | None:
-    """A remembered result; one that cannot be read is forgotten."""
+def recalled(path: Path) -> Arrays | None:
+    """Arrays remembered in a file; one that cannot be read is forgotten."""
     if not path.exists():
         return None
     try:
@@ -98,11 +97,22 @@ def _load(path: Path) -> Arrays | None:
     return arrays
 
 
-def _prune(folder: Path) -> None:
-    """Forget what has not been used for longest until the rest fits."""
-    files = sorted(folder.glob("*.npz"), key=lambda path: path.stat().st_mtime, reverse=True)
+def remember(
+    path: Path,
+    arrays: Mapping[str, np.ndarray],
+    *,
+    most_files: float = inf,
+    most_bytes: float = inf,
+) -> None:
+    """Write arrays to a file, and forget what its folder holds beyond the bounds.
+
+    What has not been used for longest goes first.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_npz(path, **arrays)
+    files = sorted(path.parent.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
     total = 0
-    for path in files:
-        total += path.stat().st_size
-        if total > MAX_BYTES:
-            path.unlink(missing_ok=True)
+    for count, file in enumerate(files, start=1):
+        total += file.stat().st_size
+        if count > most_files or total > most_bytes:
+            file.unlink(missing_ok=True)

@@ -11,12 +11,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..converters.npz import load_npz, save_npz
-from ..fem.errors import InputError
+from ..converters.npz import save_npz
 from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder
 from ..predictors.features import VoxelFeatures, features_of_views
 from ..predictors.features import features as features_of
+from .cache import recalled, remember
+from .matter import is_carrier, read_matter
 from .options import FeatureOptions
 from .outputs import check_file
 
@@ -31,7 +32,7 @@ PACKAGES = ("autophyx-tet", "numpy", "scipy", "torch", "embreex")
 class Features:
     """Features of an asset's voxels, and the files they were written to.
 
-    ``asset`` is None where photographs were given.
+    ``asset`` is None where there was no surface: photographs, splats, points or a density grid.
     """
 
     asset: Asset | None
@@ -65,8 +66,9 @@ def features(
     Parameters
     ----------
     asset
-        A surface, or a ``transforms.json`` of photographs with their cameras: then a small radiance
-        field is fitted to them for the density.
+        A surface; Gaussian splats, a cloud of points or a density grid, which are looked at as they
+        are; or a ``transforms.json`` of photographs with their cameras: then a small radiance field
+        is fitted to them for the density.
     output
         The .npz to write.
     options
@@ -85,8 +87,11 @@ def features(
         if path is not None:
             check_file(path, (suffix,))
     encoder = load_encoder(options.encoder)
+    seen: Asset | None = None
     if isinstance(asset, str | Path) and Path(asset).suffix.lower() == ".json":
-        seen, voxels = None, _photographed(Path(asset), encoder, options)
+        voxels = _photographed(Path(asset), encoder, options)
+    elif isinstance(asset, str | Path) and is_carrier(Path(asset)):
+        voxels = _carried(Path(asset), encoder, options)
     else:
         seen = asset if isinstance(asset, Asset) else load_asset(asset)
         voxels = _remembered(seen, encoder, options)
@@ -110,34 +115,29 @@ def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) ->
     return features_of_views(views, field.density, field.grid, encoder=encoder)
 
 
+def _carried(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
+    """Features of splats, points or a density grid, by pictures of its cells."""
+    from ..predictors.cameras import hemisphere
+    from ..predictors.grid_views import matter_bounds, render_grid
+
+    density, colour, grid = read_matter(path, cells=options.cells)
+    cameras = hemisphere(matter_bounds(density, grid), count=options.views, lower=options.lower)
+    views = render_grid(density, colour, grid, cameras)
+    return features_of_views(views, density, grid, encoder=encoder)
+
+
 def _remembered(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of an asset, from the cache if they were made before."""
     folder = options.memory if asset.source_hash is not None else None
     path = None if folder is None else folder / f"{_key(asset, encoder, options)}.npz"
-    if path is not None and (known := _recalled(path)) is not None:
-        return known
+    if path is not None and (known := recalled(path)) is not None:
+        return VoxelFeatures.of(known)
     made = features_of(
         asset, encoder=encoder, cells=options.cells, views=options.views, lower=options.lower
     ).arrays()
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_npz(path, **made)
-        _prune(path.parent)
+        remember(path, made, most_files=MAX_FILES)
     return VoxelFeatures.of(made)  # in half precision, as from the cache
-
-
-def _recalled(path: Path) -> VoxelFeatures | None:
-    """Remembered features; a file that cannot be read is made again."""
-    if not path.exists():
-        return None
-    try:
-        arrays = load_npz(path)
-    except InputError as error:
-        log.warning("%s is damaged and is made again: %s", path, error)
-        return None
-    path.touch()
-    log.info("from the cache: %s", path.name)
-    return VoxelFeatures.of(arrays)
 
 
 def _key(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> str:
@@ -151,10 +151,3 @@ def _key(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> str:
         "packages": {name: version(name) for name in PACKAGES},
     }
     return hashlib.sha256(json.dumps(seen, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def _prune(folder: Path) -> None:
-    """Forget what has not been used for longest."""
-    files = sorted(folder.glob("*.npz"), key=lambda path: path.stat().st_mtime, reverse=True)
-    for path in files[MAX_FILES:]:
-        path.unlink(missing_ok=True)
