@@ -102,6 +102,7 @@ class Distances:
 class ConversionReport:
     """Everything measured about one conversion; lengths [m], volumes [m^3].
 
+    ``layers`` of tets were asked of the engine through thin places.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
     volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell.
@@ -119,6 +120,7 @@ class ConversionReport:
     distances: Distances
     split_edges: int
     doubled_points: int
+    layers: int = 1
     sheets: tuple[str, ...] = ()
     thin: int = 0
     hollow: tuple[str, ...] = ()

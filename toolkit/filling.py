@@ -14,9 +14,11 @@ from .cache import Runner
 from .conversion import ENVELOPE_SHARE
 from .manifold import Separated, separate
 from .regions import Solids
-from .triangles import closest
+from .sizing import edge_field
+from .triangles import Triangles, closest
 
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
+MOST_LAYERS = 8  # more are 64 times the tets and more of a plate
 DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
 OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
 CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
@@ -24,12 +26,16 @@ CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or tw
 
 @dataclass(frozen=True)
 class Target:
-    """What the engine is asked for; lengths are shares of ``diagonal`` [m]."""
+    """What the engine is asked for; lengths are shares of ``diagonal`` [m].
+
+    ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is.
+    """
 
     diagonal: float
     edge_length_rel: float
     epsilon_rel: float
     stop_energy: float
+    layers: int = 1
 
     @property
     def edge_length(self) -> float:
@@ -54,6 +60,8 @@ class Target:
         ):
             if not 0 < value <= most:
                 raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
+        if not 1 <= self.layers <= MOST_LAYERS:
+            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {self.layers}")
         return self
 
     def coarser(self, factor: float) -> Target:
@@ -82,11 +90,14 @@ def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
     points, faces = solids.clean_triangles()
     lo, hi = points.min(axis=0), points.max(axis=0)
     centre, scale = (lo + hi) / 2, float(np.linalg.norm(hi - lo))
+    unit = Triangles((points - centre) / scale, faces)
+    edge = min(target.edge_length / scale, 1.0)
+    field = edge_field(unit, edge=edge, layers=target.layers) if target.layers > 1 else {}
     box = runner.run(
         "tetwild",
-        {"points": (points - centre) / scale, "faces": faces},
+        {**unit._asdict(), **field},
         {
-            "edge_length_rel": min(target.edge_length / scale, 1.0),
+            "edge_length_rel": edge,
             "epsilon_rel": target.envelope / scale,
             "stop_energy": target.stop_energy,
             "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,

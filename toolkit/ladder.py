@@ -87,13 +87,20 @@ class Job(NamedTuple):
 
 
 def climb_within(job: Job, max_tets: int | None) -> Climb:
-    """Climb, and again with a coarser target while the result has more than ``max_tets`` tets."""
+    """Climb, and again with a coarser target while the result has more than ``max_tets`` tets.
+
+    Layers of thin places are given up first: they cost the most.
+    """
     found = climb(job, tightening=max_tets is None)
     for _ in range(BUDGET_ROUNDS):
         if found.made is None or max_tets is None or len(found.made.mesh.tets) <= max_tets:
             break
-        factor = BUDGET_MARGIN * (len(found.made.mesh.tets) / max_tets) ** 0.5
-        target = found.made.filling.target.coarser(factor)
+        target = found.made.filling.target
+        if target.layers > 1:
+            target = replace(target, layers=1)
+        else:
+            factor = BUDGET_MARGIN * (len(found.made.mesh.tets) / max_tets) ** 0.5
+            target = target.coarser(factor)
         coarser = climb(job._replace(target=target), tightening=False)
         made = coarser.made if coarser.kept or not found.kept else found.made
         found = Climb(made or found.made, found.attempts + coarser.attempts)

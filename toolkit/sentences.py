@@ -18,9 +18,14 @@ HOLLOW = re.compile(
 )
 
 
-def said(report: ConversionReport) -> tuple[str, ...]:
-    """Sentences about whatever a user would not expect."""
+def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
+    """Sentences about whatever a user would not expect who asked for so many ``layers``."""
     sentences = list(report.failed)
+    if report.layers < layers:
+        sentences.append(
+            f"{layers} layers of tets through thin places are more than --max-tets allows: "
+            "given up; a larger --max-tets keeps them"
+        )
     if report.sheets:
         sentences.append(
             f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"

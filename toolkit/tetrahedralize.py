@@ -39,6 +39,7 @@ def tetrahedralize(
     epsilon_rel: float = 2e-3,
     edge_length: float | None = None,
     max_tets: int | None = None,
+    layers: int = 1,
     thicken: float | None = None,
     wall: float | None = None,
     part_wall: Mapping[str, float] | None = None,
@@ -61,6 +62,9 @@ def tetrahedralize(
         diagonal of the bounding box; the engine works in an envelope of half that distance.
     edge_length, max_tets
         Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
+    layers
+        Layers of tets wanted through thin places, by shorter edges there, at most a quarter of the
+        wanted one; given up where ``max_tets`` does not allow them.
     thicken, wall, part_wall
         Thickness [m] given to sheets, which otherwise are left out; wall [m] that hollows all
         closed parts, or the named ones, which otherwise are solid.
@@ -80,7 +84,7 @@ def tetrahedralize(
     diagonal = float(np.linalg.norm(asset.size))
     if edge_length is not None:
         edge_length_rel = edge_length / diagonal
-    target = Target(diagonal, edge_length_rel, epsilon_rel, stop_energy).checked()
+    target = Target(diagonal, edge_length_rel, epsilon_rel, stop_energy, layers).checked()
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     rng = np.random.default_rng(seed)
@@ -96,7 +100,7 @@ def tetrahedralize(
     made = _kept(asset, found, accept_broken)
     report = _report(asset, job, volume, made, found.attempts, repaired, walls, seed)
     mesh = replace(made.mesh, points=made.mesh.points + centre)
-    return mesh, replace(report, warnings=said(report))
+    return mesh, replace(report, warnings=said(report, layers=layers))
 
 
 def _moved(parts: Sequence[Part], by: np.ndarray) -> list[Part]:
@@ -199,6 +203,7 @@ def _report(
         distances=made.gaps,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
+        layers=filling.target.layers,
         sheets=sheets,
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
