@@ -33,6 +33,8 @@ class Convert:
     """Mesh to write: .msh, .vtu or .vtk."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
+    quality: bool = False
+    """Print a table of the tets' angles, ratios, altitudes and explicit time step."""
     options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
     common: Flat[Common] = field(default_factory=Common)
 
@@ -46,9 +48,9 @@ class Convert:
 
             return plan(self.asset, self.options, output=self.output)
         with progress(quiet=self.common.quiet) as tell:
-            return convert(
-                self.asset, output=self.output, options=self.options, progress=tell
-            ).document()
+            made = convert(self.asset, output=self.output, options=self.options, progress=tell)
+        rows = {"quality_rows": made.report.quality.rows()} if self.quality else {}
+        return made.document() | rows
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,8 @@ class ConvertOptions:
     """Largest distance between the result and the input surface, as a share of the diagonal."""
     max_tets: int | None = None
     """Budget of tets: edge and epsilon grow until it is met."""
+    layers: int = 1
+    """Layers of tets wanted through thin places; 2 took 4 times as long, with 10 times the tets."""
     thicken: float | None = None
     """Thickness [m] given to sheets; without it they are left out, with a warning."""
     wall: float | None = None
@@ -51,6 +53,8 @@ class ConvertOptions:
     """Wall [m] of one part alone, NAME=METRES; may be repeated."""
     time_limit: float = 300.0
     """Seconds one attempt of the tetrahedraliser may take."""
+    accept_broken: bool = False
+    """Keep the best mesh where none is within epsilon of the input, with warnings, not exit 4."""
     cache: Path | None = None
     """Folder that remembers results of the tetrahedraliser; by default the user's cache folder."""
     no_cache: bool = False
@@ -60,8 +64,9 @@ class ConvertOptions:
 
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
-        names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "thicken", "wall")
-        return {name: getattr(self, name) for name in (*names, "time_limit", "seed")} | {
+        names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "layers", "thicken")
+        names += ("wall", "time_limit", "accept_broken", "seed")
+        return {name: getattr(self, name) for name in names} | {
             "part_wall": {name: _metres(value) for name, value in pairs(self.part_wall).items()},
             "cache": None if self.no_cache else self.cache or _cache_folder("convert"),
         }

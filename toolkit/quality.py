@@ -7,10 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..fem.checks import largest_explicit_step
+from ..fem.material import wave_speed
 from ..fem.mesh import TetMesh, altitudes, area_vectors, boundary_faces, signed_volumes
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+
+ROWS = ("measure", "unit", "min", "5 %", "median")
+STEEL = 2.1e11, 0.3, 7850.0  # E [Pa], nu [1], rho [kg/m^3]: 6.0 km/s
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,8 @@ class Quality:
 
     Dihedral angles are those of the sharpest edge of each tet [degrees]; the radius ratio is three
     inradii by one circumradius [1], 1 for a regular tet; altitudes are in [m], volumes in [m^3].
+    ``time_step`` [s] is the largest that explicit integration may take, smallest altitude by wave
+    speed: that of E, nu and rho, and without them that of steel, which few solids exceed.
     """
 
     points: int
@@ -48,10 +55,24 @@ class Quality:
     dihedral_p05: float
     dihedral_median: float
     radius_ratio_min: float
+    radius_ratio_p05: float
     radius_ratio_median: float
     altitude_min: float
+    time_step: float
     components: int
     boundary: BoundaryKind
+
+    def rows(self) -> list[dict[str, str | float | None]]:
+        """Return what `convert --quality` prints: a measure, its unit, and three numbers."""
+        numbers = (
+            ("sharpest dihedral angle", "°", self.dihedral_min, self.dihedral_p05,
+             self.dihedral_median),
+            ("radius ratio", "1", self.radius_ratio_min, self.radius_ratio_p05,
+             self.radius_ratio_median),
+            ("altitude", "m", self.altitude_min, None, None),
+            ("explicit time step", "s", self.time_step, None, None),
+        )  # fmt: skip
+        return [dict(zip(ROWS, row, strict=True)) for row in numbers]
 
 
 def quality(mesh: TetMesh) -> Quality:
@@ -60,6 +81,14 @@ def quality(mesh: TetMesh) -> Quality:
     sharpest = dihedral_angles(mesh.points, mesh.tets).min(axis=1)
     ratio = radius_ratios(mesh.points, mesh.tets)
     low, p05, median = np.percentile(sharpest, [0, 5, 50])
+    worst, ratio_p05, ratio_median = np.percentile(ratio, [0, 5, 50])
+    altitude = float(altitudes(mesh.points, mesh.tets).min())
+    steel = mesh.material is None
+    step = (
+        altitude / float(wave_speed(*np.atleast_2d(STEEL).T)[0])
+        if steel
+        else largest_explicit_step(mesh)
+    )
     return Quality(
         points=len(mesh.points),
         tets=len(mesh.tets),
@@ -68,9 +97,11 @@ def quality(mesh: TetMesh) -> Quality:
         dihedral_min=float(low),
         dihedral_p05=float(p05),
         dihedral_median=float(median),
-        radius_ratio_min=float(ratio.min()),
-        radius_ratio_median=float(np.median(ratio)),
-        altitude_min=float(altitudes(mesh.points, mesh.tets).min()),
+        radius_ratio_min=float(worst),
+        radius_ratio_p05=float(ratio_p05),
+        radius_ratio_median=float(ratio_median),
+        altitude_min=altitude,
+        time_step=step,
         components=component_count(mesh.tets),
         boundary=boundary_kind(boundary_faces(mesh.tets).faces),
     )

@@ -54,6 +54,18 @@ def test_quality_is_free_of_units_and_place():
     assert a.components == 1
 
 
+def test_the_table_of_a_mesh():
+    """Percentiles in order, and the step of steel: altitude by sqrt((lam + 2 mu) / rho)."""
+    mesh = box_mesh((1, 2, 3), (2, 3, 4))
+    found = quality(mesh)
+    speed = np.sqrt(2.1e11 * 0.7 / (1.3 * 0.4) / 7850)
+    assert found.time_step == pytest.approx(found.altitude_min / speed)
+    soft = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.0, rho=1e3))
+    assert quality(soft).time_step == pytest.approx(found.altitude_min / np.sqrt(1e3))
+    for row in found.rows()[:2]:
+        assert row["min"] <= row["5 %"] <= row["median"]
+
+
 def test_largest_explicit_step():
     """h / c on one corner tet: altitude 1/sqrt(3), c^2 = E/rho for nu = 0; none without E."""
     points, tets = _tet(np.vstack([np.zeros(3), np.eye(3)]))
