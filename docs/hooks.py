@@ -1,7 +1,7 @@
 """What the pages take from the program itself: help texts, tables of formats, numbers, pictures.
 
 A line ``{{ name argument }}`` of a page is replaced by what ``FILLERS[name]`` makes of it; every
-picture of the executed notebooks is at ``pictures/NOTEBOOK-NUMBER.png``.
+picture of the executed notebooks is at ``pictures/NOTEBOOK-NUMBER.png``, a moving one ``.gif``.
 """
 
 import base64
@@ -16,6 +16,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "data"
+PICTURES = ("png", "gif")
 _BLANK = re.compile(r"^\{\{ (\w+) ?(.*?) \}\}$", re.MULTILINE)
 
 
@@ -30,10 +31,13 @@ def on_files(files: Files, config) -> Files:
         cells = json.loads(path.read_text())["cells"]
         outputs = [out for cell in cells for out in cell.get("outputs", [])]
         pictures = [
-            out["data"]["image/png"] for out in outputs if "image/png" in out.get("data", {})
+            (kind, out["data"][f"image/{kind}"])
+            for out in outputs
+            for kind in PICTURES
+            if f"image/{kind}" in out.get("data", {})
         ]
-        for number, picture in enumerate(pictures):
-            name = f"pictures/{path.stem}-{number}.png"
+        for number, (kind, picture) in enumerate(pictures):
+            name = f"pictures/{path.stem}-{number}.{kind}"
             content = base64.b64decode(picture)
             files.append(File.generated(config, name, content=content))
     return files

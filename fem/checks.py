@@ -20,8 +20,8 @@ HOLDS = 0.05
 TRUSTED = 0.1
 # Quadratic elements are far closer than linear ones: where those are off by .167, .41, .62 and .68
 # they are by .001 (the bench beam), .05, .20 (a chair of oak and foam) and .01 (the same in oak):
-# at most half the square.
-TRUSTED_P2 = 0.3
+# at most half the square, so that this gap means ``TRUSTED`` for them.
+TRUSTED_P2 = (2 * TRUSTED) ** 0.5
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the

@@ -45,4 +45,5 @@ def test_what_is_shown_is_what_the_source_does(source):
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
     outputs = [output for cell in code for output in cell["outputs"]]
     assert all(output["output_type"] != "error" for output in outputs)
-    assert any("image/png" in output.get("data", {}) for output in outputs)
+    kinds = {kind for output in outputs for kind in output.get("data", {})}
+    assert kinds & {"image/png", "image/gif"}

@@ -123,7 +123,7 @@ def _span(lo: float, hi: float, unit: str) -> str:
 
 
 def _verdict(verdict: Verdict) -> str:
-    below = verdict.advice or verdict.detail
+    below = verdict.advice or (verdict.detail if verdict.mark != "good" else "")
     detail = f"<small>{escape(below)}</small>" if below else ""
     return (
         f'<li class="{verdict.mark}"><b aria-label="{verdict.mark}">{MARKS[verdict.mark]}</b>'

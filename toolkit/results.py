@@ -33,6 +33,13 @@ class Conversion:
     report: ConversionReport
     files: tuple[Path, ...] = ()
 
+    @property
+    def warnings(self) -> list[str]:
+        """What was assumed, left out or found odd."""
+        pieces = self.report.quality.components
+        apart = f"the mesh is in {pieces} pieces that do not touch: each stands or hangs by itself"
+        return [*self.asset.warnings, *self.report.warnings, *([apart] if pieces > 1 else [])]
+
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh."""
         return Sidecar.of_asset(self.asset).with_record(convert=self.document())
@@ -44,7 +51,7 @@ class Conversion:
             **mesh_document(self.mesh),
             "quality": self.report.quality,
             "report": self.report.as_dict(),
-            "warnings": [*self.asset.warnings, *self.report.warnings],
+            "warnings": self.warnings,
         }
 
 
@@ -157,7 +164,7 @@ class RunResult:
         ]
         keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", kind)
         warnings = [
-            *self.conversion.document()["warnings"],
+            *self.conversion.warnings,
             *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),
         ]
         return {

@@ -43,13 +43,15 @@ def show(document: Mapping[str, Any]) -> None:
 
 
 def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
-    """Parts, materials, regions of a mesh file, or the scores of `evaluate`."""
+    """Parts, materials, regions of a mesh file, quality, or the scores of `evaluate`."""
     if document.get("parts"):
         yield _table(document["parts"], PARTS)
     if "materials" in document:
         yield _table(document["materials"], MATERIALS)
     if "file" in document:
         yield _table(document["regions"], REGIONS)
+    if rows := document.get("quality_rows"):
+        yield _table(rows, {name: name for name in rows[0]})
     if "papers" in document:
         yield _table(document["rows"], _scalars(document["rows"]))
 
@@ -163,6 +165,12 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
+    if "file" in document:
+        found = document["quality"]
+        yield (
+            f"sharpest dihedral angle {found.dihedral_min:.3g}°, smallest altitude "
+            f"{found.altitude_min:.3g} m, {found.components} connected pieces"
+        )
     if "voxels" in document:
         yield (
             f"{document['voxels']:,} voxels, {document['seen']:,} of them seen, "
