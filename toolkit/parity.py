@@ -63,19 +63,17 @@ def crossings(points, faces, where) -> Int[np.ndarray, "directions n"]:
     from trimesh.ray.ray_pyembree import RayMeshIntersector
 
     # Embree computes in single precision: centred, at unit size.
-    lo, hi = points[faces].min(axis=(0, 1)), points[faces].max(axis=(0, 1))
+    used, faces = np.unique(faces, return_inverse=True)
+    corners, faces = points[used], faces.reshape(-1, 3)
+    lo, hi = corners.min(axis=0), corners.max(axis=0)
     centre, scale = (lo + hi) / 2, (hi - lo).max()
     caster = RayMeshIntersector(
-        trimesh.Trimesh((points - centre) / scale, faces, process=False), scale_to_box=False
+        trimesh.Trimesh((corners - centre) / scale, faces, process=False), scale_to_box=False
     )
-    origins = (where - centre) / scale
-    counts = np.zeros((DIRECTIONS, len(where)), dtype=np.int64)
-    for row, direction in zip(counts, _spread(DIRECTIONS), strict=True):
-        hits = caster.intersects_id(
-            origins, np.tile(direction, (len(where), 1)), multiple_hits=True
-        )
-        row += np.bincount(np.asarray(hits[1], dtype=np.int64), minlength=len(where))
-    return counts
+    origins = np.tile((where - centre) / scale, (DIRECTIONS, 1))
+    directions = np.repeat(_spread(DIRECTIONS), len(where), axis=0)
+    ray = np.asarray(caster.intersects_id(origins, directions, multiple_hits=True)[1], np.int64)
+    return np.bincount(ray, minlength=len(origins)).reshape(DIRECTIONS, -1)
 
 
 def _spread(count: int) -> Float[np.ndarray, "count 3"]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -31,6 +32,7 @@ TWO_SIDED_SHARE = 0.9
 HOLE_SHARE = 0.69
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
 FLAT = 1e-3
+MOST_CROSSED = 100_000  # triangles: crossings are told, not needed; foliage has millions of them
 # Depth, relative to a component's size, of the point that decides whether it is a cavity.
 CAVITY_DEPTH = 1e-4
 
@@ -40,7 +42,8 @@ class RepairReport:
     """How many things repair changed; 0 means that the input was clean in that respect.
 
     The last three are left as they are for the tetrahedraliser, which copes with them:
-    ``crossing_faces`` counts pairs of triangles that cross or touch out of plane.
+    ``crossing_faces`` counts pairs of triangles that cross or touch out of plane; it is None, not
+    counted, on surfaces of more than ``MOST_CROSSED`` triangles.
     """
 
     merged_vertices: int = 0
@@ -52,12 +55,12 @@ class RepairReport:
     added_faces: int = 0
     open_edges: int = 0
     non_manifold_edges: int = 0
-    crossing_faces: int = 0
+    crossing_faces: int | None = 0
 
     def __add__(self, other: RepairReport) -> RepairReport:
-        return RepairReport(
-            **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
-        )
+        both = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        total: dict[str, Any] = {k: None if None in v else sum(v) for k, v in both.items()}
+        return RepairReport(**total)
 
 
 def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surface, RepairReport]:
@@ -194,8 +197,10 @@ def _outward_patches(
     faces, loose = surface.faces.copy(), np.zeros(len(surface.faces), dtype=bool)
     pairs = np.unique(np.column_stack([surface.component, patch]), axis=0)
     several = np.flatnonzero(np.bincount(pairs[:, 0]) > 1)
-    for component in several:
-        mine = np.flatnonzero(surface.component == component)
+    order = np.argsort(surface.component, kind="stable")
+    bounds_of = np.searchsorted(surface.component[order], [several, several + 1])
+    for start, end in bounds_of.T:
+        mine = order[start:end]
         local = np.unique(patch[mine], return_inverse=True)[1].reshape(-1)
         sides = patch_sides(surface.points, faces[mine], local)
         bounds = sides.below != sides.above
@@ -297,8 +302,9 @@ def _left_over(surface: Surface) -> RepairReport:
     """What stays open, non-manifold or crossing after repair."""
     edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     count = np.unique(edges, axis=0, return_counts=True)[1]
+    many = len(surface.faces) > MOST_CROSSED
     return RepairReport(
         open_edges=int((count == 1).sum()),
         non_manifold_edges=int((count > 2).sum()),
-        crossing_faces=len(crossing_pairs(surface.points, surface.faces)),
+        crossing_faces=None if many else len(crossing_pairs(surface.points, surface.faces)),
     )

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
 from .conversion import BROKEN, SHARE_TOLD, Attempt, ConversionReport
+from .repair import MOST_CROSSED
 
 # Words of things whose closed surface usually stands for a shell.
 HOLLOW = re.compile(
@@ -26,6 +27,8 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
             f"{layers} layers of tets through thin places are more than --max-tets allows: "
             "given up; a larger --max-tets keeps them"
         )
+    if report.repair.crossing_faces is None:
+        sentences.append(f"self-intersections are not counted: more than {MOST_CROSSED} triangles")
     if report.sheets:
         sentences.append(
             f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
+from autophyx_tet.toolkit import repair as repair_module
 from autophyx_tet.toolkit.regions import Solids
 from autophyx_tet.toolkit.repair import RepairReport, repair
 from autophyx_tet.toolkit.surface import component_volumes, open_components
@@ -195,3 +196,12 @@ def test_sides_with_cracks_enclose_together_and_foliage_does_not():
     leaves = rng.random((300, 1, 3)) + 0.1 * rng.normal(size=(300, 3, 3))
     foliage = _part(leaves.reshape(-1, 3), np.arange(900).reshape(-1, 3))
     assert not Solids.of(repair([foliage])[0], 1, thinnest=1e-6).shells
+
+
+def test_crossings_of_a_large_surface_are_not_counted(monkeypatch):
+    """Two crossed boxes have crossings; above the bound there is None, which is not zero."""
+    box = trimesh.creation.box((1, 1, 1))
+    crossed = trimesh.util.concatenate([box, box.copy().apply_translation((0.3, 0.4, 0.5))])
+    assert repair_module.repair([Part("boxes", crossed)])[1].crossing_faces > 0
+    monkeypatch.setattr(repair_module, "MOST_CROSSED", 20)
+    assert repair_module.repair([Part("boxes", crossed)])[1].crossing_faces is None
