@@ -141,6 +141,8 @@ class Run:
     """What the object is made of; repeat it to compare two sentences under the same loads."""
     picture: Path | None = None
     """One more picture, outside the folder: .png, or the motion as .gif or .webp."""
+    features: bool = False
+    """Show in the report what the image encoder sees, as colours; some seconds more."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
     convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
@@ -172,6 +174,7 @@ class Run:
                 convert_options=self.convert,
                 assign_options=self.assign,
                 simulate_options=self.simulate,
+                features=self.features,
                 progress=tell,
             )
         return result.document()

@@ -15,6 +15,11 @@ from ..predictors.grid import Grid
 from .picture import Panel, asset_panel, render_png
 from .tracer import Surface
 
+CAPTION = (
+    "What the image encoder sees, lifted onto voxels: the first three principal components of its "
+    "features as red, green and blue. Parts of one colour look alike to it."
+)
+
 
 class Shell(NamedTuple):
     """Faces between full and empty cells: points (points, 3) [m], triangles, the cell of each."""

@@ -23,7 +23,14 @@ def write_folder(folder: Path, result: RunResult) -> RunResult:
         home = folder if number == 1 else folder / f"text{number}"
         home.mkdir(parents=True, exist_ok=True)
         files += _write_case(home, case, bare_mesh=number == 1)
-    report = write_report(folder / "report.html", run_page(result))
+    pictures = {}
+    if result.features is not None:
+        from .feature_picture import CAPTION, feature_png
+
+        asset = result.conversion.asset
+        files.append(feature_png(folder / "features.png", result.features, asset))
+        pictures[CAPTION] = files[-1].read_bytes()
+    report = write_report(folder / "report.html", run_page(result, pictures=pictures))
     files.append(_write_picture(folder / "picture.png", result))
     record = folder / "run.json"
     result = replace(result, files=(*files, report, record))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from .document import plain, versions
@@ -12,8 +13,8 @@ from .sidecar import Sidecar
 from .simulation import Settled, Simulation
 
 
-def run_page(result: RunResult) -> ReportContent:
-    """Gather what the report shows of a run, one case a sentence."""
+def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) -> ReportContent:
+    """Gather what the report shows of a run, one case a sentence; PNG files by their captions."""
     conversion, document = result.conversion, result.document()
     asset = conversion.asset
     cases = (
@@ -33,6 +34,7 @@ def run_page(result: RunResult) -> ReportContent:
             "versions": versions(),
             "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
         },
+        pictures=pictures or {},
     )
 
 

@@ -196,12 +196,14 @@ def run(
     convert_options: ConvertOptions | None = None,
     assign_options: AssignOptions | None = None,
     simulate_options: SimulateOptions | None = None,
+    features: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> RunResult:
     """Convert once, assign and simulate every sentence under the same loads, write a folder.
 
-    ``picture`` (.png, .gif, .webp) is one more, of the first sentence. Nothing is written before
-    everything is computed. Raises what the single verbs raise.
+    ``picture`` (.png, .gif, .webp) is one more, of the first sentence; with ``features`` the report
+    shows what the image encoder sees. Nothing is written before everything is computed. Raises what
+    the single verbs raise.
     """
     from .folder import write_folder
     from .snapshot import SUFFIXES, write_picture
@@ -220,6 +222,11 @@ def run(
         cases.append(RunCase(body, answer))
         clock.lap("simulate")
     result = RunResult(solid, tuple(cases), clock.seconds)
+    if features:
+        from .features import features as features_of
+
+        result = replace(result, features=features_of(solid.asset).voxels)
+        clock.lap("features")
     if picture is not None:
         drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
         result = replace(result, files=(drawn,))

@@ -143,7 +143,8 @@ class ReportContent:
 
     ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
     ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
-    ``up`` is the axis of the mesh that points up.
+    ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG file's
+    bytes.
     """
 
     title: str
@@ -152,6 +153,7 @@ class ReportContent:
     quality: Mapping[str, object] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.cases:

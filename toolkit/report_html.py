@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from html import escape
 
@@ -41,6 +42,7 @@ def sections(content: ReportContent) -> dict[str, str]:
         "title": escape(content.title),
         "views": _for_each_case(_view, content),
         "findings": _for_each_case(_findings, content),
+        "pictures": _pictures(content.pictures),
         "warnings": _warnings(_all_warnings(content)),
         "materials": _for_each_case(_materials, content),
         "quality": _numbers(content.quality),
@@ -71,6 +73,17 @@ def _rounded(value: float, digits: int) -> str:
 
 def _letter(index: int, content: ReportContent) -> str:
     return f'<span class="letter">{chr(65 + index)}</span> ' if len(content.cases) > 1 else ""
+
+
+def _pictures(pictures: Mapping[str, bytes]) -> str:
+    """PNG files, each above its caption; nothing where there are none."""
+    shown = "".join(
+        f'<figure><img style="max-width:100%" alt="{escape(caption)}" '
+        f'src="data:image/png;base64,{b64encode(png).decode()}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, png in pictures.items()
+    )
+    return f'<section id="pictures"><h2>Pictures</h2>{shown}</section>' if shown else ""
 
 
 def _view(case: Case, index: int, content: ReportContent) -> str:

@@ -21,6 +21,7 @@ from .simulation import Settled, Simulation
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
     from ..predictors.choice import PartChoice
+    from ..predictors.features import VoxelFeatures
     from .conversion import ConversionReport
 
 
@@ -133,12 +134,16 @@ class RunCase:
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """One conversion, and one case for every sentence, under identical loads."""
+    """One conversion, and one case for every sentence, under identical loads.
+
+    ``features`` are what an image encoder sees of the asset, where that was asked for.
+    """
 
     conversion: Conversion
     cases: tuple[RunCase, ...]
     seconds: dict[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    features: VoxelFeatures | None = None
 
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""

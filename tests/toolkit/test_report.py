@@ -232,3 +232,11 @@ def test_wrong_content_is_refused_with_the_numbers():
         Case("t", one.mesh, motion=one.motion)
     with pytest.raises(InputError, match="at least one case"):
         ReportContent("t", ())
+
+
+def test_pictures_are_shown_with_their_captions():
+    """A PNG given to the report lies in the page, its caption escaped; without one no heading."""
+    page = report_page(content(pictures={"<features>": b"\x89PNG"}))
+    assert "data:image/png;base64,iVBORw==" in page
+    assert "<figcaption>&lt;features&gt;</figcaption>" in page
+    assert "<figcaption>" not in report_page(content())
