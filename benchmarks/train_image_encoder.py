@@ -6,9 +6,10 @@
     python benchmarks/train_image_encoder.py fit CORPUS.safetensors REGIONS.npz --out HEAD
 
 ``describe`` runs the frozen network over every picture (minutes on a CPU, seconds with ``--device
-cuda``); ``choose`` compares penalties and shares of words by cross-validation inside the corpus:
-the head and a probe of five kinds are fitted on some objects and scored on others, those of one
-source ("source NAME") or a quarter of all ("objects"); ``fit`` writes the head of the defaults.
+cuda``); ``choose`` compares penalties and lengths of the plain colours by cross-validation inside
+the corpus: the head and a probe of five kinds are fitted on some objects and scored on others,
+those of one source ("source NAME") or a quarter of all ("objects"); ``fit`` writes the head of the
+defaults.
 """
 
 import argparse
@@ -41,8 +42,8 @@ from autophyx_tet.toolkit.sweethome3d import TRAINING, VALIDATION, catalog, extr
 log = logging.getLogger("train_image_encoder")
 PROBED = ("metal", "plastic", "glass", "wood", "fabric")
 FOLDS = 4
-PENALTIES = (0.3, 1.0, 3.0)
-SHARES = ((1.0, 0.0, 0.0, 0.0), (1.0, 0.3, 0.1, 0.1), (1.0, 1.0, 0.3, 0.3))
+PENALTIES = (1.0, 10.0, 100.0, 1000.0)
+LENGTHS = (0.0, 0.4, 0.8)
 
 
 class Words(MiniLM):
@@ -86,9 +87,9 @@ def regions_of(path):
 def choose(options):
     corpus, regions = read_corpus(options.path), regions_of(options.regions)
     rows = [cross_validated("colour and opacity alone", corpus, regions, None)]
-    for penalty, shares in itertools.product(PENALTIES, SHARES):
-        settings = replace(TrainingOptions(), penalty=penalty, sorts=shares)
-        name = f"penalty {penalty:g}, shares {' '.join(map(str, shares))}"
+    for penalty, plain in itertools.product(PENALTIES, LENGTHS):
+        settings = replace(TrainingOptions(), penalty=penalty, plain=plain)
+        name = f"penalty {penalty:g}, plain {plain:g}"
         rows.append(cross_validated(name, corpus, regions, settings))
         log.info("%s", rows[-1])
     print(json.dumps(rows, indent=1))
@@ -112,9 +113,7 @@ def held_out(corpus, regions, settings, label, held):
     if settings is None:
         features = regions.features[:, :COLOURS]
     else:
-        head = fit(regions, corpus, Widths().groups, settings, use=~held)
-        features = head(regions.features)
-        features /= np.linalg.norm(features, axis=1, keepdims=True)
+        features = fit(regions, corpus, Widths().groups, settings, use=~held)(regions.features)
     known, held_known = (label >= 0) & ~held, (label >= 0) & held
     probe = fit_probe(Regions(features[known], label[known], regions.part[known]))
     right = probe(features[held_known]) == label[held_known]

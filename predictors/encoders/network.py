@@ -2,7 +2,8 @@
 
 Written as functions of a flat dictionary of weights, which is what a safetensors file holds. The
 backbone is EfficientNet-Lite0 (Tan and Le 2019) with the weights that it learned on ImageNet, batch
-norms folded into the convolutions; ours is the head, one matrix for each level.
+norms folded into the convolutions; ours is the head: one matrix for each level, and one more that
+keeps colour and opacity as they are, in directions that words leave free.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ STRIDE = 4  # pixels an output cell is wide
 MULTIPLE = 32  # sides of a picture must be multiples of this: the coarsest stage's stride
 STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block of every stage
 LEVELS = (1, 2, 3, 4, 5, 6)  # stages that the head reads: 1/4, 1/8, 1/16, 1/16, 1/32, 1/32
-COLOURS = 5  # channels of the level below all stages: colour, opacity, and whether it is full
+COLOURS = 16  # channels of the level below all stages: ``colours``
 FULL = 0.98  # opacity from which a pixel counts as fully covered
+DARK = 0.05  # brightness below which a saturation is noise
 BATCH_NORM_EPSILON = 1e-3
 
 
@@ -95,13 +97,11 @@ def folded_backbone(state: Weights, widths: Widths | None = None) -> Weights:
 def levels(weights: Weights, pictures: torch.Tensor) -> list[torch.Tensor]:
     """What the head reads of pictures (n, 4, h, w): colour on grey and opacity, in [0, 1].
 
-    Maps (n, channels, h / stride, w / stride): colour and opacity at 1/4, then ``LEVELS``.
+    Maps (n, channels, h / stride, w / stride): ``colours`` at 1/4, then ``LEVELS``.
     """
-    import torch
     import torch.nn.functional as F
 
-    full = (pictures[:, 3:] >= FULL).to(pictures.dtype)
-    found = [F.avg_pool2d(torch.cat([pictures, full], dim=1), STRIDE)]
+    found = [colours(pictures)]
     x = F.relu6(_conv(weights, "stem", 2 * pictures[:, :3] - 1, 2))
     for stage, stride in enumerate(STRIDES):
         block = 0
@@ -117,6 +117,24 @@ def levels(weights: Weights, pictures: torch.Tensor) -> list[torch.Tensor]:
     return found
 
 
+def colours(pictures: torch.Tensor) -> torch.Tensor:
+    """Colour and opacity of cells (n, 16, h/4, w/4), so that a linear map reads more off them.
+
+    Mean red, green, blue and opacity, the share of full opacity; the squares and products of the
+    former; brightness and its square, the least channel, and saturation.
+    """
+    import torch
+    import torch.nn.functional as F
+
+    full = (pictures[:, 3:] >= FULL).to(pictures.dtype)
+    mean = F.avg_pool2d(torch.cat([pictures, full], dim=1), STRIDE)
+    rgb = mean[:, :3]
+    bright, least = rgb.amax(dim=1, keepdim=True), rgb.amin(dim=1, keepdim=True)
+    saturation = (bright - least) / bright.clamp(min=DARK)
+    products = [mean[:, :4] ** 2, rgb * rgb.roll(1, dims=1)]
+    return torch.cat([mean, *products, bright, bright**2, least, saturation], dim=1)
+
+
 def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
     """A level at the resolution of the output."""
     import torch.nn.functional as F
@@ -125,9 +143,10 @@ def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
 
 
 def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
-    """Unit vectors (n, h/4, w/4, dim) of ``levels``: a linear map of each, summed.
+    """Unit vectors (n, h/4, w/4, dim) of ``levels``: what words say of them, beside their colours.
 
-    Mapping comes before upsampling, which is the same and cheaper.
+    The former is a linear map of each level, summed, of unit length; mapping comes before
+    upsampling, which is the same and cheaper. The latter lies across it.
     """
     import torch.nn.functional as F
 
@@ -136,6 +155,8 @@ def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
     for number, level in enumerate(found):
         mapped = F.conv2d(level, weights[f"head.{number}.weight"][..., None, None])
         total = total + (mapped if number < 2 else upsampled(mapped, size))
+    plain = F.conv2d(found[0], weights["plain.weight"][..., None, None], weights["plain.bias"])
+    total = F.normalize(total, dim=1, eps=1e-6) + plain
     return F.normalize(total.permute(0, 2, 3, 1), dim=-1, eps=1e-6)
 
 

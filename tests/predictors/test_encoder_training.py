@@ -14,10 +14,12 @@ from autophyx_tet.predictors.encoders.corpus import Specimen, read_corpus, write
 from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.kinds import KINDS, kind_of, plain_words
 from autophyx_tet.predictors.encoders.network import (
+    COLOURS,
     MULTIPLE,
     SMALLEST,
     STRIDE,
     Widths,
+    colours,
     head,
     levels,
     new_backbone,
@@ -25,10 +27,13 @@ from autophyx_tet.predictors.encoders.network import (
 from autophyx_tet.predictors.encoders.pictures import STILL, Variety, draw_pictures
 from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
 from autophyx_tet.predictors.encoders.training import (
+    Head,
     Linear,
     TrainingOptions,
     describe,
     fit,
+    free_directions,
+    plain_map,
     region_means,
     ridge,
     shipped_weights,
@@ -42,13 +47,7 @@ PIXELS = 64
 DIM = 24
 
 
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Tensors this small are slower with more threads, on a busy machine a hundredfold."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 class Words:
@@ -141,8 +140,9 @@ def test_head_is_small_and_of_unit_norm():
 def random_head():
     """Weights of a head by chance, in the shape that is shipped."""
     rng = np.random.default_rng(0)
-    linear = Linear(rng.normal(size=(sum(SMALLEST.groups), DIM)), rng.normal(size=DIM))
-    return {k: v.float() for k, v in shipped_weights(linear, SMALLEST).items()}
+    said = Linear(rng.normal(size=(sum(SMALLEST.groups), DIM)), rng.normal(size=DIM))
+    plain = Linear(rng.normal(size=(COLOURS, DIM)), rng.normal(size=DIM))
+    return {k: v.float() for k, v in shipped_weights(Head(said, plain), SMALLEST).items()}
 
 
 def test_region_means_are_means(corpus):
@@ -187,6 +187,40 @@ def test_fitted_head_tells_wood_from_metal(corpus):
     label = (corpus.words[regions.part, 0].numpy() == rows[1]).astype(int)
     assert unseen.sum() > 10
     assert (guess == label)[unseen].mean() > 0.9
+
+
+def test_the_network_computes_the_fitted_head(corpus):
+    """On a picture of one colour the network's vectors are those of the fitted head, in halves."""
+    backbone = new_backbone(SMALLEST, seed=0)
+    options = TrainingOptions(side=PIXELS, rounds=0, smallest=4)
+    fitted = fit(describe(corpus, backbone, options), corpus, SMALLEST.groups, options)
+    weights = {k: v.float() for k, v in shipped_weights(fitted, SMALLEST).items()}
+    picture = torch.tensor([0.7, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 64, 64)
+    found = levels(backbone, picture)
+    middle = head(backbone | weights, found)[0, 8, 8].numpy()
+    rows = torch.cat([level[0, :, level.shape[2] // 2, level.shape[3] // 2] for level in found])
+    assert middle @ fitted(rows.numpy()[None])[0] > 0.99
+
+
+def test_colours_lie_across_words():
+    """In directions that words leave free: no cosine to a word changes, all colours come back."""
+    rng = np.random.default_rng(0)
+    texts = rng.normal(size=(40, 8)) @ rng.normal(size=(8, DIM))
+    rows = rng.random((50, 4))
+    free = free_directions(texts, 4)
+    found = plain_map(rows, free, 0.3)(rows)
+    assert np.allclose(found @ texts.T, 0, atol=1e-9)
+    assert np.isclose((found**2).sum(axis=1).mean(), 0.3**2)
+    assert np.linalg.matrix_rank(found) == 4
+
+
+def test_colours_of_a_cell():
+    """A half transparent orange: means, squares, products, brightness, saturation."""
+    orange = torch.tensor([0.8, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 8, 8)
+    found = colours(orange)
+    assert found.shape == (1, COLOURS, 2, 2)
+    wanted = [0.8, 0.4, 0.2, 0.5, 0, 0.64, 0.16, 0.04, 0.25, 0.16, 0.32, 0.08, 0.8, 0.64, 0.2, 0.75]
+    assert torch.allclose(found[0, :, 1, 1], torch.tensor(wanted))
 
 
 def test_describing_twice_is_the_same(corpus):

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
@@ -26,13 +25,7 @@ QUICK = FitOptions(steps=60, rays=1024)
 GRID = Grid.around(np.array([[-0.7, -0.7, -0.7], [0.7, 0.7, 1.3]]), cells=26)
 
 
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Tensors this small are slower with more threads, on a busy machine a hundredfold."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
