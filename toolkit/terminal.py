@@ -46,7 +46,7 @@ def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
     """Parts, materials, regions of a mesh file, quality, or the scores of `evaluate`."""
     if document.get("parts"):
         yield _table(document["parts"], PARTS)
-    if "materials" in document:
+    if document.get("materials"):
         yield _table(document["materials"], MATERIALS)
     if "file" in document:
         yield _table(document["regions"], REGIONS)
@@ -160,8 +160,10 @@ def _cell(key: str, value: Any) -> str:
 
 
 def _totals(document: Mapping[str, Any]) -> Iterator[str]:
-    if "materials" in document:
-        yield f"{len(document['materials'])} materials; --json adds sources and aliases"
+    if found := document.get("materials"):
+        yield f"{len(found)} materials; --json adds sources and aliases"
+    elif "materials" in document:
+        yield f"no material matches {document['query']!r}: try one shorter word, or none for all"
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"

@@ -42,9 +42,10 @@ def test_scores_are_a_table(capsys):
             "chair: oak legs",
         ),
         ({"steps": 2000, "history": []}, "trained for 2,000 steps"),
+        ({"query": "unobtainium", "materials": []}, "no material matches 'unobtainium'"),
     ],
 )
-def test_what_was_learnt_is_told(document, words, capsys):
+def test_what_has_no_table_is_told(document, words, capsys):
     assert words in shown(capsys, document)
 
 
