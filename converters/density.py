@@ -10,6 +10,8 @@ import gzip
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +28,7 @@ WANTED = "a density grid"
 # instant-ngp stores density times its smallest step through the unit cube.
 _NGP_STEP = 3**0.5 / 1024
 _NGP_THRESHOLD = 0.01  # of that product: instant-ngp's own for an occupied cell
+_PIECE = 1 << 20  # bytes unpacked at a time
 _MAX_BYTES = 1 << 32  # unpacked snapshot
 
 
@@ -211,8 +214,9 @@ def _read_ngp(path: str | os.PathLike) -> DensityGrid:
             raise InputError("snapshots need msgpack: pip install 'autophyx-tet[nerf]'") from error
         content = source.read_bytes()
         if content[:2] == b"\x1f\x8b":
-            with gzip.open(source) as file:
-                content = file.read(_MAX_BYTES)
+            with gzip.open(source) as file:  # a read of all would set the whole bound aside
+                pieces = iter(partial(file.read, _PIECE), b"")
+                content = b"".join(islice(pieces, _MAX_BYTES // _PIECE))
         snapshot = msgpack.unpackb(content, strict_map_key=False)["snapshot"]
         n = int(snapshot["density_grid_size"])
         raw = np.frombuffer(snapshot["density_grid_binary"], dtype="<f2")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fem.errors import InputError
+from .claims import check_las
 from .files import reading, writing
 from .points import PointTable
 
@@ -21,6 +22,7 @@ _XYZ = ("x", "y", "z")
 def read_las(path: str | os.PathLike) -> PointTable:
     """Read a LAS or LAZ cloud: scaled x, y, z, then every other dimension by name."""
     with reading(path, WANTED) as source:
+        check_las(source)
         cloud = _laspy().read(source)
         columns = {name: np.asarray(cloud[name]) for name in _XYZ}
         for name in cloud.point_format.dimension_names:

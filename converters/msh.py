@@ -16,6 +16,7 @@ import numpy as np
 
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
+from .claims import check_counts
 from .files import reading, writing
 from .meshdata import MATERIAL, Arrays, MeshData, assemble, checked, escape, from_meshio
 
@@ -60,6 +61,7 @@ def read_msh(path: str | os.PathLike) -> MeshData:
             raise InputError(f"{path} does not start with $MeshFormat; wanted {WANTED}")
         if re.match(rb"\s*\$MeshFormat\s+2(\.\d+)?\s+0\s", head):
             return _read_ascii2(source.read_text(encoding="utf-8", errors="replace"))
+        check_counts(source)
         import meshio
 
         return from_meshio(meshio.gmsh.read(str(source)))

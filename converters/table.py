@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
 from . import npz
+from .claims import check_counts
 from .files import reading
 from .meshdata import Arrays, MeshData, from_meshio
 from .msh import read_msh, write_msh
@@ -45,6 +46,7 @@ def _write_npz(
 
 def _read_medit(path: str | os.PathLike) -> MeshData:
     with reading(path, "a Medit .mesh file with tets") as source:
+        check_counts(source)
         import meshio
 
         return from_meshio(meshio.medit.read(str(source)))

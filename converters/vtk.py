@@ -11,6 +11,7 @@ import numpy as np
 
 from ..fem.errors import InputError
 from ..fem.mesh import TetMesh
+from .claims import check_counts
 from .files import reading, writing
 from .meshdata import Arrays, MeshData, cell_arrays, checked, escape, from_meshio
 from .vtu import load_vtu
@@ -61,6 +62,7 @@ def read_vtk(path: str | os.PathLike) -> MeshData:
             raw = grid.field_data.pop(_NAMES, None)
             names = None if raw is None else np.asarray(raw, dtype=np.uint8).tobytes()
         else:
+            check_counts(source)
             grid = meshio.vtk.read(str(source))
             names = _legacy_names(source)
         lines = [] if names is None else names.decode("utf-8").split("\n")[:-1]
