@@ -6,10 +6,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .film_parts import masked_mean, mix, pool
+from .film_parts import Listening, masked_mean, mix, pool
 from .film_scene import NO_CLAUSE, NetworkConfig, Scene
 
 TRUST = 2.0  # a source of middling reliability counts as it is
+USELESS = 0.05  # a source that is known to be no better is not heard
 _GATE_STATS = 32
 
 
@@ -20,6 +21,7 @@ class Binder(nn.Module):
         super().__init__()
         scales, width = config.widths[:-1], config.key_width
         self.sources, self.graded = len(config.sources), config.graded
+        self.listen = Listening(config.sentence_dim)
         self.queries = nn.ModuleList(nn.Conv3d(c, width, 1) for c in scales)
         self.keys = nn.Sequential(
             nn.Linear(config.text_dim, config.slot_width),
@@ -41,13 +43,15 @@ class Binder(nn.Module):
         words = self._words(scene, features)
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
         closed = (~present.bool())[..., None, None, None]
+        if self.graded:
+            scene = _without_useless(scene)
         evidence = self._smooth(scene, masks[0])
         gate = self._gate(scene, words.masked_fill(closed, NO_CLAUSE), evidence, deepest, masks)
         logits = words * gate[:, 0, None, None, None, None]
         for source in range(self.sources):
             bias = self.null_evidence[source].expand_as(words[:, :1])
             trust = scene.reliability[:, source]
-            trust = TRUST * trust if self.graded else (trust > 0).float()
+            trust = TRUST * (trust - USELESS).clamp(min=0) if self.graded else (trust > 0).float()
             scale = gate[:, 1 + source] * trust
             full = torch.cat([evidence[:, source], bias], dim=1)
             logits = logits + full * scale[:, None, None, None, None]
@@ -55,7 +59,7 @@ class Binder(nn.Module):
 
     def _words(self, scene: Scene, features: list[Tensor]) -> Tensor:
         """Scaled dot products of clause keys with the queries of all scales, summed."""
-        keys = self.keys(scene.clauses * scene.clauses.shape[-1] ** 0.5)
+        keys = self.keys(self.listen(scene.clauses))
         keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
         size = scene.inputs.shape[2:]
         total = torch.zeros((), device=keys.device)
@@ -100,6 +104,13 @@ class Binder(nn.Module):
             agree = _agreement(index, mask)
             stats += [margin, top, agree, scene.reliability[:, source : source + 1]]
         return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
+
+
+def _without_useless(scene: Scene) -> Scene:
+    """Return the scene with the evidence of useless sources taken away."""
+    heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
+    evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
+    return scene._replace(evidence=evidence, reliability=scene.reliability * heard)
 
 
 def _agreement(best: Tensor, mask: Tensor) -> Tensor:

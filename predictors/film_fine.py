@@ -9,8 +9,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .film_binder import slot_weights
-from .film_parts import FilmBlock, Modulation, mix
+from .film_parts import FilmBlock, Listening, Modulation, mix
 from .film_scene import INPUTS, NO_CLAUSE, NetworkConfig, Output, Scene
+from .film_told import composed
 
 
 class Coarse(NamedTuple):
@@ -35,6 +36,7 @@ class FineStage(nn.Module):
         self.bind = FilmBlock(width, config.slot_width, modulated=False)
         self.decode = FilmBlock(width, config.slot_width)
         self.query = nn.Conv3d(width, key, 1)
+        self.listen = Listening(config.sentence_dim)
         self.keys = nn.Linear(config.text_dim, key)
         self.null = nn.Parameter(torch.zeros(1, 1, key))
         self.head = nn.Conv3d(width, 3, 1)
@@ -42,12 +44,12 @@ class FineStage(nn.Module):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
 
-    def forward(self, scene: Scene, coarse: Coarse, slots: Tensor, direct: Tensor) -> Output:
+    def forward(self, scene: Scene, coarse: Coarse, slots: Tensor, says: Tensor) -> Output:
         """Return values and binding on the fine grid."""
         mask = scene.inputs[:, :1]
         own = self.stem(scene.inputs) * mask.to(coarse.queries.dtype)
         x = self.bind(_double(self.up_query(coarse.queries)) + own, mask)
-        keys = self.keys(scene.clauses * scene.clauses.shape[-1] ** 0.5)
+        keys = self.keys(self.listen(scene.clauses))
         keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
         change = mix(self.query(x).permute(0, 2, 3, 4, 1), keys.transpose(1, 2)).float()
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
@@ -56,8 +58,7 @@ class FineStage(nn.Module):
         weights = slot_weights(scene, logits).permute(0, 2, 3, 4, 1)
         x = _double(self.up(coarse.features)) + own
         x = self.decode(x, mask, Modulation(weights, slots))
-        value = _double(coarse.residual) + self.head(x) + mix(weights, direct)
-        return Output(torch.tanh(value.float()), logits)
+        return Output(composed(_double(coarse.residual) + self.head(x), weights, says), logits)
 
 
 def _double(x: Tensor) -> Tensor:

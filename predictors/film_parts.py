@@ -17,6 +17,37 @@ EPSILON = 1e-5
 ONE_VOXEL = 1.0
 
 
+# Of embeddings in training, against their unit variance: at most, of a sentence and of a subject.
+SENTENCE_NOISE, SUBJECT_NOISE = 0.7, 0.3
+UNHEARD = 0.1  # of the sentences, of which only hints and subject are heard
+
+
+class Listening(nn.Module):
+    """Embeddings of clauses at unit variance; in training blurred, but for the lexicon's hints.
+
+    A clause said a little differently means the same.
+    """
+
+    def __init__(self, sentence_dim: int) -> None:
+        super().__init__()
+        self.sentence_dim = sentence_dim
+
+    def forward(self, embedding: Tensor) -> Tensor:
+        """Return embeddings (..., D): sentence, hints and subject, or the first of them."""
+        dim = self.sentence_dim
+        scaled = embedding * dim**0.5
+        if not self.training:
+            return scaled
+        much = torch.zeros_like(scaled)
+        much[..., :dim] = SENTENCE_NOISE
+        heard = torch.ones_like(scaled)
+        if scaled.shape[-1] > 2 * dim:
+            much[..., -dim:] = SUBJECT_NOISE
+            heard[..., :dim] = (torch.rand_like(scaled[..., :1]) > UNHEARD).to(scaled.dtype)
+        blur = much * torch.rand_like(scaled[..., :1]) * torch.randn_like(scaled)
+        return scaled * heard + blur
+
+
 class Modulation(NamedTuple):
     """What FiLM gets: weight of every slot at every voxel of the block's level, and the slots.
 

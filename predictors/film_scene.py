@@ -22,8 +22,10 @@ NO_CLAUSE = -1e4  # logit of a clause that is not there; finite, and safe in bfl
 class NetworkConfig:
     """Sizes of the network; ``sources`` are the channels of evidence, in fixed order.
 
-    ``text_dim`` holds the lexicon's channels too; ``fine_width`` 0 is the first of ``widths``;
-    ``graded`` evidence counts in proportion to its reliability.
+    ``text_dim`` numbers are heard of a clause: ``sentence_dim`` of the sentence, the lexicon's
+    channels, and again ``sentence_dim`` of its subject. Where the lexicon names a material, its
+    value is ``told`` without a detour. ``fine_width`` 0 is the first of ``widths``; ``graded``
+    evidence counts in proportion to its reliability.
     """
 
     widths: tuple[int, ...] = (16, 32, 64, 128, 208)
@@ -35,6 +37,8 @@ class NetworkConfig:
     fine: bool = False  # a stage at twice the resolution refines what the U-Net finds at half of it
     fine_width: int = 0
     graded: bool = False
+    told: bool = False
+    sentence_dim: int = 384
 
     @property
     def step(self) -> int:

@@ -16,11 +16,11 @@ from torch.nn import functional as F
 
 from .film_binder import Binder, slot_weights
 from .film_fine import Coarse, FineStage
-from .film_parts import FilmBlock, Modulation, mix, pool, pool_mask
+from .film_parts import FilmBlock, Listening, Modulation, mix, pool, pool_mask
 from .film_scene import INPUTS, NetworkConfig, Output, Scene, halve
+from .film_told import Sayings, composed
 
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
-TEXT_NOISE = 0.7  # at most, of embeddings in training, against their unit variance
 
 
 class SlotEncoder(nn.Module):
@@ -29,6 +29,7 @@ class SlotEncoder(nn.Module):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         width = config.slot_width
+        self.listen = Listening(config.sentence_dim)
         self.net = nn.Sequential(
             nn.Linear(config.text_dim + SLOT_TYPES, 4 * width),
             nn.SiLU(),
@@ -40,12 +41,7 @@ class SlotEncoder(nn.Module):
         """Hidden vectors (batch, n, width) of embeddings (batch, n, D) of one type of slot."""
         one_hot = F.one_hot(torch.tensor(kind, device=embedding.device), SLOT_TYPES)
         one_hot = one_hot.to(embedding.dtype).expand(*embedding.shape[:-1], -1)
-        # Unit vectors of 384 numbers are small; scaled to unit variance they train faster.
-        scaled = embedding * embedding.shape[-1] ** 0.5
-        if self.training:  # a clause said a little differently means the same
-            much = TEXT_NOISE * torch.rand_like(scaled[..., :1])
-            scaled = scaled + much * torch.randn_like(scaled)
-        return self.net(torch.cat([scaled, one_hot], dim=-1))
+        return self.net(torch.cat([self.listen(embedding), one_hot], dim=-1))
 
 
 class FilmUNet(nn.Module):
@@ -63,7 +59,7 @@ class FilmUNet(nn.Module):
         self.up, self.decode = self._decoder()
         self.head = nn.Conv3d(widths[0], 3, 1)
         self.slots = SlotEncoder(self.config)
-        self.direct = nn.Linear(slot, 3)
+        self.sayings = Sayings(self.config)
         self.context = nn.Linear(slot, extra) if extra else None
         self.binder = Binder(self.config)
         self.fine = FineStage(self.config) if self.config.fine else None
@@ -83,11 +79,10 @@ class FilmUNet(nn.Module):
             masks.append(pool_mask(masks[-1]))
         if self.config.conditioning != "grounded":
             return self._global(half, slots, masks)
-        coarse, direct = self._coarse(half, slots, masks), self.direct(slots)
+        coarse, says = self._coarse(half, slots, masks), self.sayings(slots, _said(scene))
         if self.fine is not None:
-            return self.fine(scene, coarse, slots, direct)
-        value = coarse.residual + mix(coarse.weights, direct)
-        return Output(torch.tanh(value.float()), coarse.logits)
+            return self.fine(scene, coarse, slots, says)
+        return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
 
     def _heard(self, scene: Scene) -> Scene:
         """Return the scene with as much of the embeddings as the network was built to hear."""
@@ -114,7 +109,10 @@ class FilmUNet(nn.Module):
         heard = embedding[:, None, : self.config.text_dim]
         hidden = [self.slots(heard, k)[:, 0] for k in (0, 3)]
         chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
-        return torch.tanh(self.direct(chosen).float())
+        says = self.sayings(chosen, heard[:, 0])
+        alone = torch.ones_like(says[:, None, None, None, :1])
+        nothing = torch.zeros_like(says[:, :3, None, None, None])
+        return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]
 
     def _all_slots(self, scene: Scene) -> Tensor:
         """Hidden vectors of the clauses, of what is known of the object, and of the part names."""
@@ -161,12 +159,18 @@ class FilmUNet(nn.Module):
             silent = scene._replace(reliability=torch.zeros_like(scene.reliability))
             logits = self.binder(silent, queries, skips[-1], masks)
             weights = slot_weights(scene, logits)
-            value = mix(weights.permute(0, 2, 3, 4, 1), self.direct(slots))
+            value = mix(weights.permute(0, 2, 3, 4, 1), self.sayings.direct(slots))
             x = self._decode(self.up, self.decode, skips, masks, None)[0]
             return Output(torch.tanh((self.head(x) + value).float()), logits)
         x = self._decode(self.up, self.decode, skips, masks, films)[0]
         logits = torch.zeros(len(inputs), k + 1, *inputs.shape[2:], device=inputs.device)
         return Output(torch.tanh(self.head(x).float()), logits)
+
+
+def _said(scene: Scene) -> Tensor:
+    """Embeddings behind all slots: clauses, nothing or the object's name, names of the parts."""
+    nothing = torch.zeros_like(scene.object_name)[:, None]
+    return torch.cat([scene.clauses, nothing, scene.names], dim=1)
 
 
 def count_parameters(network: nn.Module) -> int:

@@ -15,8 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fem.table import MaterialTable, load_table
+from .dataset.grammar import material_at_level
+from .dataset.wordings import Level
+from .degrees import BEND, BRITTLE, FLOAT, HEAVY, LIGHT, MODERATE, SINK, SOFT, STIFF, STRONGER
 from .normalisation import DEFAULT
-from .text import parse
+from .statement import Reader, Statement, as_usual
 from .vocabulary import Vocabulary
 
 CHANNELS = (
@@ -33,58 +36,15 @@ def _stems(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-SOFT = _stems(
-    "soft softer softish squishy squashy squeezable plush flexible bendy pliable pliant floppy "
-    "supple elastic springy limp yielding cushiony compliant deformable spongy stretchy "
-    "flabby tender mushy malleable bouncy rubbery weak slack doughy"
-)
-STIFF = _stems(
-    "stiff stiffer rigid firm hard harder inflexible unyielding sturdy tough solid robust strong "
-    "unbending stout taut steely hardened rocklike"
-)
-LIGHT = _stems("light lighter lightweight airy weightless feathery porous hollow fluffy")
-HEAVY = _stems("heavy heavier dense denser weighty hefty burdensome ponderous massive leaden")
-BEND = _stems(
-    "bend bends bending bent flex flexes deform deforms squeeze squeezed compress press pressed "
-    "sag sags give gives yield yields dent dents collapse collapses stretch stretches fold folds"
-)
-BRITTLE = _stems(
-    "brittle fragile break breaks broken breakable shatter shatters crack cracks cracked cracking "
-    "snap snaps splinter splinters fracture fractures chip chips crumbly crumble crumbles delicate "
-    "crisp frail"
-)
-FLOAT = _stems("float floats floating afloat buoyant bob bobs unsinkable drift drifts swim swims")
-SINK = _stems("sink sinks sinking plunge plunges submerge submerges")
-STRONGER = _stems(
-    "very extremely super ultra incredibly exceptionally really remarkably utterly extraordinarily "
-    "totally completely absolutely perfectly immensely tremendously massively enormously "
-    "exceedingly amazingly surprisingly highly hugely terribly so never cannot impossible "
-    "slightest own air ton lead jelly feather almost minimal nothing anything all too "
-    "collapse collapses"
-)
-MODERATE = _stems(
-    "medium moderate moderately average averagely typical normal normally usual ordinary common "
-    "intermediate middling middle halfway neither standard balanced between"
-)
 _NOT = _stems("not never cannot no without impossible resist resists resistant barely hardly")
 _WEIGHT = _stems("weight weighs weigh density lift carry")
 _STIFFNESS = _stems("stiffness firmness rigidity hardness softness flexibility")
 _LITTLE = _stems("low little minimal less nothing hardly easy easily lower least")
 _MUCH = _stems("high much lot more great ton hard large higher most tons")
-# Nothing is made of what it is compared with: "soft as wool", "sinks like a stone", "rock hard".
-_COMPARISON = re.compile(
-    r"\b(?:as|like) (?:an? )?[a-z]+\b|\b[a-z]+ (?=(?:hard|soft|light|heavy)\b)"
-)
 _NEAR = 3  # words before an adjective that may negate it
-
-
-# "rock hard" is very hard, and no rock.
-_IDIOM = re.compile(r"\b(?:rock(?= (?:hard|solid))|feather(?= light))")
-
-
-def as_usual(text: str) -> str:
-    """Return the clause in lower case, with the idioms that hide a degree said plainly."""
-    return _IDIOM.sub("very", text.lower())
+# Scores of an adjective, and the share of a material's own range that it means.
+_SCORES, _SHARES = (-1.0, -0.5, -_MIDDLE, _MIDDLE, 0.5, 1.0), (0.04, 0.25, 0.5, 0.5, 0.75, 0.96)
+_BRITTLE_SHARE = 0.85
 
 
 class Lexicon:
@@ -93,6 +53,7 @@ class Lexicon:
     def __init__(self, table: MaterialTable | None = None) -> None:
         self.table = table or load_table()
         self.vocabulary = Vocabulary(self.table.phrases)
+        self.read = Reader(self.vocabulary)
 
     def channels(self, text: str) -> Float[np.ndarray, "channels"]:
         """Return the ``CHANNELS`` of one clause, each about in [-1, 1], 0 where it is silent."""
@@ -107,13 +68,21 @@ class Lexicon:
         ], dtype=np.float32)  # fmt: skip
 
     def _material(self, text: str) -> tuple[float, float, float, float]:
-        """Whether the clause names a material, and its normalised value."""
-        plain = _COMPARISON.sub(" ", as_usual(text))
-        named = next((c.material for c in parse(plain, self.vocabulary) if c.material), None)
-        if named is None:
+        """Whether the clause names a material, and its normalised value, as stiff as it says."""
+        said: Statement = self.read(text)
+        if said.material is None:
             return (0.0, 0.0, 0.0, 0.0)
-        E, nu, rho = DEFAULT.normalise(*self.table.exact(named).value()).tolist()
+        stiffness, weight = _share(_stiffness(said.manner)), _share(_weight(said.manner))
+        if stiffness is None and BRITTLE & set(said.manner):
+            stiffness = _BRITTLE_SHARE
+        value = material_at_level(self.table.exact(said.material), Level(stiffness, weight))
+        E, nu, rho = DEFAULT.normalise(*value).tolist()
         return (1.0, E, nu, rho)
+
+
+def _share(score: float | None) -> float | None:
+    """Share of a range [0, 1] that a score means."""
+    return None if score is None else float(np.interp(score, _SCORES, _SHARES))
 
 
 def _sign(words: Sequence[str], low: frozenset[str], high: frozenset[str]) -> list[int]:
@@ -184,7 +153,8 @@ def _water(words: Sequence[str]) -> int:
 
 
 @lru_cache(maxsize=1)
-def _default() -> Lexicon:
+def default_lexicon() -> Lexicon:
+    """Return the lexicon of the package's own table."""
     return Lexicon()
 
 
@@ -194,6 +164,6 @@ def with_lexicon(
     """Unit embeddings joined by the lexicon's channels, shape (n, dim + channels), float32."""
     if not len(texts):
         return np.zeros((0, embedding.shape[1] + len(CHANNELS)), dtype=np.float32)
-    hints = np.stack([_default().channels(text) for text in texts])
+    hints = np.stack([default_lexicon().channels(text) for text in texts])
     loud = LOUDNESS / np.sqrt(embedding.shape[1])
     return np.concatenate([embedding, loud * hints], axis=1).astype(np.float32)

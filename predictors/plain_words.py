@@ -15,21 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from . import lexicon
-from .lexicon import (
-    BRITTLE,
-    FLOAT,
-    HEAVY,
-    LIGHT,
-    MODERATE,
-    SINK,
-    SOFT,
-    STIFF,
-    STRONGER,
-    Lexicon,
-    with_lexicon,
-)
+from .degrees import ADJECTIVES, BEND, BRITTLE, FLOAT, MODERATE, SINK, SOMEWHAT, STRONGER
+from .lexicon import CHANNELS, Lexicon, default_lexicon, with_lexicon
 from .predictor import TextEncoder
-from .vocabulary import TOKEN, stem
+from .statement import as_usual
 
 # Score of a level at most, and its words: as a predicate, and before a noun.
 _STIFFNESS = (
@@ -52,18 +41,11 @@ _VERBS = frozenset(
     "does do cannot can will would might never barely has have keeps keep stays stay goes go gives "
     "give resists resist weighs weigh drops drop falls fall rises rise settles settle pops pop "
     "might cracks".split()
-) | (lexicon.BEND | BRITTLE | FLOAT | SINK) - frozenset(
+) | (BEND | BRITTLE | FLOAT | SINK) - frozenset(
     "press dent stretch fold bend chip brittle fragile broken breakable crumbly delicate crisp "
     "frail afloat buoyant unsinkable".split()
 )
-_ADJECTIVES = (
-    SOFT
-    | STIFF
-    | LIGHT
-    | HEAVY
-    | frozenset("brittle fragile breakable crumbly delicate crisp frail buoyant unsinkable".split())
-)
-_DEGREES = STRONGER | MODERATE | frozenset("fairly quite rather somewhat pretty reasonably".split())
+_DEGREES = STRONGER | MODERATE | SOMEWHAT
 
 
 class PlainWords:
@@ -74,13 +56,16 @@ class PlainWords:
 
     def __call__(self, text: str) -> str:
         """Return the clause in plain words, or as it is."""
-        words = re.findall(r"[\w'-]+|[^\w\s]", lexicon.as_usual(text))
-        level = self._level(text)
-        if level is None or self._names_by_adjective(text):
+        level, said = self._level(text), self.lexicon.read(text)
+        if level is None or said.material is not None:  # the lexicon knows the material's value
             return text
-        predicate, attribute = level
+        plain = self._again(re.findall(r"[\w'-]+|[^\w\s]", as_usual(text)), *level)
+        # A clause that no longer speaks of the same part was misunderstood.
+        return plain if plain and self.lexicon.read(plain).subject == said.subject else text
+
+    def _again(self, words: list[str], predicate: str, attribute: str | None) -> str | None:
         at = _predicate(words)
-        if at is not None and not self.lexicon.channels(" ".join(words[at:]))[0]:
+        if at is not None:
             verb = predicate.startswith(("floats", "sinks"))
             subject = words[:at]
             plural = subject and subject[-1] in ("are", "were")
@@ -90,7 +75,7 @@ class PlainWords:
             return " ".join([*subject, *link, predicate])
         span = _attribute(words)
         if span is None or attribute is None:
-            return text
+            return None
         return " ".join([*words[: span[0]], attribute, *words[span[1] :]])
 
     def _level(self, text: str) -> tuple[str, str | None] | None:
@@ -110,15 +95,6 @@ class PlainWords:
         levels = _STIFFNESS if kind == "stiffness" else _WEIGHT
         return next((long, short) for top, long, short in levels if score <= top)
 
-    def _names_by_adjective(self, text: str) -> bool:
-        """Whether a phrase of the table holds one of the adjectives ("soft rubber")."""
-        stems = [stem(word) for word in TOKEN.findall(lexicon.as_usual(text))]
-        for at in range(len(stems)):
-            found = self.lexicon.vocabulary.match(stems, at)
-            if found and _ADJECTIVES & set(stems[at : at + found[1]]):
-                return True
-        return False
-
 
 def _predicate(words: list[str]) -> int | None:
     """Where the statement begins that ends the clause: after a copula, or with a verb."""
@@ -132,11 +108,11 @@ def _predicate(words: list[str]) -> int | None:
 
 def _attribute(words: list[str]) -> tuple[int, int] | None:
     """Span of degree and adjectives before a noun."""
-    first = next((at for at, word in enumerate(words) if word in _ADJECTIVES), None)
+    first = next((at for at, word in enumerate(words) if word in ADJECTIVES), None)
     if first is None or first + 1 >= len(words):
         return None
     end = first + 1
-    while end + 1 < len(words) and words[end] in _ADJECTIVES | {"and", "but"}:
+    while end + 1 < len(words) and words[end] in ADJECTIVES | {"and", "but"}:
         end += 1
     start = first
     while start and words[start - 1] in _DEGREES | {"not"}:
@@ -146,19 +122,35 @@ def _attribute(words: list[str]) -> tuple[int, int] | None:
 
 @lru_cache(maxsize=1)
 def _default() -> PlainWords:
-    return PlainWords(Lexicon())
+    return PlainWords(default_lexicon())
+
+
+UNSAID = "object"  # is embedded for a clause that names no part
 
 
 class HintedEncoder:
-    """A text encoder that hears clauses in plain words and carries the lexicon's channels behind.
+    """A text encoder that hears clauses in plain words: sentence, the lexicon's hints, subject.
 
-    Training turns ``plain`` off: it is to hear every way of speaking.
+    Of the sentences, ``plain`` out of two are said in plain words first: all at run time, half in
+    training, which is to hear every way of speaking too.
     """
 
-    def __init__(self, encoder: TextEncoder, *, plain: bool = True) -> None:
+    def __init__(self, encoder: TextEncoder, *, plain: int = 2) -> None:
         self.encoder, self.plain = encoder, plain
 
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
-        """Embedding of each sentence with its hints, shape (n, dim + channels)."""
-        said = list(map(_default(), sentences)) if self.plain else list(sentences)
-        return with_lexicon(self.encoder.text(said), said)
+        """Embedding of each sentence, its hints, and of its subject: (n, dim + channels + dim)."""
+        said = [_default()(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
+        subjects = [subject(text) for text in said]
+        distinct = {text: at for at, text in enumerate(dict.fromkeys(subjects))}
+        if not said:
+            dim = 2 * self.encoder.text([UNSAID]).shape[1] + len(CHANNELS)
+            return np.zeros((0, dim), dtype=np.float32)
+        spoken_of = self.encoder.text(list(distinct))[[distinct[text] for text in subjects]]
+        return np.concatenate([with_lexicon(self.encoder.text(said), said), spoken_of], axis=1)
+
+
+def subject(text: str) -> str:
+    """Words for what a clause speaks of: of the part, else of its material, else of anything."""
+    said = default_lexicon().read(text)
+    return said.subject or said.material or UNSAID

@@ -166,6 +166,8 @@ def _scan(tokens: list[_Token]) -> list[_Draft]:
             draft = _noun(drafts, token, ahead)
         elif token.role == "material" and draft.negated:
             draft.negated = False
+        elif token.role == "material" and draft.joint == "for" and drafts[-2].material:
+            draft.nouns += token.stems  # "velvet for the fabric": a part, not a material
         elif token.role == "material":
             draft = _material(drafts, token, ahead, beside=at > 0 and tokens[at - 1])
         draft.words.append(token.word)

@@ -25,7 +25,8 @@ DETERMINERS = frozenset(
 NEGATIONS = frozenset("not no non without instead than".split())
 # Words that say nothing of a part or a material: how it looks, how big it is, how much.
 FILLERS = frozenset(
-    "x very really quite extremely rather somewhat slightly so too also entirely completely fully "
+    "x use using very really quite extremely rather somewhat slightly so too also entirely "
+    "completely fully "
     "mostly mainly only just which that who to by at as them there can will should "
     "red green blue yellow black white grey gray brown pink purple dark bright pale beige "
     "old new modern antique vintage rustic classic small big large huge tiny tall short long wide "

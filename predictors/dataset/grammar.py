@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...fem.table import Material, MaterialValue, load_table
+from ...fem.table import key as key_of
 from ..encoders.kinds import KINDS, kind_of
 from .objects import CATEGORIES, HELD_OUT, category_names, spoken
 from .parts import PartKind, part_kinds
@@ -106,10 +107,12 @@ def is_held_out_pair(part: str, material: str) -> bool:
 
 
 def spoken_names(material: Material) -> list[str]:
-    """Return the words for a row of the table: its aliases and its name without brackets."""
+    """Return the words for a row of the table that mean this row and no other."""
     name = material.name.split(" (")[0]
     names = [*material.aliases, *([] if "," in name or "/" in name else [name])]
-    return list(dict.fromkeys(names)) or [name]
+    phrases = load_table().phrases
+    known = [word for word in dict.fromkeys(names) if phrases.get(key_of(word)) is material]
+    return known or [name]
 
 
 @lru_cache(maxsize=1)
@@ -189,7 +192,8 @@ class Grammar:
         if self.rng.random() < 1 / 6:
             level = self._pick([name for name in LEVELS if LEVELS[name].floats is None])
             said = adjective(self._pick(self._wordings[level]))
-            if said is not None:
+            # "soft rubber" is a row of its own.
+            if said and f"{said.split()[-1]} {words.lower()}" not in load_table().phrases:
                 words, value = f"{said} {words}", material_at_level(row, LEVELS[level])
         p = self._pick(kind.words)
         text = self._pick(self._frames["part"]).format(p=p, m=words, **{"is": _is(p)})

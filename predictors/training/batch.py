@@ -19,7 +19,8 @@ class Batch(NamedTuple):
 
     ``target`` (batch, 3, x, y, z) normalised; ``clause`` (batch, x, y, z) the clause that speaks of
     a voxel, ``CLAUSES`` for none; ``valued`` and ``bound``: where each of the two counts.
-    ``mentioned`` (batch,) counts the clauses.
+    ``mentioned`` (batch,) counts the clauses; ``doubt`` (batch,) is the share of the binding that
+    training leaves open: few real objects are known, and looks do not settle their matter.
     """
 
     scene: Scene
@@ -28,6 +29,7 @@ class Batch(NamedTuple):
     valued: Tensor
     bound: Tensor
     mentioned: Tensor
+    doubt: Tensor
 
 
 def exists_or_whole(exists: Tensor) -> Tensor:

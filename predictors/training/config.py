@@ -22,6 +22,7 @@ class TrainingConfig:
     warm_up: int = 200
     decay: float = 0.999  # of the moving average of the weights
     clip: float = 1.0
+    edge: float = 0.0  # how much more voxels count that touch another part
     text_batch: int = 2048  # clauses a step that train the slots alone, without an object
     objects: int = 12_000
     composites: int = 4_000

@@ -61,11 +61,12 @@ class Phrasebook:
         return self.embed(row, hinted), kind, self._value[row]
 
     def embed(self, row: Tensor, hinted: Tensor | None = None) -> Tensor:
-        """Embeddings of rows (n, ...), zeros where the row is -1, hints where ``hinted`` (n,)."""
+        """Embeddings of rows (n, ...), 0 for -1; with hints and subject where ``hinted`` (n,)."""
         out = self.embedding[row.clamp(min=0)].float() * (row >= 0)[..., None]
         if hinted is not None:
-            plain = torch.arange(out.shape[-1], device=out.device) < out.shape[-1] - len(CHANNELS)
-            out = out * (plain | hinted.reshape(-1, *(1,) * (out.ndim - 1)))
+            order = torch.arange(out.shape[-1], device=out.device)
+            sentence = order < (out.shape[-1] - len(CHANNELS)) // 2
+            out = out * (sentence | hinted.reshape(-1, *(1,) * (out.ndim - 1)))
         return out
 
 

@@ -17,7 +17,7 @@ from .config import TrainingConfig
 from .embedding import TorchMiniLM
 from .samples import Mixture
 
-TEXT_DIM = 384 + len(CHANNELS)  # a sentence embedding with the lexicon's hints behind
+TEXT_DIM = 384 + len(CHANNELS) + 384  # sentence, the lexicon's hints, subject
 # One after the other, on three GPUs; the second began with the weights of the first. Each ended
 # with its time (``minutes``), after 5,910 and 4,240 steps.
 _NETWORK = NetworkConfig(
@@ -54,6 +54,6 @@ def device_text_table(
     real: Sequence[RealObject] = (),
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device."""
-    encoder = HintedEncoder(TorchMiniLM(packaged_weights(), device=device), plain=False)
+    encoder = HintedEncoder(TorchMiniLM(packaged_weights(), device=device), plain=1)
     rng = np.random.default_rng(seed)
     return build_text_table(rng, encoder.text, per_part=per_part, real=real)

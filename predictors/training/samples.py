@@ -43,6 +43,7 @@ class Mixture:
     no_hints: float = 0.15  # the lexicon is silent on a whole object
     augment: float = 1.0  # of the colours of real slots
     dressed: float = 0.0  # of the real ones: procedural shapes in slots of real objects
+    doubt: float = 0.0  # of the binding of real objects
     noise: tuple[float, float, float] = (0.7, 0.7, 0.7)  # of evidence: by part, smooth, by voxel
 
 
@@ -97,7 +98,13 @@ class Sampler:
         random_words = (order >= n - wanted_real - wanted_heap) & ~is_real
         random_words |= ~is_real & self._chance(n, mix.relabelled)
         item = item._replace(label=self._turn(item.label))
-        return self.compose(item, is_real, random_words)
+        batch = self.compose(item, is_real, random_words)
+        if not mix.doubt:
+            return batch
+        # A squared error would make the network sure of the few real objects that it knows.
+        spoken = is_real[:, None, None, None] & (batch.clause < CLAUSES)
+        doubt = mix.doubt * is_real.float()
+        return batch._replace(valued=batch.valued & ~spoken, doubt=doubt)
 
     def _turn(self, label: Tensor) -> Tensor:
         """Rotate about z by quarter turns and mirror, by halves of the batch."""
@@ -166,7 +173,8 @@ class Sampler:
         sure = by_part((~is_real[:, None]) | (kinds >= 0), part, False)
         valued = by_part(known, part, False) & occupied
         mentioned = (present & exists_or_whole(exists)).sum(1)
-        return Batch(scene, target, clause, valued, occupied & sure, mentioned)
+        doubt = torch.zeros(n, device=self.device)
+        return Batch(scene, target, clause, valued, occupied & sure, mentioned, doubt)
 
     def _clauses(self, kinds, exists, is_real, category) -> tuple[Tensor, Tensor]:
         """Rows of the clauses (n, 7) and the clause of every part (n, 6), ``CLAUSES`` for none."""

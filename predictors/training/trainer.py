@@ -222,7 +222,8 @@ class _State:
         kind = "cuda" if self.on_gpu else "cpu"
         with torch.autocast(kind, dtype=torch.bfloat16, enabled=config.bfloat16):
             output, said = model(batch.scene, alone and alone[:2])
-        result = losses(output, batch, supervise=config.network.conditioning == "grounded")
+        supervise = config.network.conditioning == "grounded"
+        result = losses(output, batch, supervise=supervise, edge=config.edge)
         total = result.total
         if alone is not None:
             total = total + F.mse_loss(said, alone[2])

@@ -30,12 +30,7 @@ from autophyx_tet.predictors.voxels import PartVoxels
 SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def scene(cells=16, clauses=3, seed=0, dim=12) -> Scene:
@@ -125,7 +120,11 @@ def test_values_are_bounded_and_trainable(conditioning):
     output = network(scene())
     assert output.values.abs().max() < 1
     output.values.square().sum().backward()
-    text = {"grounded": network.direct, "crossattn": network.direct, "concat": network.context}
+    text = {
+        "grounded": network.sayings.direct,
+        "crossattn": network.sayings.direct,
+        "concat": network.context,
+    }
     layer = text.get(conditioning, network.decode[0].film)
     assert layer.weight.grad is not None
     assert layer.weight.grad.abs().sum() > 0
@@ -251,7 +250,10 @@ def test_a_cpu_trains_the_small_network(tmp_path):
     def embed(texts):
         return np.stack([np.random.default_rng(len(t)).normal(size=384) / 20 for t in texts])
 
-    table = build_text_table(rng, lambda texts: with_lexicon(embed(texts), texts), per_part=4)
+    def hinted(texts):
+        return np.concatenate([with_lexicon(embed(texts), texts), embed(texts)], axis=1)
+
+    table = build_text_table(rng, hinted, per_part=4)
     save_text_table(tmp_path / "text", table)
     whole = train(CPU, text=tmp_path / "text")
     assert whole.history[-1]["loss"] < 0.45

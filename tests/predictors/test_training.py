@@ -33,12 +33,7 @@ TINY = replace(
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +42,7 @@ def text(tmp_path_factory):
 
     def embed(texts):
         vectors = [np.random.default_rng(len(t)).normal(size=384) / 20 for t in texts]
-        return with_lexicon(np.stack(vectors), texts)
+        return np.concatenate([with_lexicon(np.stack(vectors), texts), np.stack(vectors)], 1)
 
     path = tmp_path_factory.mktemp("text") / "text.safetensors"
     save_text_table(path, build_text_table(np.random.default_rng(0), embed, per_part=3))
