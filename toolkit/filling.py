@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from .cache import Runner
 from .conversion import ENVELOPE_SHARE
 from .manifold import Separated, separate
 from .regions import Solids
+from .sampling import facets
 from .sizing import edge_field
 from .triangles import Triangles, closest
 
@@ -74,11 +76,15 @@ class Target:
 
 
 class Filling(NamedTuple):
-    """Tets of the solids in metres, the part of each, and the target they meet."""
+    """Tets of the solids in metres, the part of each, and the target they meet.
+
+    ``by_cells`` fills them in another way, where the first breaks a guarantee.
+    """
 
     mesh: Separated
     part: np.ndarray
     target: Target
+    by_cells: Callable[[], Filling] | None = None
 
 
 class NoFilling(RuntimeError):
@@ -105,13 +111,45 @@ def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
     )
     where = box["points"] * scale + centre
     part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
-    part = conforming(where, box["tets"], part, solids, target.epsilon)
-    if not (part >= 0).any():
-        raise NoFilling("no tet lies in a solid")
-    mesh = separate(where, box["tets"][part >= 0])
-    if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
-        raise NoFilling(f"{flat} tets are flat or inverted")
-    return Filling(mesh, part[part >= 0][mesh.origin], target)
+
+    def kept(part: np.ndarray) -> Filling:
+        part = conforming(where, box["tets"], part, solids, target.epsilon)
+        if not (part >= 0).any():
+            raise NoFilling("no tet lies in a solid")
+        mesh = separate(where, box["tets"][part >= 0])
+        if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
+            raise NoFilling(f"{flat} tets are flat or inverted")
+        return Filling(mesh, part[part >= 0][mesh.origin], target)
+
+    return kept(part)._replace(
+        by_cells=lambda: kept(by_cells(where, box["tets"], part, solids, target.envelope))
+    )
+
+
+def by_cells(
+    points: Float[np.ndarray, "points 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    part: Int[np.ndarray, "tets"],
+    solids: Solids,
+    envelope: float,
+) -> Int[np.ndarray, "tets"]:
+    """Give all tets between the same walls of the input, within ``envelope`` [m], one label.
+
+    Where edges with three faces leave a surface unbalanced, winding numbers fade out between the
+    walls instead of at them. Not for surfaces with holes, through which inside and outside join.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    faces, left, right = facets(tets)
+    surface = solids.surface
+    at_wall = closest(points, surface.points, surface.faces).distance <= envelope
+    middle = closest(points[faces].mean(axis=1), surface.points, surface.faces).distance
+    free = ~(at_wall[faces].all(axis=1) & (middle <= envelope))
+    links = (np.ones(int(free.sum())), (left[free], right[free]))
+    _, cell = connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)
+    votes = coo_matrix((np.abs(signed_volumes(points, tets)), (cell, part + 1))).tocsr()
+    return (np.asarray(votes.argmax(axis=1)).reshape(-1) - 1)[cell]
 
 
 def conforming(

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.filling import conforming
+from autophyx_tet.toolkit.filling import by_cells, conforming
 from autophyx_tet.toolkit.regions import Solids
 from autophyx_tet.toolkit.repair import repair
 
@@ -27,3 +27,17 @@ def test_wrong_labels_away_from_the_surface_are_mended(seed):
     given[wrong] = -1 - given[wrong]
     assert (conforming(grid.points, grid.tets, given, solids, 0.1) == right).all()
     assert (conforming(grid.points, grid.tets, right, solids, 0.1) == right).all()
+
+
+def test_cells_between_walls_have_one_label():
+    """A cube of 2 in a grid of 6, a third of the labels wrong: the majority within it, and out."""
+    grid = box_mesh((6.0, 6.0, 6.0), (6, 6, 6))
+    cube = trimesh.creation.box((2, 2, 2))
+    cube.apply_translation((3, 3, 3))
+    surface, _ = repair([Part("cube", cube)])
+    solids = Solids.of(surface, 1, thinnest=1e-3)
+    centres = grid.points[grid.tets].mean(axis=1)
+    right = np.where((np.abs(centres - 3) < 1).all(axis=1), 0, -1)
+    wrong = np.random.default_rng(0).random(len(right)) < 0.33
+    given = np.where(wrong, -1 - right, right)
+    assert (by_cells(grid.points, grid.tets, given, solids, 0.1) == right).all()
