@@ -43,7 +43,7 @@ log = logging.getLogger("train_image_encoder")
 PROBED = ("metal", "plastic", "glass", "wood", "fabric")
 FOLDS = 4
 PENALTIES = (1.0, 10.0, 100.0, 1000.0)
-LENGTHS = (0.0, 0.4, 0.8)
+LENGTHS = (0.0, 0.4)
 
 
 class Words(MiniLM):

@@ -41,9 +41,12 @@ class TrainingOptions:
     # four times changed the cross-validated accuracy by less than .003.
     rounds: int = 0
     smallest: int = 12  # output cells that a region needs: 200 pixels
-    # Relative to the mean variance of a feature. Below 30 the head knows its own objects too well,
-    # above 300 nothing else.
-    penalty: float = 100.0
+    # Relative to the mean variance of a feature: much less, and the head knows its own objects too
+    # well; much more, and it cannot tell words apart.
+    penalty: float = 10.0
+    # A penalty draws every answer to the mean one, which is near to common words: this factor
+    # on what differs from it takes the words' nearness back to that of the features.
+    gain: float = 15.0
     plain: float = 0.4  # length of the colours beside the part for words, which has length 1
     balance: float = 0.5  # power of a text's rarity in the weight of its regions
     sorts: tuple[float, ...] = (1.0, 1.0, 0.3, 0.3)  # share of each sort of words
@@ -146,6 +149,7 @@ def fit(
     scale *= np.sqrt(np.repeat(groups, groups))
     x = described.features / scale
     words, embeddings = corpus.words.cpu().numpy(), corpus.embeddings.cpu().numpy()
+    mean = x[use].mean(axis=0, dtype=np.float64)
     total = Linear(np.zeros((x.shape[1], embeddings.shape[1])), np.zeros(embeddings.shape[1]))
     for sort, share in enumerate(options.sorts):
         text = words[described.part, sort]
@@ -156,7 +160,8 @@ def fit(
         found = ridge(x[rows], embeddings[text[rows]], weight, penalty=options.penalty)
         total = Linear(total.matrix + share * found.matrix, total.bias + share * found.bias)
     free = free_directions(embeddings, groups[0])
-    said = Linear(total.matrix / scale[:, None], total.bias)
+    bias = total.bias - (options.gain - 1) * mean @ total.matrix
+    said = Linear(options.gain * total.matrix / scale[:, None], bias)
     said = Linear(*(part - part @ free @ free.T for part in said))
     return Head(said, plain_map(described.features[use, : groups[0]], free, options.plain))
 
