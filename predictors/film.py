@@ -14,17 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ..fem.errors import UsageError
 from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
-from .binding import NamedPart, is_whole, nouns_of, overlap
-from .encoders.kinds import kind_of
+from .binding import NamedPart, is_whole
 from .field import MaterialField
+from .film_evidence import VISION, name_evidence, own_name, standard
 from .film_frame import Frame
 from .normalisation import DEFAULT
-from .plain_words import HintedEncoder
+from .plain_words import HintedEncoder, subject
 from .predictor import TextEncoder
 from .retrieval import RetrievalPredictor
 from .text import Clause, parse
@@ -36,10 +35,6 @@ if TYPE_CHECKING:
     from .film_unet import FilmUNet
 
 WEIGHTS = Path(__file__).parent / "weights" / "film.safetensors"
-# How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
-SHARED_WORD, LIKE_WORD = 1.0, 0.5
-VISION = 0.5
-SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: as a word of a label
 # Reasons of the retrieval predictor that come from the user's words.
 _TOLD, _TOLD_OF_ALL = ("text:", "override"), "whole sentence:"
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
@@ -223,7 +218,7 @@ class FilmPredictor:
         reliability = np.zeros((1, 2), dtype=np.float32)
         if clauses and appearance.features is not None and appearance.words is not None:
             seen = frame.forward(appearance.features) @ appearance.words.text(
-                [" ".join(c.parts) or c.text for c in clauses]
+                [subject(c.text) for c in clauses]
             ).T.astype(np.float32)
             evidence[0, 0], reliability[0, 0] = standard(seen, part >= 0), VISION
         if clauses and names:
@@ -279,40 +274,6 @@ def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
     return out
 
 
-def own_name(part: NamedPart) -> str:
-    """Words of a part with the material its labels tell, "" where they tell nothing."""
-    word = "" if part.spoken == "object" else part.spoken
-    material = part.material or ""
-    return word if material in word else f"{word} {material}".strip()
-
-
-def name_evidence(
-    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
-) -> tuple[Float[np.ndarray, "clauses parts"], float]:
-    """How well each part's own name fits each clause, and how far that is to be trusted."""
-    score = np.clip(overlap(clauses, named), 0, 3)
-    score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
-    if score.any():
-        return score, SHARED_WORD
-    nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
-    names = encoder.text([own_name(part) for part in named])
-    return nouns @ names.T, LIKE_WORD
-
-
-def _same_matter(clauses: Sequence[Clause], named: Sequence[NamedPart]) -> np.ndarray:
-    """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
-    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
-    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
-    return np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked])
-
-
-def standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:
-    """Evidence (k, x, y, z) with zero mean and unit deviation inside, 0 outside."""
-    within = evidence[inside]
-    scaled = (evidence - within.mean()) / np.sqrt(within.var() + 1e-4)  # 1e-4: as in training
-    return np.moveaxis(np.where(inside[..., None], scaled, 0), -1, 0).astype(np.float32)
-
-
 def _bindings(
     parts: PartVoxels, taken: np.ndarray, spread: np.ndarray, said: Sequence[str], fixed: set[int]
 ) -> list[Binding]:
@@ -327,8 +288,3 @@ def _bindings(
         doubt = float(spread[cells].mean()) if total else 0.0
         out.append(Binding(name, clause, share, total, doubt, index in fixed))
     return out
-
-
-def with_names(parts: PartVoxels, names: Sequence[str]) -> PartVoxels:
-    """Return the parts under other names: to hide what they are called, or to tell it."""
-    return replace(parts, part_names=tuple(names), labels=())

@@ -10,13 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fem.errors import UsageError
-from .evaluation import Row, Score, summary, touches_another
 from .examples import Example, load_examples
 from .field import MaterialField
-from .film import Appearance, FilmPredictor, with_names
+from .film import Appearance, FilmPredictor
+from .film_evidence import with_names
 from .mass import MassErrors, mass_errors
 from .normalisation import DEFAULT
 from .retrieval import RetrievalPredictor
+from .score import Row, Score, summary, touches_another
 
 PREDICTORS = ("film", "film-names", "retrieval", "retrieval-names")
 

@@ -58,18 +58,20 @@ class Train:
     """
 
     config: tyro.conf.Positional[str]
-    """TOML file of a training run, or `cpu` for one that takes a minute."""
+    """TOML file of a training run, `cpu` for one that takes a minute, or a shipped preset."""
     output: Output
     """Folder of the state and of film.safetensors."""
     data: Path = Path("data")
     """Folder that `dataset build` wrote."""
+    start: Path | None = None
+    """Weights to begin with."""
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .learning import train
 
-        return train(self.config, data=self.data, output=self.output)
+        return train(self.config, data=self.data, output=self.output, start=self.start)
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Evaluate:
     split: str = "procedural"
     """procedural, validation (real furniture), or a folder of objects with texts and values."""
     predictors: tuple[str, ...] = ()
-    """Rows of the table: film, film-names, film-notext, constant, table-mean, retrieval ..."""
+    """Rows of the table: film, film-names, film-nofeatures, constant, table-mean, pixie ..."""
     data: Path | None = None
     """Folder that `dataset build` wrote; without it the validation objects are fetched."""
     weights: Path | None = None

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..fem.errors import AutophyxError, InputError
 from ..predictors.dataset.real import RealObject, load_real, save_real, voxelise
 from . import sweethome3d
 from .outputs import check_file, check_folder
+
+if TYPE_CHECKING:
+    from ..predictors.training.config import TrainingConfig
 
 log = logging.getLogger(__name__)
 
@@ -120,32 +123,43 @@ def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
     render_png(output, panels)
 
 
-def train(config: Path | str, *, data: Path, output: Path) -> dict[str, Any]:
-    """Train a network as a TOML file says (or the preset "cpu"), or go on where it stopped.
+def train(
+    config: Path | str, *, data: Path, output: Path, start: Path | None = None
+) -> dict[str, Any]:
+    """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
     Started by ``torchrun`` it trains on several GPUs. ``output`` holds the whole state, so that the
-    same command continues an interrupted run, and the weights at the end.
+    same command continues an interrupted run, and the weights at the end; ``start`` are weights to
+    begin with.
     """
-    from ..predictors.training import presets
     from ..predictors.training.checkpoint import save_checkpoint
-    from ..predictors.training.config import TrainingConfig
     from ..predictors.training.trainer import train as run
 
-    if str(config) == "cpu":
-        options = presets.CPU
-    else:
-        try:
-            options = TrainingConfig.from_dict(tomllib.loads(Path(config).read_text()))
-        except (OSError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"cannot read the training config {config}: {error}") from error
+    options = _config(config)
     check_folder(output)
     real = data / TRAINING
     if not real.is_file():
         real = None
         options = replace(options, mixture=replace(options.mixture, real=0.0))
-    trained = run(options, text=data / TEXT, real=real, resume=output)
+    trained = run(options, text=data / TEXT, real=real, start=start, resume=output)
     save_checkpoint(output / WEIGHTS, trained.network, facts={"steps": trained.steps})
     return {"files": [output / WEIGHTS], "steps": trained.steps, "history": trained.history}
+
+
+def _config(config: Path | str) -> TrainingConfig:
+    """Return the preset of that name, or what the TOML file says."""
+    from ..predictors.training.config import TrainingConfig
+    from ..predictors.training.presets import PRESETS
+
+    if str(config) in PRESETS:
+        return PRESETS[str(config)]
+    try:
+        return TrainingConfig.from_dict(tomllib.loads(Path(config).read_text()))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        presets = ", ".join(PRESETS)
+        raise InputError(
+            f"cannot read the training config {config}: {error}; presets are {presets}"
+        ) from error
 
 
 def evaluate(

@@ -1,6 +1,7 @@
 """Laws of the FiLM network, its data and its predictor."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,11 +20,12 @@ from autophyx_tet.predictors.dataset.parts import part_kinds
 from autophyx_tet.predictors.dataset.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.predictors.dataset.wordings import LEVELS, wordings
 from autophyx_tet.predictors.film import FilmPredictor
+from autophyx_tet.predictors.film_binder import USELESS
 from autophyx_tet.predictors.film_parts import FilmBlock, MaskedGroupNorm, Modulation
 from autophyx_tet.predictors.film_scene import NetworkConfig, Scene, halve
 from autophyx_tet.predictors.film_unet import FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.lexicon import with_lexicon
+from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT, PIXIE, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -258,3 +260,33 @@ def test_a_cpu_trains_the_small_network(tmp_path):
     whole = train(CPU, text=tmp_path / "text")
     assert whole.history[-1]["loss"] < 0.45
     assert whole.history[-1]["loss"] < whole.history[0]["loss"]
+
+
+def test_what_the_lexicon_is_told_arrives_exactly():
+    """A clause alone whose material is surely meant has the lexicon's value, untouched by tanh."""
+    config = NetworkConfig(
+        widths=(8, 8, 8, 8, 8), text_dim=4 + len(CHANNELS) + 4, slot_width=16, key_width=8,
+        told=True, sentence_dim=4,
+    )  # fmt: skip
+    network = FilmUNet(config).eval()
+    torch.nn.init.constant_(network.sayings.meant.bias, 50.0)
+    value = torch.tensor([[0.7, -0.2, 0.4]])
+    embedding = torch.zeros(1, config.text_dim)
+    hints = torch.cat([torch.ones(1, 1), value, torch.zeros(1, len(CHANNELS) - 4)], 1)
+    embedding[:, 4 : 4 + len(CHANNELS)] = hints * LOUDNESS / 4**0.5
+    assert torch.allclose(network.text_values(embedding, torch.tensor([0])), value, atol=1e-6)
+    silent = torch.zeros(1, config.text_dim)
+    assert not torch.allclose(network.text_values(silent, torch.tensor([0])), value, atol=0.05)
+
+
+def test_a_useless_source_is_not_heard():
+    """Evidence whose source is known to be useless changes nothing at all."""
+    network = FilmUNet(replace(SMALL, graded=True)).eval()
+    given = scene()
+    known = given._replace(reliability=torch.tensor([[USELESS, 0.0]]))
+    absent = given._replace(
+        reliability=torch.zeros(1, 2), evidence=torch.zeros_like(given.evidence)
+    )
+    with torch.no_grad():
+        assert torch.equal(network(known).values, network(absent).values)
+        assert not torch.equal(network(given).values, network(absent).values)

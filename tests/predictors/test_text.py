@@ -46,6 +46,7 @@ def test_all_these_say_oak_legs_and_a_foam_seat(text):
         ("oak legs and back, foam seat", [("oak", "leg"), ("oak", "back"), ("foam", "seat")]),
         ("legs, back and seat are oak", [("oak", "leg"), ("oak", "back"), ("oak", "seat")]),
         ("oak for the legs", [("oak", "leg")]),
+        ("use velvet for the fabric", [("velvet", "fabric")]),
         ("it is a steel frame with an oak seat", [("steel", "frame"), ("oak", "seat")]),
         ("a bonsai in a ceramic pot", [(None, "bonsai"), ("ceramic", "pot")]),
         ("plastic leaves", [("plastic", "leaf")]),

@@ -1,0 +1,70 @@
+"""Laws of reading one clause: what it speaks of, of what it is, and how that is."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.dataset.grammar import Grammar, material_at_level
+from autophyx_tet.predictors.dataset.parts import part_kinds
+from autophyx_tet.predictors.dataset.wordings import LEVELS
+from autophyx_tet.predictors.lexicon import CHANNELS, Lexicon
+from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.plain_words import PlainWords, subject
+from autophyx_tet.predictors.statement import Reader
+from autophyx_tet.predictors.vocabulary import Vocabulary
+
+READ = Reader(Vocabulary(load_table().phrases))
+
+
+@pytest.mark.parametrize(
+    ("text", "of", "material"),
+    [
+        ("the legs are oak", "leg", "oak"),
+        ("oak for the legs", "leg", "oak"),
+        ("use velvet for the fabric", "fabric", "velvet"),
+        ("make the seat leather", "seat", "leather"),
+        ("with a cast iron crossbar around it", "crossbar", "cast iron"),
+        ("the boulder is medium firm upholstery foam", "boulder", "upholstery foam"),
+        ("clay soil", "soil", "clay"),
+        ("the soil and the pot are heavy", "soil pot", None),
+        ("very heavy soil", "soil", None),
+        ("the seat is soft as wool", "seat", None),
+        ("whose rim cannot be bent", "rim", None),
+        ("it is all oak", "everything", "oak"),
+    ],
+)
+def test_subject_and_material(text, of, material):
+    """Whatever the frame, the words for the part and the material's phrase are told apart."""
+    said = READ(text)
+    assert (said.subject, said.material) == (of, material)
+
+
+def test_a_level_moves_a_material_within_its_own_range():
+    """The lexicon reads "very stiff oak" as the grammar means it, to the last digit."""
+    oak = load_table().exact("oak")
+    wanted = DEFAULT.normalise(*material_at_level(oak, LEVELS["very stiff"]))
+    hints = Lexicon().channels("the leg is made of very stiff oak")
+    start = CHANNELS.index("E")
+    assert np.allclose(hints[start : start + 3], wanted, atol=1e-6)
+
+
+def test_materials_of_the_grammar_are_read():
+    """Of 400 clauses in frames of training 98 % are read to the value they were written for."""
+    grammar = Grammar(np.random.default_rng(2))
+    lexicon, start = Lexicon(), CHANNELS.index("E")
+    seen = [i for i, kind in enumerate(part_kinds().values()) if not kind.held_out]
+    right = 0
+    for key in np.random.default_rng(3).choice(seen, 400):
+        phrase = grammar.part(int(key))
+        assert phrase.value is not None
+        found = lexicon.channels(phrase.text)[start : start + 3]
+        right += np.allclose(found, DEFAULT.normalise(*phrase.value), atol=1e-5)
+    assert right >= 392
+
+
+def test_plain_words_speak_of_the_same_part():
+    """A clause said again keeps its subject, and one that names a material stays as it was."""
+    plain = PlainWords(Lexicon())
+    for text in ("it has a soft seat", "the arm gives way at the slightest touch"):
+        assert subject(plain(text)) == subject(text)
+    said = "it has a mild steel hard shell"
+    assert plain(said) == said
