@@ -62,7 +62,7 @@ def _of_splats(table: PointTable, cells: int) -> Matter:
     if not keep.any():
         raise InputError(f"none of {len(table)} splats has an opacity above {FAINT:g}")
     splats = Gaussians(*(values[keep] for values in splats))
-    base = np.stack([np.float64(table.columns[f"f_dc_{i}"])[keep] for i in range(3)], axis=1)
+    base = np.stack([table.columns[f"f_dc_{i}"][keep].astype(np.float64) for i in range(3)], axis=1)
     colours = (0.5 + SH_C0 * base).clip(0, 1)
     grid = Grid.around(_bounds(splats.means), cells=cells)
     cover = opacity_grid(splats, grid)
