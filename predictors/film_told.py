@@ -10,34 +10,29 @@ from .film_scene import NetworkConfig
 from .lexicon import CHANNELS, LOUDNESS
 
 _NAMES, _VALUE = CHANNELS.index("material"), slice(CHANNELS.index("E"), CHANNELS.index("rho") + 1)
-_TRUSTED = 3.0  # logit at the start: a material that the lexicon names is nearly always meant
 
 
 class Sayings(nn.Module):
-    """For every slot: a value before tanh (3), how far the lexicon's is meant (1), that value (3).
+    """For every slot: a value before tanh (3), whether it names a material (1), its value (3).
 
-    The lexicon's value is weighed with how far it is meant, so that slots can be mixed.
+    A learned doubt of the lexicon was tried: real objects, whose binding is left open, taught it
+    to doubt what was said plainly.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
         self.direct = nn.Linear(config.slot_width, 3)
-        self.meant = nn.Linear(config.slot_width, 1) if config.told else None
-        if self.meant is not None:
-            nn.init.zeros_(self.meant.weight)
-            nn.init.constant_(self.meant.bias, _TRUSTED)
 
     def forward(self, slots: Tensor, embedding: Tensor) -> Tensor:
         """Sayings (batch, slots, 3 or 7) of hidden vectors and what they were made from."""
         direct = self.direct(slots)
-        if self.meant is None:
+        if not self.config.told:
             return direct
         start = self.config.sentence_dim
         hints = embedding[..., start : start + len(CHANNELS)] * (start**0.5 / LOUDNESS)
         names = hints[..., _NAMES, None].clamp(0, 1)
-        share = torch.sigmoid(self.meant(slots)) * names.to(direct.dtype)
-        return torch.cat([direct, share, share * hints[..., _VALUE].to(direct.dtype)], dim=-1)
+        return torch.cat([direct, names, names * hints[..., _VALUE]], dim=-1)
 
 
 def composed(residual: Tensor, weights: Tensor, says: Tensor) -> Tensor:

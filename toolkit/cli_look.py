@@ -19,7 +19,7 @@ class Features:
     """
 
     asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
-    """Surface to look at: obj, ply, stl, off, glb, gltf ..."""
+    """Surface (obj, glb ...), Gaussian splats, point cloud or density grid to look at."""
     output: Output
     """File to write: .npz with cells, values, part and grid."""
     options: Flat[FeatureOptions] = field(default_factory=FeatureOptions)

@@ -20,7 +20,8 @@ from .samples import Mixture
 TEXT_DIM = 384 + len(CHANNELS) + 384  # sentence, the lexicon's hints, subject
 # One after the other, each from the weights of the one before. "32" and "64" ran on three GPUs and
 # heard sentence and hints alone, with ``told`` off; the first weights of what came new were zero.
-# "told" ran on four GPUs for 6,500 steps of a schedule of 9,800, "last" on four without compiling.
+# "told" ran on four GPUs for 6,500 steps of a schedule of 9,800, "last" on four without compiling;
+# both with a learned share of the lexicon's values, which was set to one afterwards.
 _HEARD = NetworkConfig(
     widths=(32, 64, 96, 120, 128), text_dim=TEXT_DIM - 384, graded=True, fine_width=16
 )

@@ -263,13 +263,12 @@ def test_a_cpu_trains_the_small_network(tmp_path):
 
 
 def test_what_the_lexicon_is_told_arrives_exactly():
-    """A clause alone whose material is surely meant has the lexicon's value, untouched by tanh."""
+    """A clause alone that names a material has the lexicon's value, untouched by tanh."""
     config = NetworkConfig(
         widths=(8, 8, 8, 8, 8), text_dim=4 + len(CHANNELS) + 4, slot_width=16, key_width=8,
         told=True, sentence_dim=4,
     )  # fmt: skip
     network = FilmUNet(config).eval()
-    torch.nn.init.constant_(network.sayings.meant.bias, 50.0)
     value = torch.tensor([[0.7, -0.2, 0.4]])
     embedding = torch.zeros(1, config.text_dim)
     hints = torch.cat([torch.ones(1, 1), value, torch.zeros(1, len(CHANNELS) - 4)], 1)
