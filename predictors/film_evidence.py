@@ -16,7 +16,7 @@ from .voxels import PartVoxels
 
 # How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
 SHARED_WORD, LIKE_WORD = 1.0, 0.5
-VISION = 0.2  # strength .8 of simulated evidence: right on two of three voxels of two clauses
+VISION = 0.2  # as of simulated evidence of strength .8: chosen beforehand, not fitted
 SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: as a word of a label
 
 
