@@ -12,6 +12,9 @@ from .voxels import PartVoxels
 
 # Cells along the longest side in training; a grid far from it is resampled.
 TRAINED_CELLS, FEWEST_CELLS = 62, 48
+# A thin object in a thinner grid would meet the deepest cells where training never put it: measured
+# on two of them, the right clause fell from .99 to .4.
+STEP = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +32,8 @@ class Frame:
     shape: tuple[int, int, int]
 
     @classmethod
-    def of(cls, parts: PartVoxels, up: UpAxis, *, step: int = 32) -> Frame:
-        """Frame of the occupied box of ``parts``."""
+    def of(cls, parts: PartVoxels, up: UpAxis, *, step: int = STEP) -> Frame:
+        """Frame of the occupied box of ``parts``, in the middle of a cube as in training."""
         axes, flip = {"z": ((0, 1, 2), ()), "y": ((0, 2, 1), (1,)), "x": ((2, 1, 0), (0,))}[up]
         upright = np.flip(parts.occupied.transpose(axes), flip)
         box = [np.flatnonzero(upright.any(axis=tuple({0, 1, 2} - {i}))) for i in range(3)]
