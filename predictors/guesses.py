@@ -123,6 +123,8 @@ def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
     """Return the scene with the evidence of names as it is gathered at run time."""
     import torch
 
+    from .film_scene import halve
+
     vocabulary = Vocabulary(load_table().phrases)
     clauses = [_one_clause(said, vocabulary) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]
@@ -130,8 +132,10 @@ def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
         return scene
     named = [NamedPart.of([slot], vocabulary, 0.0) for slot in example.names]
     score, trust = name_evidence([clauses[k] for k in here], named, encoder)
+    evidence, reliability = scene.evidence.clone(), scene.reliability.clone()
     part = scene.part[0].numpy()
-    evidence, reliability = torch.zeros_like(scene.evidence), scene.reliability.clone()
+    if part.shape != evidence.shape[3:]:  # beside evidence at half the resolution
+        part = halve(scene).part[0].numpy()
     spread = standard(score.T[part.clip(min=0)], part >= 0)
     evidence[0, 1, here], reliability[0, 1] = torch.from_numpy(spread), trust
     return scene._replace(evidence=evidence, reliability=reliability)

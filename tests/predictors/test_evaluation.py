@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+import torch
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.evaluation import BASELINES, evaluate
 from autophyx_tet.predictors.examples import Example, load_example, save_example
+from autophyx_tet.predictors.film_scene import Scene
 from autophyx_tet.predictors.folder_evaluation import evaluate_folder
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.guesses import Sample, Seen, _with_names, _with_vision
 from autophyx_tet.predictors.mass import mass_errors
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -59,6 +62,38 @@ def test_mass_errors():
     assert errors == pytest.approx((np.log(2), 1.0, 0.75, 0.5))
     with pytest.raises(InputError, match="positive"):
         mass_errors(np.array([1.0]), np.array([0.0]))
+
+
+class Letters:
+    """Embeds a text as how often it has each of four letters."""
+
+    dim = 4
+
+    def text(self, texts) -> np.ndarray:
+        counts = np.array([[1 + t.count(letter) for letter in "aeio"] for t in texts], np.float32)
+        return counts / np.linalg.norm(counts, axis=1, keepdims=True)
+
+
+def test_names_and_looks_are_heard_together():
+    """Evidence of names joins that of an encoder at half the resolution, and leaves it alone."""
+    part = torch.full((1, 8, 8, 8), -1)
+    part[0, 2:6, 2:6, 2:4], part[0, 2:6, 2:6, 4:6] = 0, 1
+    empty = torch.zeros(1, 2, 2, 8, 8, 8)
+    blank = torch.zeros(1, 1, 4)
+    scene = Scene(
+        (part >= 0).float()[:, None].expand(1, 8, 8, 8, 8), torch.zeros(1, 2, 4),
+        torch.ones(1, 2, dtype=torch.bool), blank[0], torch.tensor([False]), empty,
+        torch.zeros(1, 2), blank, torch.tensor([[False]]), part,
+    )  # fmt: skip
+    cells = np.argwhere(np.ones((2, 2, 2), dtype=bool)) + 1
+    values = np.random.default_rng(0).random((8, 4)).astype(np.float32)
+    sample = Sample(None, ["oak legs", "a steel top"], ("legs", "top"), Seen(cells, values))
+    looks = _with_vision(scene, sample, Letters())
+    both = _with_names(looks, sample, Letters())
+    assert both.evidence.shape == (1, 2, 2, 4, 4, 4)
+    assert torch.equal(both.evidence[:, 0], looks.evidence[:, 0])
+    assert (both.evidence[0, 1, :, 1, 1, 1] * torch.tensor([1, -1]) > 0).all()
+    assert (both.reliability > 0).all()
 
 
 @pytest.mark.slow
