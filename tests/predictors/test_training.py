@@ -54,6 +54,7 @@ def same(first, second) -> bool:
     return all(torch.equal(a, b) for a, b in pairs)
 
 
+@pytest.mark.slow
 def test_resume_is_exact(text, tmp_path):
     """Ten steps, a pause and ten more end at the very weights of twenty without a pause."""
     whole = train(TINY, text=text)

@@ -65,6 +65,7 @@ def made(folder):
         assert main([verb, *words, "-q"]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", CALLS)
 def test_the_documented_keys_are_those_printed(verb, documented, made, folder, capsys):
     assert set(printed(capsys, folder, verb, *CALLS[verb])) == documented[verb]

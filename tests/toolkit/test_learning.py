@@ -25,6 +25,7 @@ key_width = 8
 """
 
 
+@pytest.mark.slow
 def test_samples_are_drawn(tmp_path):
     """Every sample shows an object and says a clause of each of its parts."""
     document = show_dataset(tmp_path / "samples.png", count=2)

@@ -97,6 +97,7 @@ def test_flat_sheet_has_no_volume():
     assert error.value.exit_code == 4
 
 
+@pytest.mark.slow
 def test_plate_thinner_than_epsilon_is_left_out_and_said():
     plate = trimesh.creation.box((1, 1, 1e-3))
     plate.apply_translation((3, 0, 0))
@@ -165,6 +166,7 @@ def test_wrong_options_are_usage_errors(option):
         tetrahedralize(_asset(cube=trimesh.creation.box((1, 1, 1))), **option)
 
 
+@pytest.mark.slow
 def test_far_away_and_tiny_bodies_convert():
     """Bare fTetWild crashes at 1e-9 and hangs at +1e9: position and unit do not matter here."""
     for size, place in ((1e-9, 0.0), (1.0, 1e6)):

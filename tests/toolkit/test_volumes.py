@@ -71,6 +71,7 @@ def test_a_density_grid_is_its_ball(suffix, tmp_path):
     assert any("no unit" in warning for warning in asset.warnings) == (suffix == ".nvdb")
 
 
+@pytest.mark.slow
 def test_a_cloud_with_missing_points_is_the_ball_it_covers(tmp_path):
     """A depth camera's NaN is left out; the surface keeps the radius of 0.1 m within 2 %."""
     x = sphere()
@@ -113,6 +114,7 @@ def test_a_cloud_far_from_its_surface_is_refused(tmp_path, monkeypatch):
         load_asset(path)
 
 
+@pytest.mark.slow
 def test_points_of_a_field_enclose_nothing(tmp_path):
     """A flat field of points has no other side: exit 4 with a sentence, before any engine."""
     x, y = np.random.default_rng(0).random((2, 1000))
