@@ -66,14 +66,14 @@ def _film(name: str, weights: Path | None) -> Guess:
     from .training.checkpoint import load_checkpoint
 
     network: FilmUNet = load_checkpoint(weights or WEIGHTS)
-    encoder = MiniLM()
+    encoder, vocabulary = MiniLM(), Vocabulary(load_table().phrases)
 
     def guess(example: Sample):
         scene = _deprived(example.batch.scene, name, encoder.dim)
         if example.seen is not None and name not in ("film-rgb", "film-nofeatures"):
             scene = _with_vision(scene, example, encoder)
         if example.names:
-            scene = _with_names(scene, example, encoder)
+            scene = _with_names(scene, example, encoder, vocabulary)
         with torch.inference_mode():
             output = network(scene)
         return output.values, output.logits
@@ -119,13 +119,14 @@ def _with_vision(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
     return scene._replace(evidence=evidence, reliability=reliability)
 
 
-def _with_names(scene: Scene, example: Sample, encoder: TextEncoder) -> Scene:
+def _with_names(
+    scene: Scene, example: Sample, encoder: TextEncoder, vocabulary: Vocabulary
+) -> Scene:
     """Return the scene with the evidence of names as it is gathered at run time."""
     import torch
 
     from .film_scene import halve
 
-    vocabulary = Vocabulary(load_table().phrases)
     clauses = [_one_clause(said, vocabulary) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]
     if not here:

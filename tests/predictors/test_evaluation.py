@@ -12,6 +12,7 @@ from autophyx_tet.predictors.folder_evaluation import evaluate_folder
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.guesses import Sample, Seen, _with_names, _with_vision
 from autophyx_tet.predictors.mass import mass_errors
+from autophyx_tet.predictors.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
 
 
@@ -89,7 +90,7 @@ def test_names_and_looks_are_heard_together():
     values = np.random.default_rng(0).random((8, 4)).astype(np.float32)
     sample = Sample(None, ["oak legs", "a steel top"], ("legs", "top"), Seen(cells, values))
     looks = _with_vision(scene, sample, Letters())
-    both = _with_names(looks, sample, Letters())
+    both = _with_names(looks, sample, Letters(), Vocabulary(load_table().phrases))
     assert both.evidence.shape == (1, 2, 2, 4, 4, 4)
     assert torch.equal(both.evidence[:, 0], looks.evidence[:, 0])
     assert (both.evidence[0, 1, :, 1, 1, 1] * torch.tensor([1, -1]) > 0).all()
