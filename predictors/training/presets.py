@@ -59,8 +59,40 @@ CPU = TrainingConfig(
     mixture=Mixture(composite=0, relabelled=0, real=0),
 )  # fmt: skip
 
+# Rows of the ablation: one small network, deprived of one thing each; what is left out of training
+# is left out of the test too.
+_ROW = TrainingConfig(
+    cells=32, batch=128, steps=1800, rate=1.5e-3, final_rate=1e-5, warm_up=100, text_batch=1024,
+    composites=0, every=50, seed=21,
+    network=replace(_NETWORK, widths=(16, 32, 64, 96, 128), fine=False),
+    mixture=Mixture(composite=0, relabelled=0, real=0),
+)  # fmt: skip
 
-PRESETS = {"cpu": CPU, **{f"shipped-{stage}": config for stage, config in SHIPPED.items()}}
+
+def _row(*, network: dict | None = None, mixture: dict | None = None) -> TrainingConfig:
+    return replace(
+        _ROW,
+        network=replace(_ROW.network, **(network or {})),
+        mixture=replace(_ROW.mixture, **(mixture or {})),
+    )
+
+
+ABLATIONS = {
+    "short": _ROW,
+    "concat": _row(network={"conditioning": "concat"}),
+    "global": _row(network={"conditioning": "global"}),
+    "crossattn": _row(network={"conditioning": "crossattn"}),
+    "nohints": _row(network={"text_dim": _NETWORK.sentence_dim, "told": False}),
+    "nonames": _row(mixture={"names": 0.0}),
+    "occupancy": _row(mixture={"colour": 0.0, "vision": 0.0}),
+}
+
+
+PRESETS = {
+    "cpu": CPU,
+    **{f"shipped-{stage}": config for stage, config in SHIPPED.items()},
+    **{f"ablation-{row}": config for row, config in ABLATIONS.items()},
+}
 
 
 def device_text_table(

@@ -21,7 +21,7 @@ from autophyx_tet.predictors.film_scene import NetworkConfig
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.lexicon import with_lexicon
 from autophyx_tet.predictors.training.phrasebook import Phrasebook
-from autophyx_tet.predictors.training.presets import CPU, TEXT_DIM
+from autophyx_tet.predictors.training.presets import ABLATIONS, CPU, TEXT_DIM
 from autophyx_tet.predictors.training.samples import Mixture, Sampler
 from autophyx_tet.predictors.training.stores import procedural_store
 from autophyx_tet.predictors.training.trainer import train
@@ -52,6 +52,15 @@ def text(tmp_path_factory):
 def same(first, second) -> bool:
     pairs = zip(first.state_dict().values(), second.state_dict().values(), strict=True)
     return all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_rows_of_the_ablation_differ_in_one_thing():
+    """All rows have one budget and one seed; network or mixture differs, never both."""
+    short = ABLATIONS["short"]
+    for name, row in ABLATIONS.items():
+        assert replace(row, network=short.network, mixture=short.mixture) == short
+        changed = (row.network != short.network) + (row.mixture != short.mixture)
+        assert changed == (name != "short")
 
 
 @pytest.mark.slow
