@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -66,6 +66,24 @@ def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
     """
     grid = Grid.around(mesh.bounds, cells=cells)
     return PartVoxels(grid, _stamp_missing(mesh, grid, rasterize(mesh, grid)), mesh.region_names)
+
+
+def divide(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) -> TetMesh:
+    """Return the mesh with its regions divided as their voxels were.
+
+    ``parents`` (pieces,) is the region that each of ``parts`` is a piece of; a tet goes to the
+    piece of its region whose voxel is nearest to its centroid.
+    """
+    from scipy.spatial import KDTree
+
+    of_piece = np.asarray(parents)
+    region = np.empty_like(mesh.region)
+    for parent in np.unique(mesh.region):
+        tets = mesh.region == parent
+        cells = np.argwhere(parts.occupied & (of_piece[parts.part] == parent))
+        _, nearest = KDTree(cells).query(parts.grid.to_index(mesh.centroids[tets]))
+        region[tets] = parts.part[tuple(cells[nearest].T)]
+    return TetMesh(mesh.points, mesh.tets, region, parts.part_names)
 
 
 def rasterize(mesh: TetMesh, grid: Grid) -> np.ndarray:

@@ -108,6 +108,21 @@ def bind(score: Float[np.ndarray, "clauses parts"]) -> list[int | None]:
     return [int(np.argmax(column)) if column.max() > 0 else None for column in score.T]
 
 
+def homeless(clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]) -> list[int]:
+    """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
+
+    An unknown word that stands alone names the object: "a steel bracket".
+    """
+    every = words.OBJECTS | words.REST | words.DETERMINERS
+    lost = [
+        k
+        for k, clause in enumerate(clauses)
+        if (clause.material or clause.level) and set(clause.parts) - every and not score[k].any()
+    ]
+    alone = sum(bool(clause.material) for clause in clauses) <= 1
+    return [] if len(lost) == 1 and alone and is_whole(clauses[lost[0]]) else lost
+
+
 def is_whole(clause: Clause) -> bool:
     """Whether a clause speaks of the object ("oak cube") and of no part that people know."""
     known = frozenset().union(*words.SYNONYMS) | words.STRUCTURE

@@ -4,12 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .voxels import PartVoxels
+
+
+class Binding(NamedTuple):
+    """What the network understood of one part: the clause that took most of it, and how surely.
+
+    ``share`` of the part's cells follow the clause (None: the text does not speak of them);
+    ``spread`` is the mean deviation of log10 E between views of the object from several sides.
+    """
+
+    clause: str | None
+    share: float
+    voxels: int
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -21,7 +35,7 @@ class PartChoice:
     part
         Name of the part.
     row
-        The row of the table.
+        The row of the table, or the one nearest to what the network found.
     value
         E [Pa], nu [1], rho [kg/m^3] at ``alpha``.
     weight
@@ -30,6 +44,12 @@ class PartChoice:
         Place of E in the row's range, from soft (0) to stiff (1), in log space.
     why
         The clause or the label that decided.
+    told
+        Whether words settle it: the text's for this part or for all, an option's, or the asset's.
+    binding
+        What was understood of the part, where the network decided.
+    learned
+        Whether the values are the network's own, and no row's.
     """
 
     part: str
@@ -38,16 +58,19 @@ class PartChoice:
     weight: float
     alpha: float
     why: str
+    told: bool = True
+    binding: Binding | None = None
+    learned: bool = False
 
     @property
     def material(self) -> str:
-        """Name of the row in the table."""
-        return self.row.name
+        """Name of the row in the table, "like" it for values of the network's own."""
+        return f"like {self.row.name}" if self.learned else self.row.name
 
     @property
     def source(self) -> str:
-        """Where the row's numbers come from."""
-        return self.row.source
+        """Where the numbers come from."""
+        return "FiLM network" if self.learned else self.row.source
 
 
 def fill(

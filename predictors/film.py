@@ -1,4 +1,4 @@
-"""The FiLM predictor: one pass of the trained network, and exact values where the text names them.
+"""The FiLM predictor: what the trained network finds on the cells of an asset, and how surely.
 
 Every clause of the text is embedded alone and bound to voxels by what the network sees of shape
 and colour, by the asset's own names, and by the features of a vision-language encoder if given.
@@ -7,7 +7,7 @@ and colour, by the asset's own names, and by the features of a vision-language e
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,14 +18,13 @@ import numpy as np
 from ..fem.errors import UsageError
 from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
-from .binding import NamedPart, is_whole
+from .binding import NamedPart
 from .field import MaterialField
 from .film_evidence import VISION, name_evidence, own_name, standard
 from .film_frame import Frame
 from .normalisation import DEFAULT
 from .plain_words import HintedEncoder, subject
 from .predictor import TextEncoder
-from .retrieval import RetrievalPredictor
 from .text import Clause, parse
 from .vocabulary import Vocabulary
 from .voxels import PartVoxels
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
     from .film_unet import FilmUNet
 
 WEIGHTS = Path(__file__).parent / "weights" / "film.safetensors"
-# Reasons of the retrieval predictor that come from the user's words.
-_TOLD, _TOLD_OF_ALL = ("text:", "override"), "whole sentence:"
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
 _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
@@ -53,19 +50,24 @@ class Appearance:
     words: TextEncoder | None = None
 
 
-class Binding(NamedTuple):
-    """What was understood of one part: the clause that took most of its voxels, and how surely.
+class Found(NamedTuple):
+    """What the network finds on the cells of the parts.
 
-    ``share`` of the part's voxels follow the clause (None: the text does not speak of it);
-    ``spread`` is the mean deviation of log10 E between views of the object from four sides.
+    ``values`` (nx, ny, nz, 3) are normalised log E, nu, log rho; ``shares`` (nx, ny, nz, K + 1)
+    say how surely each of the ``clauses`` speaks of a cell, the last one that none does; ``spread``
+    (nx, ny, nz) is the deviation of log10 E between views of the object from several sides.
     """
 
-    part: str
-    clause: str | None
-    share: float
-    voxels: int
-    spread: float
-    exact: bool
+    clauses: list[Clause]
+    values: np.ndarray
+    shares: np.ndarray
+    spread: np.ndarray
+
+    def pooled(self, parts: PartVoxels) -> Found:
+        """Return the means over every part: each is of one matter."""
+        return self._replace(
+            values=_pooled(self.values, parts.part), shares=_pooled(self.shares, parts.part)
+        )
 
 
 class FilmPredictor:
@@ -104,73 +106,55 @@ class FilmPredictor:
         text: str,
         *,
         alpha: float | None = None,
-        overrides: Mapping[str, str] | None = None,
-        materials: Mapping[str, str] | None = None,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
         names: bool = True,
-        exact: bool = True,
     ) -> MaterialField:
-        """Return the field; see ``explain`` for the options."""
-        return self.explain(
-            parts, text, alpha=alpha, overrides=overrides, materials=materials, up=up,
-            appearance=appearance, names=names, exact=exact, turns=1,
-        )[0]  # fmt: skip
+        """Return what the network finds by itself, no value looked up; see ``look``."""
+        if alpha is not None:
+            raise UsageError("the film predictor has no --alpha: use --predictor retrieval")
+        found = self.look(parts, text, up=up, appearance=appearance, names=names, turns=1)
+        E, nu, rho = DEFAULT.physical(found.values)
+        labels = parts.part.astype(np.int64)
+        return MaterialField(
+            parts.grid, parts.occupied, E, nu, rho, part=labels, part_names=parts.part_names
+        )
 
-    def explain(
+    def look(
         self,
         parts: PartVoxels,
         text: str,
         *,
-        alpha: float | None = None,
-        overrides: Mapping[str, str] | None = None,
-        materials: Mapping[str, str] | None = None,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
         names: bool = True,
-        exact: bool = True,
         turns: int = 4,
-    ) -> tuple[MaterialField, list[Binding]]:
-        """Return the field and what was understood of every part.
+    ) -> Found:
+        """Return what the network finds on every cell.
 
         Parameters
         ----------
-        overrides, materials
-            For single parts: free text, and the exact name of a material of the table.
         up
             The axis that points up.
         appearance
             Colours and features of the cells, if known.
         names
             Whether the asset's own names may be read.
-        exact
-            Whether a material that the text names for a part is taken from the table as it stands;
-            only where ``names`` may be read, for they bind it.
         turns
             Views from so many sides are averaged; their spread is reported.
         """
-        if alpha is not None:
-            raise UsageError("the film predictor has no --alpha: use --predictor retrieval")
         frame = Frame.of(parts, up)
-        clauses = self.clauses(text)
         scene = self._scene(parts, frame, text, appearance or Appearance(), names)
-        values, taken = self._run(scene, frame, turns)
-        mean = values.mean(axis=0)
+        values, shares = self._run(scene, frame, turns)
         spread = values[..., 0].std(axis=0) * DEFAULT.span[0] / 2
-        E, nu, rho = DEFAULT.physical(frame.back(mean, parts))
-        fixed = self._exact(parts, text, overrides, materials) if exact and names else {}
-        for index, value in fixed.items():
-            cells = parts.part == index
-            E[cells], nu[cells], rho[cells] = value
-        labels = parts.part.astype(np.int64)
-        field = MaterialField(
-            parts.grid, parts.occupied, E, nu, rho, part=labels, part_names=parts.part_names
+        clauses = self.clauses(text)
+        shares = shares[..., [*range(len(clauses)), -1]]  # without the slot of a silent text
+        found = Found(
+            clauses, *(frame.back(x, parts) for x in (values.mean(axis=0), shares, spread))
         )
-        said = [clause.text for clause in clauses]
-        told = _bindings(
-            parts, frame.back(taken, parts), frame.back(spread, parts), said, set(fixed)
-        )
-        return field, told
+        # As many parts as clauses or more: each part is of one matter. A text about more parts
+        # than the asset has speaks of pieces of them.
+        return found if len(clauses) > len(parts.part_names) else found.pooled(parts)
 
     def clauses(self, text: str) -> list[Clause]:
         """Clauses of a text as written; the default template names the object and says nothing."""
@@ -178,22 +162,6 @@ class FilmPredictor:
         if _TEMPLATE.fullmatch(text.strip()) and not any(c.material or c.level for c in found):
             return []
         return _as_written(text, found)
-
-    def _exact(self, parts: PartVoxels, text: str, overrides, materials) -> dict[int, tuple]:
-        """Values of the parts whose material the text or an option names."""
-        retrieval = RetrievalPredictor(table=self.table, encoder=self._given_encoder)
-        chosen = retrieval.choose(
-            parts.part_labels, text, overrides=overrides, materials=materials,
-            part_volumes=parts.volumes,
-        )  # fmt: skip
-        # "the seat is foam" says nothing of the back; "oak chair" speaks of all of it.
-        named = [c for c in parse(text, self._vocabulary) if c.material]
-        told = (*_TOLD, _TOLD_OF_ALL) if all(map(is_whole, named)) else _TOLD
-        return {
-            index: tuple(choice.value)
-            for index, choice in enumerate(chosen)
-            if choice.weight == 1 and choice.why.startswith(told)
-        }
 
     def _scene(
         self, parts: PartVoxels, frame: Frame, text: str, appearance: Appearance, names: bool
@@ -225,7 +193,8 @@ class FilmPredictor:
             score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
             evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
         inputs = frame.inputs(part, appearance.colours)
-        known = [bool(name) and names for name in spoken]
+        # A name that several clauses share says nothing of the pieces.
+        known = [bool(name) and names and len(clauses) <= len(named) for name in spoken]
         present = np.arange(k)[None] < len(clauses)
         unsaid = np.array([not clauses and bool(text.strip())])
         numbers = (
@@ -235,7 +204,7 @@ class FilmPredictor:
         return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
 
     def _run(self, scene: Scene, frame: Frame, turns: int):
-        """Values (turns, x, y, z, 3) and the clause of every voxel (-1: none) in the frame."""
+        """Values (turns, x, y, z, 3) and mean shares (x, y, z, clauses + 1) in the frame."""
         import torch
 
         out, shares = [], []
@@ -250,10 +219,9 @@ class FilmPredictor:
             with torch.inference_mode():
                 result = self.network(turned._replace(inputs=inputs))
             out.append(torch.rot90(result.values, -turn, (-3, -2))[0].movedim(0, -1).numpy())
-            shares.append(torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0].numpy())
-        best = np.mean(shares, axis=0).argmax(axis=0)
-        none = len(shares[0]) - 1
-        return np.stack(out), np.where(best == none, -1, best)
+            share = torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0]
+            shares.append(share.movedim(0, -1).numpy())
+        return np.stack(out), np.mean(shares, axis=0)
 
 
 def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
@@ -274,17 +242,14 @@ def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
     return out
 
 
-def _bindings(
-    parts: PartVoxels, taken: np.ndarray, spread: np.ndarray, said: Sequence[str], fixed: set[int]
-) -> list[Binding]:
-    """Most frequent clause of every part."""
-    out = []
-    for index, name in enumerate(parts.part_names):
-        cells = parts.part == index
-        count = np.bincount(taken[cells].astype(int) + 1, minlength=len(said) + 1)
-        best, total = int(count.argmax()), int(cells.sum())
-        clause = said[best - 1] if best else None
-        share = float(count[best] / max(total, 1))
-        doubt = float(spread[cells].mean()) if total else 0.0
-        out.append(Binding(name, clause, share, total, doubt, index in fixed))
+def _pooled(values: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Mean of values (nx, ny, nz, c) over the cells of every part."""
+    inside = part >= 0
+    label = part[inside]
+    count = np.bincount(label).clip(min=1)
+    rows = np.stack(
+        [np.bincount(label, weights=column) / count for column in values[inside].T], axis=-1
+    )
+    out = np.zeros_like(values)
+    out[inside] = rows[label]
     return out

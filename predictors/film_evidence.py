@@ -35,6 +35,8 @@ def name_evidence(
     score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
     if score.any():
         return score, SHARED_WORD
+    if len(clauses) > len(named):  # pieces of one part: its name is like one of them, and all are
+        return np.zeros_like(score), 0.0
     nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
     names = encoder.text([own_name(part) for part in named])
     return nouns @ names.T, LIKE_WORD

@@ -74,10 +74,8 @@ def _predictor(name: str, weights: Path | None) -> Predict:
         if film is None:
             return retrieval.predict(parts, text)
         colours = None if example.colours is None else example.colours[parts.part.clip(min=0)]
-        return film.predict(
-            parts, text, up=example.up, names=named, exact=False,
-            appearance=Appearance(colours=colours),
-        )  # fmt: skip
+        seen = Appearance(colours=colours)
+        return film.predict(parts, text, up=example.up, names=named, appearance=seen)
 
     return predict
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from jaxtyping import Float
 from ..fem.errors import UsageError
 from ..fem.table import Material, MaterialTable, key, load_table
 from . import words
-from .binding import NamedPart, assign, bind, is_whole, nouns_of, overlap
+from .binding import NamedPart, assign, bind, homeless, is_whole, nouns_of, overlap
 from .choice import PartChoice, fill
 from .field import MaterialField
 from .predictor import TextEncoder
@@ -31,6 +31,7 @@ KERNEL_WIDTH = 0.1  # of the softmax over cosines: NeRF2Physics' temperature
 # Below this cosine a part's name says nothing of its material: measured on 30 part names, where
 # "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.
 MEANINGFUL = 0.45
+_OF_ALL = "whole sentence:"  # why: a clause that speaks of no part
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
 
@@ -44,6 +45,7 @@ class _Pick:
     phrase: str = ""
     weight: float = 1.0
     level: str | None = None
+    told: bool = True
 
 
 class RetrievalPredictor:
@@ -124,12 +126,16 @@ class RetrievalPredictor:
         for name, free in (overrides or {}).items():
             i = _index(name, parts)
             (pick,) = self._from_text(parts[i : i + 1], self._as_whole(free))
-            picks[i] = _Pick(pick.row, f"override: {free!r}", pick.phrase, pick.weight, pick.level)
+            picks[i] = replace(pick, why=f"override: {free!r}", told=True)
         for name, exact in (materials or {}).items():
             picks[_index(name, parts)] = _Pick(self.table.exact(exact), "override")
         return [
             self._choice(part.name, pick, alpha) for part, pick in zip(parts, picks, strict=True)
         ]
+
+    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
+        """Choose for a part what a clause names."""
+        return self._choice(part, self._named(clause, why), None)
 
     def _as_whole(self, free: str) -> list[Clause]:
         """Clauses of a text that is about one part only: the first material counts."""
@@ -142,7 +148,8 @@ class RetrievalPredictor:
 
     def _from_text(self, parts: list[NamedPart], clauses: list[Clause]) -> list[_Pick]:
         """Pick by clause, by the part's own names, by the whole sentence, or by the kernel."""
-        bound = bind(overlap(clauses, parts))
+        score = overlap(clauses, parts)
+        bound, lost = bind(score), homeless(clauses, score)
         named = [k for k, clause in enumerate(clauses) if clause.material]
         rest = [k for k in named if set(nouns_of(clauses[k])) & words.REST]
         free = [k for k in named if k not in bound and k not in rest]
@@ -160,9 +167,20 @@ class RetrievalPredictor:
             for i, k in zip(open_parts, given, strict=True):
                 bound[i] = bound[i] if k is None else free[k]
         whole = [k for k in free if set(clauses[k].parts) <= words.OBJECTS | words.STRUCTURE]
-        return [
+        picks = [
             self._pick(part, None if k is None else clauses[k], clauses, rest[:1], whole[:1])
             for part, k in zip(parts, bound, strict=True)
+        ]
+        if not lost:
+            return picks
+        # "the legs are steel" of a chair in one piece: what holds for all of it is open again.
+        return [
+            replace(pick, told=False)
+            if pick.why.startswith(_OF_ALL)
+            or k in lost
+            or (k is not None and set(nouns_of(clauses[k])) <= words.OBJECTS)
+            else pick
+            for pick, k in zip(picks, bound, strict=True)
         ]
 
     def _pick(
@@ -177,12 +195,12 @@ class RetrievalPredictor:
         if clause and clause.material:
             return self._named(clause, f"text: {clause.text!r}")
         for k in rest:
-            return self._named(clauses[k], f"whole sentence: {clauses[k].text!r}", level)
+            return self._named(clauses[k], f"{_OF_ALL} {clauses[k].text!r}", level)
         if part.material:
             why = f"name: {part.material_label!r}"
             return _Pick(self.table.exact(part.material), why, part.material, level=level)
         for k in whole:
-            return self._named(clauses[k], f"whole sentence: {clauses[k].text!r}", level)
+            return self._named(clauses[k], f"{_OF_ALL} {clauses[k].text!r}", level)
         said = clause or next((c for c in clauses if not (c.material or c.level)), None)
         return self._nearest(part, said, [c for c in clauses if c.material])
 
@@ -202,12 +220,15 @@ class RetrievalPredictor:
             if named:
                 near = self._similarity([query], [clause.text for clause in named])[0]
                 clause = named[int(np.argmax(near))]
-                return self._named(clause, f"whole sentence: {clause.text!r}", level)
+                pick = self._named(clause, f"{_OF_ALL} {clause.text!r}", level)
+                return replace(pick, told=False)
             common = {self.table.exact(word).name for word in COMMON}
             cosine = np.where([row.name in common for row in self.table], cosine, -np.inf)
         weight = np.exp((cosine - cosine.max()) / KERNEL_WIDTH)
         best = int(np.argmax(weight))
-        return _Pick(self.table.rows[best], why, "", float(weight[best] / weight.sum()), level)
+        share = float(weight[best] / weight.sum())
+        told = level is None and bool(cosine.max() >= MEANINGFUL)
+        return _Pick(self.table.rows[best], why, "", share, level, told)
 
     def _similarity(self, left: list[str], right: list[str]) -> np.ndarray:
         return self._embed(left) @ self._embed(right).T
@@ -228,7 +249,7 @@ class RetrievalPredictor:
         else:
             level = None
         place = words.ALPHA_OF_LEVEL.get(level or "", 0.5) if alpha is None else alpha
-        return PartChoice(part, row, row.value(place), pick.weight, place, pick.why)
+        return PartChoice(part, row, row.value(place), pick.weight, place, pick.why, pick.told)
 
 
 def choose_materials(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .asset import Asset
 from .grid import Grid
@@ -52,6 +52,17 @@ def samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.ndarray,
         inside = i + j <= count
         weights = np.stack([i[inside], j[inside], (count - i - j)[inside]], axis=1) / count
         yield np.einsum("wc,tck->twk", weights, corners[pieces == count]).reshape(-1, 3)
+
+
+def random_points(
+    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
+) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+    """Faces and corner weights of points uniform on the surface."""
+    share = mesh.area_faces / mesh.area_faces.sum()
+    faces = rng.choice(len(share), size=count, p=share)
+    u, v = rng.random((2, count))
+    root = np.sqrt(u)
+    return faces, np.stack([1 - root, root * (1 - v), root * v], axis=1)
 
 
 def _quartered(corners: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 3 3"]:

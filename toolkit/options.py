@@ -84,6 +84,10 @@ class AssignOptions:
     """Where in the material's range of E: 0 soft, 0.5 the default, 1 stiff."""
     cells: int = 64
     """Voxels along the longest side of the material field."""
+    predictor: Literal["film", "retrieval"] = "film"
+    """What words leave open: found by the network in shape and colour, or guessed from names."""
+    encoder: str | None = None
+    """Image encoder that the network also hears: embedded, openclip or openclip:TAG."""
     strict: bool = False
     """Fail (exit 5) where E, nu or rho leave the band of the material's category."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from .simulation import Simulation
 
 if TYPE_CHECKING:
     from ..converters.tets import Assigned
-    from ..predictors.choice import PartChoice
+    from ..predictors.answer import Answer
 
 # Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
 # nearest of about 200 rows without one gives .1 to .25.
@@ -94,35 +95,41 @@ def assign(
     """
     from ..converters import npz, tets
     from ..converters.table import write_mesh
-    from ..predictors.choice import fill
-    from ..predictors.retrieval import RetrievalPredictor
+    from ..predictors.answer import answer
+    from ..predictors.film import FilmPredictor
+    from .looks import appearance
 
     options = options or AssignOptions()
     if output is not None:
         check_file(output, mesh_suffixes())
     if field_output is not None:
         check_file(field_output, (".npz",))
-    mesh, sidecar, warnings = _read(mesh, asset)
+    mesh, sidecar, seen, warnings = _read(mesh, asset)
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(tets.voxelize(mesh, cells=options.cells), labels=labels)
-    choices = RetrievalPredictor().choose(
-        voxels.part_labels,
+    found = answer(
+        voxels,
         text,
         overrides=pairs(options.part),
         materials=pairs(options.material),
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
+        up=sidecar.up,
+        look=seen and partial(appearance, seen, voxels, encoder=options.encoder),
+        film=FilmPredictor() if options.predictor == "film" else None,
     )
-    field = fill(voxels, choices, alpha=options.alpha)
-    sampled = tets.assign(mesh, field)
+    if len(found.choices) > len(mesh.region_names):
+        mesh = tets.divide(mesh, found.parts, found.parents)
+        sidecar = sidecar.divided(found.parts)
+    sampled = tets.assign(mesh, found.field)
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
-        field=field,
-        choices=tuple(choices),
+        field=found.field,
+        choices=tuple(found.choices),
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *_doubts(choices, sampled)),
+        warnings=(*warnings, *_doubts(found, sampled)),
     )
     if options.strict:
         result.check_bands()
@@ -171,7 +178,7 @@ def simulate(
     if picture is not None:
         check_file(picture, SUFFIXES)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
-    mesh, sidecar, _ = _read(mesh, None)
+    mesh, sidecar, *_ = _read(mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
@@ -248,35 +255,55 @@ class Stopwatch:
 
 
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
-    """Return the mesh, what is known about its regions, and what the user should know."""
+    """Return the mesh, what is known of its regions, the asset, and what the user should know."""
     from ..converters.table import read_mesh
 
     found = None
     if not isinstance(mesh, TetMesh):
         mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
     if asset is not None:
-        if not isinstance(asset, Asset):
-            from .load import load_asset
-
-            asset = load_asset(asset)
+        asset = asset if isinstance(asset, Asset) else _again(asset, found)
         found = Sidecar.of_asset(asset)
     if found is None:
         found = Sidecar(up="z")
-        return mesh, found, ["no asset and no sidecar: regions have only their names, up is z"]
+        return (
+            mesh,
+            found,
+            None,
+            ["no asset and no sidecar: regions have only their names, up is z"],
+        )
     lost = [name for name in mesh.region_names if name not in found.labels]
     warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
-    return mesh, found, warnings if lost else []
+    return mesh, found, asset, warnings if lost else []
 
 
-def _doubts(choices: Sequence[PartChoice], sampled: Assigned) -> Iterator[str]:
+def _again(path: str | Path, known: Sidecar | None) -> Asset:
+    """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
+    from .load import load_asset
+
+    asset = load_asset(path)
+    if known is None or known.source.get("sha256") != asset.source_hash:
+        return asset
+    factor = known.source["metres_per_unit"] / asset.metres_per_unit
+    return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
+
+
+def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
     """Sentences about what was guessed rather than known."""
-    spoken = {choice.why.removeprefix("text: ") for choice in choices}
-    for choice in choices:
+    spoken = {choice.why.removeprefix("text: ") for choice in found.choices}
+    for choice in found.choices:
         borrowed = choice.why.removeprefix("whole sentence: ")
-        if choice.weight < GUESS or (borrowed != choice.why and borrowed in spoken):
+        unsaid = choice.learned and choice.binding and choice.binding.clause is None
+        if choice.weight < GUESS or unsaid or (borrowed != choice.why and borrowed in spoken):
             yield (
                 f"nothing says what part {choice.part!r} is made of: taken as {choice.material}; "
                 f"say it in the text or with --part '{choice.part}=...'"
             )
+    for parent in sorted({i for i in found.parents if found.parents.count(i) > 1}):
+        pieces = [found.parts.part_names[i] for i, p in enumerate(found.parents) if p == parent]
+        yield (
+            f"one part of the asset is divided by its shape into {', '.join(map(repr, pieces))}: "
+            "look whether that is meant; --predictor retrieval leaves it whole"
+        )
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"

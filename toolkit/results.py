@@ -87,6 +87,7 @@ class Assignment:
                 "estimated": choice.row.estimated,
                 "why": choice.why,
                 "weight": choice.weight,
+                "binding": choice.binding,
                 "volume": volume,
                 "mass": mass,
             }

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from ..fem.errors import InputError
 from ..predictors.asset import Asset, UpAxis
+from ..predictors.voxels import PartVoxels
 from .document import SCHEMA, versions, write_json
 
 UNITS = {"points": "m", "E": "Pa", "nu": "1", "rho": "kg/m^3"}
@@ -40,6 +41,10 @@ class Sidecar:
                 "metres_per_unit": asset.metres_per_unit,
             },
         )
+
+    def divided(self, parts: PartVoxels) -> Sidecar:
+        """Return the sidecar of a mesh whose regions are the parts."""
+        return replace(self, labels=dict(zip(parts.part_names, parts.labels, strict=True)))
 
     @staticmethod
     def path(mesh: Path) -> Path:

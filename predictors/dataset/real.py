@@ -16,11 +16,12 @@ from ...fem.table import Material, load_table
 from ..appearance import material_name, skin_of
 from ..asset import Asset, Part
 from ..encoders.kinds import KINDS, kind_of
+from ..surface import random_points
 from ..vocabulary import Vocabulary
 from .shapes import EMPTY, MAX_PARTS
 
 if TYPE_CHECKING:
-    import trimesh
+    pass
 
 CELLS = 64
 _PAD = 1
@@ -78,10 +79,7 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
     """Return the asset filled with voxels; cavities are filled, labels come from the surface."""
     from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
-    bounds = _upright(asset.bounds, asset.up)
-    bounds = np.sort(bounds, axis=0)
-    h = (bounds[1] - bounds[0]).max() / (CELLS - 2 * _PAD)
-    lo = bounds.mean(axis=0) - CELLS * h / 2
+    lo, h = cube(asset)
     label = np.full((CELLS,) * 3, EMPTY, dtype=np.uint8)
     slots, colours = [], []
     for slot, parts in _slots(asset.parts).items():
@@ -89,7 +87,7 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
         if index == MAX_PARTS:
             break
         points, colour = _surface(parts, h)
-        cells = np.floor((_upright(points, asset.up) - lo) / h).astype(int).clip(0, CELLS - 1)
+        cells = np.floor((upright(points, asset.up) - lo) / h).astype(int).clip(0, CELLS - 1)
         label[tuple(cells.T)] = index
         slots.append(slot)
         colours.append(colour)
@@ -100,7 +98,14 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
     return RealObject(name, source, label, tuple(slots), np.array(colours))
 
 
-def _upright(points: np.ndarray, up: str) -> np.ndarray:
+def cube(asset: Asset) -> tuple[Float[np.ndarray, "3"], float]:
+    """Lower corner and cell [m] of the cube that holds an asset, upright."""
+    lo, hi = np.sort(upright(asset.bounds, asset.up), axis=0)
+    h = float((hi - lo).max()) / (CELLS - 2 * _PAD)
+    return (lo + hi) / 2 - CELLS * h / 2, h
+
+
+def upright(points: np.ndarray, up: str) -> np.ndarray:
     """Return points with z up."""
     x, y, z = np.asarray(points, dtype=np.float64).T
     return {
@@ -129,19 +134,10 @@ def _surface(parts: Sequence[Part], h: float) -> tuple[np.ndarray, np.ndarray]:
     for part in parts:
         mesh = part.mesh
         count = int(np.clip(_SAMPLES_PER_CELL * mesh.area / h**2, 50, _MAX_SAMPLES))
-        faces, weights = _sample(mesh, count, rng)
+        faces, weights = random_points(mesh, count, rng)
         points.append(np.einsum("nc,nck->nk", weights, mesh.triangles[faces]))
         colours.append(skin_of(mesh)(faces, weights)[:, :3])
     return np.concatenate(points), np.concatenate(colours).mean(axis=0)
-
-
-def _sample(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator):
-    """Faces (count,) and corner weights (count, 3) of points uniform on the surface."""
-    share = mesh.area_faces / mesh.area_faces.sum()
-    faces = rng.choice(len(share), size=count, p=share)
-    u, v = rng.random((2, count))
-    root = np.sqrt(u)
-    return faces, np.stack([1 - root, root * (1 - v), root * v], axis=1)
 
 
 def save_real(path: Path, objects: Iterable[RealObject]) -> None:

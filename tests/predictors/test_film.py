@@ -224,15 +224,12 @@ def chair(cells=48) -> PartVoxels:
 
 @pytest.mark.slow
 def test_shipped_weights_follow_words():
-    """Named materials land on their parts, exactly where asked; other parts move by < .1."""
+    """What the network finds by itself: oak for the legs; other parts move by < .1 with them."""
     predictor, parts = FilmPredictor(), chair()
-    exact, told = predictor.explain(parts, "oak legs and a soft foam seat", turns=1)
     oak = load_table().exact("oak").value()
     legs = parts.part == 0
-    assert np.allclose(exact.E[legs], oak.E, rtol=1e-6)
-    assert told[0].exact
-    learnt, _ = predictor.explain(parts, "oak legs and a soft foam seat", exact=False, turns=1)
-    swapped, _ = predictor.explain(parts, "steel legs and a soft foam seat", exact=False, turns=1)
+    learnt = predictor.predict(parts, "oak legs and a soft foam seat")
+    swapped = predictor.predict(parts, "steel legs and a soft foam seat")
     assert abs(np.log10(learnt.E[legs]).mean() - np.log10(oak.E)) < 0.3
     others = (parts.part == 1) | (parts.part == 2)
     moved = np.abs(np.log10(swapped.E[others]) - np.log10(learnt.E[others]))

@@ -1,0 +1,158 @@
+"""Words settle what they can; the network divides and fills what they leave open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.answer import SPECK, answer, divide
+from autophyx_tet.predictors.binding import NamedPart, homeless, overlap
+from autophyx_tet.predictors.dataset.objects import make_objects
+from autophyx_tet.predictors.dataset.shapes import EMPTY, rasterise
+from autophyx_tet.predictors.film import FilmPredictor, Found
+from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.text import Clause, parse
+from autophyx_tet.predictors.vocabulary import Vocabulary
+from autophyx_tet.predictors.voxels import PartVoxels
+
+TABLE = load_table()
+WORDS = Vocabulary(TABLE.phrases)
+
+
+def block(*names: str, cells: int = 8) -> PartVoxels:
+    """A block whose parts are slabs along x."""
+    part = np.repeat(np.arange(len(names)), cells)[:, None, None]
+    part = np.broadcast_to(part, (len(part), cells, cells)).copy()
+    return PartVoxels(Grid(np.zeros(3), 0.01, part.shape), part, names)
+
+
+class Network(FilmPredictor):
+    """Finds the same everywhere, and counts how often it is asked."""
+
+    def __init__(self, found: Found | None = None) -> None:
+        super().__init__()
+        self.found, self.asked = found, 0
+
+    def look(self, *_, **__) -> Found:
+        """Return what is found."""
+        self.asked += 1
+        assert self.found is not None
+        return self.found
+
+
+@pytest.mark.parametrize(
+    ("names", "text"),
+    [
+        (("leg", "seat"), "the legs are oak, the seat is soft foam"),
+        (("geometry_0",), "oak"),
+        (("geometry_0",), "a steel bracket"),
+        (("chair",), "an oak chair"),
+        (("leg", "seat"), "foam seat, the rest is steel"),
+        (("mat_3", "Metal_Chrome"), "the rest is rubber"),
+    ],
+)
+def test_the_network_is_not_asked_where_words_settle_everything(names, text):
+    network = Network()
+    found = answer(block(*names), text, film=network)
+    assert network.asked == 0
+    assert found.parts.part_names == names
+    assert all(choice.told for choice in found.choices)
+
+
+@pytest.mark.parametrize(
+    ("names", "text", "lost"),
+    [
+        (("geometry_0",), "the legs are oak, the seat is soft foam", 2),
+        (("chair",), "an oak chair with steel legs", 1),
+        (("geometry_0",), "steel with a rubber grip", 1),
+        (("geometry_0",), "the legs are stiff", 1),
+        (("leg", "seat"), "the legs are oak, the seat is soft foam", 0),
+        (("geometry_0",), "an oak chair", 0),
+        (("geometry_0",), "everything is soft", 0),
+        (("geometry_0",), "a steel bracket", 0),
+    ],
+)
+def test_clauses_about_parts_that_the_asset_lacks_are_known(names, text, lost):
+    clauses = parse(text, WORDS)
+    parts = [NamedPart.of([name], WORDS, 1.0) for name in names]
+    assert len(homeless(clauses, overlap(clauses, parts))) == lost
+
+
+def halves(parts: PartVoxels, *, speck: bool = False) -> Found:
+    """The lower half is of the first clause, the upper of the second; perhaps one cell is not."""
+    shares = np.zeros((*parts.part.shape, 3), dtype=np.float32)
+    middle = parts.part.shape[2] // 2
+    shares[..., :middle, 0] = shares[..., middle:, 1] = 1
+    if speck:
+        shares[4:6, 4:6, 1:3] = [0, 0, 1]  # under 1 % of the cells
+    values = np.zeros((*parts.part.shape, 3), dtype=np.float32)
+    clauses = [
+        Clause("oak legs", "oak", ("leg",)),
+        Clause("soft foam seat", "soft foam", ("seat",)),
+    ]
+    return Found(clauses, values, shares, np.zeros(parts.part.shape))
+
+
+@pytest.mark.parametrize("speck", [False, True])
+def test_a_part_is_divided_where_two_clauses_speak_of_it(speck):
+    """The pieces are the halves, each with the exact values of its material; specks are not."""
+    parts = block("blob", cells=12)
+    assert not speck or 8 < SPECK * parts.part.size
+    found = answer(parts, "oak legs, soft foam seat", film=Network(halves(parts, speck=speck)))
+    assert sorted(found.parts.part_names) == ["blob leg", "blob seat"]
+    assert found.parents == (0, 0)
+    for name, row, cells in (
+        ("blob leg", "oak", slice(0, 6)),
+        ("blob seat", "soft foam", slice(6, 12)),
+    ):
+        index = found.parts.part_names.index(name)
+        assert (found.parts.part[..., cells] == index).all()
+        np.testing.assert_allclose(found.field.E[..., cells], TABLE.exact(row).value().E)
+        assert found.choices[index].binding is not None
+        assert found.choices[index].binding.share > 0.95
+
+
+def test_pieces_partition_their_part_and_others_stay():
+    """Every cell of an open part is in one piece of it; a settled part is untouched."""
+    parts = block("blob", "Metal_Chrome")
+    pieces, parents, owners = divide(parts, [0], halves(parts))
+    assert len(set(pieces.part_names)) == len(parents) == len(owners) == 3
+    np.testing.assert_array_equal(np.array(parents)[pieces.part], parts.part)
+    assert owners[1] is None
+
+
+def test_alpha_moves_words_only():
+    """--alpha works where words name the material, and says so where they do not."""
+    soft = answer(block("geometry_0"), "oak", alpha=0.0, film=Network())
+    assert soft.choices[0].value.E == pytest.approx(TABLE.exact("oak").E.min)
+    with pytest.raises(UsageError, match=r"--alpha.*'blob'.*--predictor retrieval"):
+        answer(block("blob"), "the legs are oak", alpha=0.0, film=Network())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("category", "text", "named"),
+    [
+        (
+            "chair",
+            "oak legs, a soft foam seat and a leather back",
+            {0: "leg", 1: "seat", 2: "back"},
+        ),
+        ("table", "steel legs and a glass top", {0: "leg", 1: "top"}),
+    ],
+)
+def test_a_thing_in_one_piece_is_divided_as_a_person_would(category, text, named):
+    """Procedural chairs and tables in one piece without a name: 9 of 10 cells get their clause."""
+    made = make_objects(1, np.random.default_rng(3), names=[category])
+    label = rasterise(torch.tensor(made.rows), cells=48)[0].numpy().astype(np.int64)
+    truth = np.where(label == EMPTY, -1, label)
+    parts = PartVoxels(Grid(np.zeros(3), 0.02, truth.shape), np.minimum(truth, 0), ("geometry_0",))
+    found = answer(parts, text, film=FilmPredictor())
+    right = 0
+    for index, word in named.items():
+        cells = truth == index
+        piece = found.parts.part_names.index(f"geometry_0 {word}")
+        right += int((found.parts.part[cells] == piece).sum())
+    assert right > 0.9 * (truth >= 0).sum()
