@@ -51,14 +51,19 @@ class Sample(NamedTuple):
 Guess = Callable[[Sample], tuple]
 
 
-def guess_of(name: str, text: TextTable, weights: Path | None) -> Guess:
-    """Return the predictor of a row; ``pixie`` is the network that hears no text."""
+def guess_of(
+    name: str, text: TextTable, weights: Path | None, words: TextEncoder | None = None
+) -> Guess:
+    """Return the predictor of a row; ``pixie`` is the network that hears no text.
+
+    ``words`` are those of the image encoder that sees the objects.
+    """
     if name in ("film", "film-names", "pixie", *DEPRIVED):
-        return _film("film-notext" if name == "pixie" else name, weights)
+        return _film("film-notext" if name == "pixie" else name, weights, words)
     return _retrieval() if name == "retrieval" else _baseline(name, text)
 
 
-def _film(name: str, weights: Path | None) -> Guess:
+def _film(name: str, weights: Path | None, words: TextEncoder | None) -> Guess:
     """Return the network, with what the row's name says taken away."""
     import torch
 
@@ -71,7 +76,7 @@ def _film(name: str, weights: Path | None) -> Guess:
     def guess(example: Sample):
         scene = _deprived(example.batch.scene, name, encoder.dim)
         if example.seen is not None and name not in ("film-rgb", "film-nofeatures"):
-            scene = _with_vision(scene, example, encoder)
+            scene = _with_vision(scene, example, words or encoder)
         if example.names:
             scene = _with_names(scene, example, encoder, vocabulary)
         with torch.inference_mode():

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ..fem.errors import UsageError
+from .likeness import Likeness
+
+Interval = tuple[float, float]  # 95 % bootstrap over the objects
 
 _BOOTSTRAP = 1000  # resamples of the objects, for 95 % intervals
 
@@ -18,7 +22,9 @@ class Row:
     """One line of the table; errors are mean squared errors of values normalised to [-1, 1].
 
     ``interval`` is the 95 % bootstrap interval of ``mse_mean`` over the objects; ``boundary_ratio``
-    the error of voxels that touch another part over that of the others.
+    the error of voxels that touch another part over that of the others. ``difference`` is
+    ``mse_mean`` less that of ``best_baseline``, the best of the run, over the objects of both.
+    ``psnr`` [dB] and ``ssim`` compare the pictures of the first ``rendered`` objects under load.
     """
 
     predictor: str
@@ -31,8 +37,16 @@ class Row:
     boundary_ratio: float
     objects: int
     seconds_per_object: float
-    interval: tuple[float, float]
+    interval: Interval
     by_clauses: dict[int, float]
+    best_baseline: str | None = None
+    difference: float | None = None
+    difference_interval: Interval | None = None
+    rendered: int = 0
+    psnr: float | None = None
+    psnr_interval: Interval | None = None
+    ssim: float | None = None
+    ssim_interval: Interval | None = None
 
     def to_dict(self) -> dict:
         """Plain data for JSON."""
@@ -40,7 +54,10 @@ class Row:
 
 
 class Score(NamedTuple):
-    """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds."""
+    """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds.
+
+    ``seen`` is how alike it looks to the true one under load, if that was asked.
+    """
 
     errors: np.ndarray
     edge: float
@@ -48,6 +65,7 @@ class Score(NamedTuple):
     right: float
     clauses: int
     seconds: float
+    seen: Likeness | None = None
 
 
 def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
@@ -56,15 +74,12 @@ def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
         raise UsageError(f"no object of the {split} split has a known value: give more objects")
     errors = np.array([score.errors for score in scores])
     means, clauses = errors.mean(axis=1), np.array([score.clauses for score in scores])
-    rng = np.random.default_rng(0)
-    draws = rng.integers(len(means), size=(_BOOTSTRAP, len(means)))
-    low, high = np.percentile(means[draws].mean(axis=1), [2.5, 97.5])
     sides = np.array([(score.edge, score.inner) for score in scores])
     sides = sides[~np.isnan(sides).any(axis=1)]
     edge, inner = sides.mean(axis=0) if len(sides) else (np.nan, np.nan)
     right = [score.right for score in scores if not np.isnan(score.right)]
     mse_E, mse_nu, mse_rho = errors.mean(axis=0).tolist()
-    return Row(
+    row = Row(
         predictor=name,
         split=split,
         mse_E=mse_E,
@@ -75,9 +90,52 @@ def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
         boundary_ratio=float(edge / max(inner, 1e-9)),
         objects=len(means),
         seconds_per_object=float(np.mean([score.seconds for score in scores])),
-        interval=(float(low), float(high)),
+        interval=_interval(means),
         by_clauses={int(k): float(means[clauses == k].mean()) for k in np.unique(clauses)},
     )
+    return _with_pictures(row, [score.seen for score in scores if score.seen is not None])
+
+
+def _with_pictures(row: Row, seen: Sequence[Likeness]) -> Row:
+    if not seen:
+        return row
+    psnr, ssim = np.array(seen).T
+    return replace(
+        row, rendered=len(seen), psnr=float(psnr.mean()), psnr_interval=_interval(psnr),
+        ssim=float(ssim.mean()), ssim_interval=_interval(ssim),
+    )  # fmt: skip
+
+
+def against_best(
+    rows: Sequence[Row], scores: Mapping[str, Mapping[int, Score]], baselines: Sequence[str]
+) -> list[Row]:
+    """Rows with their difference to the baseline of least error, object by object.
+
+    ``scores`` are those of every predictor by the number of the object.
+    """
+    known = [row for row in rows if row.predictor in baselines]
+    if not known:
+        return list(rows)
+    best = min(known, key=lambda row: row.mse_mean).predictor
+    theirs = {i: float(score.errors.mean()) for i, score in scores[best].items()}
+    compared = []
+    for row in rows:
+        mine = scores[row.predictor]
+        paired = [float(mine[i].errors.mean()) - theirs[i] for i in mine if i in theirs]
+        if row.predictor != best and paired:
+            row = replace(
+                row, best_baseline=best, difference=float(np.mean(paired)),
+                difference_interval=_interval(np.array(paired)),
+            )  # fmt: skip
+        compared.append(row)
+    return compared
+
+
+def _interval(values: Float[np.ndarray, "objects"]) -> Interval:
+    """95 % bootstrap interval of the mean."""
+    draws = np.random.default_rng(0).integers(len(values), size=(_BOOTSTRAP, len(values)))
+    low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)
 
 
 def touches_another(part: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from .options import Common
+from .options import Common, FeatureOptions
+from .progress import progress
 
 Flat = tyro.conf.OmitArgPrefixes
 Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
@@ -78,7 +79,8 @@ class Train:
 class Evaluate:
     """Score predictors on objects, wordings and pairs that training never saw.
 
-    Example: autophyx-tet evaluate --split procedural --objects 16 --json
+    Examples: autophyx-tet evaluate --split procedural --objects 16 --json;
+    autophyx-tet evaluate --split validation --encoder embedded --renders 16
     """
 
     split: str = "procedural"
@@ -95,21 +97,35 @@ class Evaluate:
     """Cells along the longest side."""
     seed: int = 0
     """Seed of the objects and of what is said of them."""
+    encoder: str | None = None
+    """Encoder of images that looks at the furniture first: embedded, or openclip."""
+    renders: int = 0
+    """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
+    cache: Path | None = None
+    """Folder that remembers what the encoder saw; by default the user's cache folder."""
+    no_cache: bool = False
+    """Look again and remember nothing."""
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from .learning import evaluate
 
-        return evaluate(
-            self.split,
-            predictors=self.predictors,
-            data=self.data,
-            weights=self.weights,
-            objects=self.objects,
-            cells=self.cells,
-            seed=self.seed,
-        )
+        folder = FeatureOptions(cache=self.cache, no_cache=self.no_cache).memory
+        with progress(quiet=self.common.quiet) as tell:
+            return evaluate(
+                self.split,
+                predictors=self.predictors,
+                data=self.data,
+                weights=self.weights,
+                objects=self.objects,
+                cells=self.cells,
+                seed=self.seed,
+                encoder=self.encoder,
+                renders=self.renders,
+                memory=folder and folder / "sight",
+                progress=tell,
+            )
 
 
 COMMANDS = {"dataset": Dataset, "train": Train, "evaluate": Evaluate}

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import logging
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..fem.errors import AutophyxError, InputError
+from ..fem.errors import AutophyxError, InputError, UsageError
 from ..predictors.dataset.real import RealObject, load_real, save_real, voxelise
 from . import sweethome3d
+from .child import Progress
 from .outputs import check_file, check_folder
 
 if TYPE_CHECKING:
+    from ..predictors.asset import Asset
+    from ..predictors.evaluation import Seen
     from ..predictors.training.config import TrainingConfig
 
 log = logging.getLogger(__name__)
@@ -51,10 +56,10 @@ def build_dataset(
 
     check_folder(output)
     output.mkdir(parents=True, exist_ok=True)
-    training = list(_furniture(sweethome3d.TRAINING)) if real else []
+    training = [voxels for voxels, _ in _furniture(sweethome3d.TRAINING)] if real else []
     files = []
     if real:
-        validation = list(_furniture(sweethome3d.VALIDATION))
+        validation = [voxels for voxels, _ in _furniture(sweethome3d.VALIDATION)]
         for name, objects in ((TRAINING, training), (VALIDATION, validation)):
             save_real(output / name, objects)
             files.append(output / name)
@@ -67,7 +72,7 @@ def build_dataset(
     }
 
 
-def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[RealObject]:
+def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[tuple[RealObject, Asset]]:
     """Voxelise the objects that have a slot of known material; others are counted."""
     from .load import load_asset
 
@@ -83,7 +88,7 @@ def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[RealObject]:
                     continue
             if any(found.materials()):
                 kept += 1
-                yield found
+                yield found, asset
         log.info("%s: %d of %d objects have a known material", source, kept, len(items))
 
 
@@ -171,11 +176,23 @@ def evaluate(
     objects: int = 64,
     cells: int = 64,
     seed: int = 0,
+    encoder: str | None = None,
+    renders: int = 0,
+    memory: Path | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Score predictors on "procedural" or "validation" objects, or on a folder of examples."""
+    """Score predictors on "procedural" or "validation" objects, or on a folder of examples.
+
+    ``encoder`` looks at the objects of the validation split, and ``memory`` is the folder of what
+    it saw before; ``renders`` objects are put under load. ``progress`` gets (stage, seconds).
+    """
     from ..predictors import evaluation, folder_evaluation
 
+    if encoder and (split != "validation" or data):
+        raise UsageError("--encoder looks at furniture: wanted --split validation, without --data")
     if split not in ("procedural", "validation"):
+        if renders:
+            raise UsageError("--renders wants --split procedural or validation")
         rows, masses = folder_evaluation.evaluate_folder(
             Path(split), predictors or folder_evaluation.PREDICTORS, weights=weights
         )
@@ -184,13 +201,36 @@ def evaluate(
             "masses": {name: errors._asdict() for name, errors in masses.items()},
             "papers": {"mse": PAPER, "mass": PAPER_MASS},
         }
-    real: list[RealObject] = []
+    held: dict[str, Any] = {}
     if split == "validation":
         kept = data / VALIDATION if data else None
-        real = load_real(kept) if kept else list(_furniture(sweethome3d.VALIDATION))
+        if kept:
+            held["real"] = load_real(kept)
+        else:
+            held = _seen_furniture(objects, encoder, cells=cells, memory=memory, tell=progress)
     rows = evaluation.evaluate(
         "validation" if split == "validation" else "procedural",
         predictors or ("film", *evaluation.BASELINES),
-        objects=objects, cells=cells, seed=seed, weights=weights, real=real,
+        objects=objects, cells=cells, seed=seed, weights=weights, renders=renders,
+        progress=progress, **held,
     )  # fmt: skip
     return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}
+
+
+def _seen_furniture(
+    count: int, encoder: str | None, *, cells: int, memory: Path | None, tell: Progress | None
+) -> dict[str, Any]:
+    """Furniture for validation, and what an encoder sees of it: arguments of the evaluation."""
+    from .sight import sight, speaking_encoder
+
+    looker = speaking_encoder(encoder) if encoder else None
+    real: list[RealObject] = []
+    seen: list[Seen | None] = []
+    began = time.monotonic()
+    for voxels, asset in islice(_furniture(sweethome3d.VALIDATION), count):
+        if tell:
+            tell(f"object {len(real) + 1}, {voxels.name}", time.monotonic() - began)
+        real.append(voxels)
+        if looker:
+            seen.append(sight(asset, voxels, looker, cells=cells, memory=memory))
+    return {"real": real, "seen": seen, "words": looker}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, UInt8
 
 from ...fem.errors import InputError
 from ...fem.table import Material, load_table
@@ -48,7 +48,7 @@ class RealObject:
 
     name: str
     source: str
-    label: Int[np.ndarray, "cells cells cells"]
+    label: UInt8[np.ndarray, "cells cells cells"]
     slots: tuple[str, ...]
     colours: Float[np.ndarray, "slots 3"]
 

@@ -11,7 +11,9 @@ from autophyx_tet.predictors.film_scene import Scene
 from autophyx_tet.predictors.folder_evaluation import evaluate_folder
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.guesses import Sample, Seen, _with_names, _with_vision
+from autophyx_tet.predictors.likeness import Likeness
 from autophyx_tet.predictors.mass import mass_errors
+from autophyx_tet.predictors.score import Score, against_best, summary
 from autophyx_tet.predictors.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -65,6 +67,28 @@ def test_mass_errors():
         mass_errors(np.array([1.0]), np.array([0.0]))
 
 
+def test_differences_are_paired():
+    """A row that is better by .1 on every object is better by .1, however the objects differ."""
+    errors = np.random.default_rng(0).uniform(0.2, 5, 20)
+    table = {"film": errors - 0.1, "table-mean": errors, "constant": errors + 1}
+    scores = {
+        name: {
+            i: Score(np.full(3, e), e, e, np.nan, 1, 0.0, Likeness(30.0, e))
+            for i, e in enumerate(v)
+        }
+        for name, v in table.items()
+    }
+    rows = [summary(name, "test", list(found.values())) for name, found in scores.items()]
+    film, best, constant = against_best(rows, scores, ("table-mean", "constant"))
+    assert (film.best_baseline, film.difference) == ("table-mean", pytest.approx(-0.1))
+    assert film.difference_interval == pytest.approx((-0.1, -0.1))
+    assert best.difference is None
+    assert constant.difference == pytest.approx(1)
+    assert (film.rendered, film.psnr_interval) == (20, (30.0, 30.0))
+    assert film.ssim == pytest.approx(film.mse_mean)
+    assert against_best(rows[:1], scores, ("table-mean",))[0].best_baseline is None
+
+
 class Letters:
     """Embeds a text as how often it has each of four letters."""
 
@@ -99,8 +123,12 @@ def test_names_and_looks_are_heard_together():
 
 @pytest.mark.slow
 def test_reading_clauses_helps_the_baselines():
-    """On held-out objects the mean of what is said is nearer than a constant."""
-    rows = {row.predictor: row for row in evaluate("procedural", BASELINES, objects=24, cells=32)}
+    """On held-out objects the mean of what is said is nearer than a constant, and looks so."""
+    asked = evaluate("procedural", BASELINES, objects=24, cells=32, renders=8)
+    rows = {row.predictor: row for row in asked}
     assert rows["table-mean"].mse_mean < rows["constant"].mse_mean
+    assert rows["constant"].difference > 0
+    assert rows["table-mean"].rendered == rows["constant"].rendered == 8
+    assert all(0 < row.ssim < 1 and 10 < row.psnr < 54 for row in asked)
     low, high = rows["constant"].interval
     assert low < rows["constant"].mse_mean < high
