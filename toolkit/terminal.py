@@ -145,10 +145,14 @@ def _table(rows: list[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
 
 
 def _scalars(rows: list[Mapping[str, Any]]) -> dict[str, str]:
-    """The columns of one word or number a row, each under its own name."""
+    """The columns of one word or number a row, each under its own name; empty ones are left out."""
     plain = (str, int, float, type(None))
-    names = [name for name in rows[0] if all(isinstance(row[name], plain) for row in rows)]
-    return {name: name.replace("_", " ") for name in names}
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return {
+        name: name.replace("_", " ")
+        for name, cells in columns.items()
+        if all(isinstance(cell, plain) for cell in cells) and any(c is not None for c in cells)
+    }
 
 
 def _cell(key: str, value: Any) -> str:
