@@ -54,9 +54,10 @@ class Clause:
 
 
 class _Token(NamedTuple):
-    word: str
+    word: str  # of a material: its phrase in the table
     role: Role
     stems: tuple[str, ...]  # of a material: all words of its phrase
+    said: str
 
 
 @dataclass
@@ -113,11 +114,13 @@ def _tokens(text: str, vocabulary: Vocabulary) -> list[_Token]:
     while at < len(raw):
         phrase, length = vocabulary.match(stems, at) or (None, 1)
         if phrase is not None:
-            tokens.append(_Token(phrase, "material", tuple(stems[at : at + length])))
+            end = at + length
+            said = " ".join(raw[at:end])
+            tokens.append(_Token(phrase, "material", tuple(stems[at:end]), said))
         else:
             follows_participle = bool(tokens) and tokens[-1].stems[0] in words.PARTICIPLES
             role = _role(raw[at], stems[at], follows_participle)
-            tokens.append(_Token(raw[at], role, (stems[at],)))
+            tokens.append(_Token(raw[at], role, (stems[at],), raw[at]))
         at += length
     return tokens
 
@@ -170,7 +173,7 @@ def _scan(tokens: list[_Token]) -> list[_Draft]:
             draft.nouns += token.stems  # "velvet for the fabric": a part, not a material
         elif token.role == "material":
             draft = _material(drafts, token, ahead, beside=at > 0 and tokens[at - 1])
-        draft.words.append(token.word)
+        draft.words.append(token.said)
     return drafts
 
 
