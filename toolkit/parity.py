@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 DIRECTIONS = 24  # rays from each point
-MAJORITY = 0.75  # of the rays that must agree on the parity
+MAJORITY = 0.75  # of the rays that must agree
 DEPTH = 1e-5  # share of the size at which the sides of a face are probed
+PROBES = 8  # faces of a patch that are asked, the largest ones
 
 
 class Sides(NamedTuple):
@@ -26,35 +27,64 @@ class Sides(NamedTuple):
 def patch_sides(
     points: Float[np.ndarray, "points 3"],
     faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "faces"],
+    patch: Int[np.ndarray, "asked"],
 ) -> Sides:
-    """Ask on both sides of the largest face of every patch (numbered from 0) for inside."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
+    """Ask on both sides of the largest faces of every patch for inside.
+
+    ``patch`` numbers, from 0, those of the first faces; the others only bound.
+    """
+    a, b, c = (points[faces[: len(patch), i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
     order = np.lexsort([-area, patch])
-    largest = order[np.unique(patch[order], return_index=True)[1]]
-    step = normal[largest] / np.maximum(area[largest], np.finfo(float).tiny)[:, None]
+    start = np.unique(patch[order], return_index=True)[1]
+    asked = order[np.arange(len(order)) - start[patch[order]] < PROBES]
+    step = normal[asked] / np.maximum(area[asked], np.finfo(float).tiny)[:, None]
     step *= DEPTH * np.ptp(points[faces].reshape(-1, 3), axis=0).max()
-    middle = (a + b + c)[largest] / 3
-    inside = is_inside(points, faces, np.concatenate([middle - step, middle + step]))
-    return Sides(*inside.reshape(2, -1))
+    middle = (a + b + c)[asked] / 3
+    counts = crossings(points, faces, np.concatenate([middle - step, middle + step]))
+    inside = _inside_hull if _odd_edges(faces) else _inside
+    return Sides(*(inside(side, faces, patch[asked]) for side in np.split(counts, 2, axis=1)))
 
 
-def is_inside(
-    points: Float[np.ndarray, "points 3"],
+def _odd_edges(faces: Int[np.ndarray, "faces 3"]) -> bool:
+    """Whether walls of three, five ... faces meet in an edge: crossings then have no parity."""
+    times = _faces_by_edge(faces)
+    return bool(((times > 1) & (times % 2 == 1)).any())
+
+
+def _faces_by_edge(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges"]:
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return np.unique(edges, axis=0, return_counts=True)[1]
+
+
+def _inside(
+    counts: Int[np.ndarray, "directions n"],
     faces: Int[np.ndarray, "faces 3"],
-    where: Float[np.ndarray, "n 3"],
-) -> Bool[np.ndarray, "n"]:
-    """Whether points [m] are inside, whatever the winding of the faces.
+    patch: Int[np.ndarray, "n"],
+) -> Bool[np.ndarray, "patches"]:
+    """Whether most points of each patch are inside: by the parity of a clear majority of rays.
 
-    By the parity of crossings where a clear majority of the rays agrees; else, near fins and inner
-    walls, by whether no ray leaves without crossing anything.
+    Else, near fins, by whether no ray leaves without crossing anything.
     """
-    counts = crossings(points, faces, where)
     odd = np.mean(counts % 2, axis=0)
     agreed = np.maximum(odd, 1 - odd) >= MAJORITY
-    return np.where(agreed, odd > 0.5, np.all(counts > 0, axis=0))
+    inside = np.where(agreed, odd > 0.5, np.all(counts > 0, axis=0))
+    return np.bincount(patch, weights=inside) > np.bincount(patch) / 2
+
+
+def _inside_hull(
+    counts: Int[np.ndarray, "directions n"],
+    faces: Int[np.ndarray, "faces 3"],
+    patch: Int[np.ndarray, "n"],
+) -> Bool[np.ndarray, "patches"]:
+    """Whether each patch is enclosed: no ray leaves, but for a few through holes if there are any.
+
+    The side of a patch is on one cell, so that one ray which leaves a closed surface tells.
+    """
+    stopped = np.bincount(patch, weights=np.mean(counts > 0, axis=0)) / np.bincount(patch)
+    closed = _faces_by_edge(faces).min() > 1
+    return stopped >= (1.0 if closed else MAJORITY)
 
 
 def crossings(points, faces, where) -> Int[np.ndarray, "directions n"]:

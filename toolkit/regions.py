@@ -77,12 +77,7 @@ class Solids:
         A closed component whose mean thickness is below ``thinnest`` [m] counts as a sheet.
         """
         thin = ~open_components(surface) & (_thickness(surface) < thinnest)
-        solid = ~sheet_faces(surface, thinnest=thinnest)
-        kept = surface._replace(
-            faces=surface.faces[solid],
-            part=surface.part[solid],
-            component=surface.component[solid],
-        )
+        kept = _of_components(surface, _solid(surface, thinnest))
         sheets = tuple(p for p in range(part_count) if p not in set(kept.part.tolist()))
         return cls(tuple(_shells(kept)), kept, sheets, int(thin.sum()))
 
@@ -120,8 +115,12 @@ class Solids:
 
 def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces"]:
     """Faces of components that enclose nothing, or nothing thicker than ``thinnest`` [m]."""
+    return ~_solid(surface, thinnest)[surface.component]
+
+
+def _solid(surface: Surface, thinnest: float) -> Bool[np.ndarray, "components"]:
     thick = open_components(surface) | (_thickness(surface) >= thinnest)
-    return ~(_encloses(surface) & thick)[surface.component]
+    return _encloses(surface) & thick
 
 
 def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
@@ -131,28 +130,43 @@ def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
 
 
 def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
-    """Whether each component encloses a volume: it is closed, or open but more than a sheet."""
+    """Whether each component encloses a volume: it is closed, or open but more than a sheet.
+
+    Open ones must enclose it with those that do, without the help of sheets.
+    """
     is_open = open_components(surface)
-    encloses = ~is_open & (component_volumes(surface) != 0)
-    mine = is_open[surface.component]
-    if not mine.any():
-        return encloses
-    faces, component = surface.faces[mine], surface.component[mine]
-    a, b, c = (surface.points[faces[:, i]] for i in range(3))
+    encloses = is_open | (component_volumes(surface) != 0)
+    joint = is_open
+    while joint.any():
+        held = joint & _bounds(_of_components(surface, joint), len(is_open))
+        if (held == joint).all():
+            break
+        joint = held
+    return np.where(is_open, joint, encloses)
+
+
+def _of_components(surface: Surface, which: Bool[np.ndarray, "components"]) -> Surface:
+    """Return the faces of some components, which keep their numbers."""
+    mine = which[surface.component]
+    return surface._replace(
+        faces=surface.faces[mine], part=surface.part[mine], component=surface.component[mine]
+    )
+
+
+def _bounds(surface: Surface, count: int) -> Bool[np.ndarray, "components"]:
+    """Which of ``count`` components have an inside and an outside by most of their area."""
+    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     area = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
     probes = np.einsum("pk,kfi->pfi", PROBES, np.stack([a, b, c]))
     sides = np.stack([probes - step, probes + step])
-    winding = winding_numbers(surface.points, faces, sides.reshape(-1, 3))
+    winding = winding_numbers(surface.points, surface.faces, sides.reshape(-1, 3))
     low, high = np.sort(np.abs(winding).reshape(sides.shape[:3]), axis=0)
-    bounds = ((low < CRISP) & (np.abs(high - 1) < CRISP)).all(axis=0)
-    count = len(is_open)
-    total = np.bincount(component, weights=area, minlength=count)
-    share = np.bincount(component, weights=area * bounds, minlength=count) / np.where(
-        total, total, 1
-    )
-    return np.where(is_open, share >= SHEET_SHARE, encloses)
+    crisp = ((low < CRISP) & (np.abs(high - 1) < CRISP)).all(axis=0)
+    total = np.bincount(surface.component, weights=area, minlength=count)
+    share = np.bincount(surface.component, weights=area * crisp, minlength=count)
+    return share >= SHEET_SHARE * np.where(total > 0, total, 1)
 
 
 def _shells(surface: Surface) -> Iterator[Shell]:

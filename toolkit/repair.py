@@ -20,15 +20,22 @@ from .surface import (
     boundary_edges,
     component_areas,
     component_volumes,
+    face_parity,
     open_components,
+    subset,
 )
-from .triangles import coherent_patches, crossing_pairs, edge_components, winding_numbers
+from .triangles import (
+    Triangles,
+    coherent_patches,
+    crossing_pairs,
+    edge_components,
+    winding_numbers,
+)
+from .welding import WELD_REL, clean, weld
 
-WELD_REL = 1e-7  # vertices closer than this share of the diagonal are one: float32 round-off
-# Share of a component's faces in back-to-back pairs from which it is a surface exported twice.
-TWO_SIDED_SHARE = 0.9
-# A boundary loop spanning more than this share of its component's area is the rim of a sheet (1 for
-# a flat one, 0.71 for one folded by 90 degrees, 0.5 for a half sphere, 0.2 for a lidless box).
+# A boundary loop closed by a fan of more than this share of its component's area is the rim of a
+# sheet (1 for a flat one, 0.8 for a quilt on a bed, 0.71 for one folded by 90 degrees, 0.5 for a
+# half sphere, 0.2 for a lidless box).
 HOLE_SHARE = 0.69
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
 FLAT = 1e-3
@@ -78,14 +85,21 @@ def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surfac
     """
     surface = _stacked(parts)
     tolerance = weld_rel * float(np.linalg.norm(np.ptp(surface.points, axis=0)))
-    surface, welded = _weld(surface, tolerance, within_parts=True)
-    surface, removed = _clean(surface)
+    surface, welded = weld(surface, tolerance, within_parts=True)
+    surface, removed = clean(surface, within_parts=True)
     is_open = open_components(surface)[surface.component]
-    closed, pool = _subset(surface, ~is_open), _subset(surface, is_open)
-    pool, seams = _weld(pool, tolerance, within_parts=False)
+    closed, pool = subset(surface, ~is_open), subset(surface, is_open)
+    pool, seams = weld(pool, tolerance, within_parts=False)
+    pool, doubled = clean(pool, within_parts=False)
     surface, turned = _orient(_concatenated(closed, pool))
     surface, filled = _close_holes(surface)
-    return surface, welded + removed + seams + turned + filled + _left_over(surface)
+    report = RepairReport(
+        merged_vertices=welded + seams,
+        null_faces=removed.null + doubled.null,
+        duplicate_faces=removed.duplicate + doubled.duplicate,
+        loose_faces=removed.walls,
+    )
+    return surface, report + turned + filled + _left_over(surface)
 
 
 def _stacked(parts: Sequence[Part]) -> Surface:
@@ -97,64 +111,6 @@ def _stacked(parts: Sequence[Part]) -> Surface:
         np.repeat(np.arange(len(parts)), [len(f) for f in faces]),
         np.zeros(sum(map(len, faces)), np.int64),
     )
-
-
-def _weld(
-    surface: Surface, tolerance: float, *, within_parts: bool
-) -> tuple[Surface, RepairReport]:
-    """Merge vertices that lie in one cell of a grid of size ``tolerance`` [m]."""
-    faces = surface.faces.reshape(-1)
-    used, faces = np.unique(faces, return_inverse=True)
-    points = surface.points[used]
-    cell = np.round((points - points.min(axis=0, initial=np.inf)) / tolerance)
-    owner = np.zeros((len(used), 1))
-    if within_parts:
-        owner[faces, 0] = np.repeat(surface.part, 3)
-    _, first, merged = np.unique(
-        np.hstack([cell, owner]), axis=0, return_index=True, return_inverse=True
-    )
-    faces = merged.reshape(-1)[faces].reshape(-1, 3)
-    welded = surface._replace(points=points[first], faces=faces, component=edge_components(faces))
-    return welded, RepairReport(merged_vertices=len(used) - len(first))
-
-
-def _clean(surface: Surface) -> tuple[Surface, RepairReport]:
-    """Drop faces without area and repeated faces; keep one side of a surface exported twice."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = max(np.linalg.norm(e, axis=1).max(initial=0) for e in (b - a, c - b, a - c))
-    solid = area > (WELD_REL * longest) ** 2
-    kept = _subset(surface, solid)
-    unique = _subset(kept, _first_of_duplicates(kept))
-    return unique, RepairReport(
-        null_faces=int((~solid).sum()), duplicate_faces=len(kept.faces) - len(unique.faces)
-    )
-
-
-def _first_of_duplicates(surface: Surface) -> Bool[np.ndarray, "faces"]:
-    """Keep one of equal faces, and both of a back-to-back pair unless all faces come in pairs.
-
-    Such a pair is the common wall of two touching solids; where a whole component consists of
-    pairs, it is one surface exported with its back faces.
-    """
-    if not len(surface.faces):
-        return np.zeros(0, dtype=bool)
-    side = _parity(surface.faces).astype(int)
-    key = np.column_stack([surface.part, np.sort(surface.faces, axis=1)])
-    group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
-    has_side = np.zeros((group.max() + 1, 2), dtype=bool)
-    has_side[group, side] = True
-    paired = (has_side[:, 0] & has_side[:, 1])[group]
-    share = np.bincount(surface.component, weights=paired) / np.bincount(surface.component)
-    two_sided = share[surface.component] >= TWO_SIDED_SHARE
-    first = np.zeros(len(group), dtype=bool)
-    first[np.unique(2 * group + np.where(two_sided, 0, side), return_index=True)[1]] = True
-    return first
-
-
-def _subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
-    faces = surface.faces[keep]
-    return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
 
 
 def _concatenated(a: Surface, b: Surface) -> Surface:
@@ -170,20 +126,27 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
     coherent, patch = coherent_patches(surface.faces)
     faces = _majority(surface.faces, coherent, patch)
     faces, loose = _outward_patches(surface._replace(faces=faces), patch)
-    volumes = component_volumes(surface._replace(faces=faces))
+    given, oriented = surface.faces[~loose], subset(surface._replace(faces=faces), ~loose)
+    if loose.any():  # what hung together by loose faces only may now be one patch
+        faces = _majority(oriented.faces, *coherent_patches(oriented.faces))
+        oriented = oriented._replace(faces=faces)
+    oriented = _outward(oriented)
+    flipped = face_parity(oriented.faces) != face_parity(given)
+    return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
+
+
+def _outward(surface: Surface) -> Surface:
+    """Turn the components whose volume is negative, unless they are cavities of their part."""
+    volumes = component_volumes(surface)
     first = np.unique(surface.component, return_index=True)[1]
     inside_out = np.bincount(surface.part[first], weights=volumes) < 0
-    faces = _turned(faces, inside_out[surface.part[first]][surface.component])
-    volumes = component_volumes(surface._replace(faces=faces))
+    turn = inside_out[surface.part[first]][surface.component]
+    surface = surface._replace(faces=_turned(surface.faces, turn))
+    volumes = component_volumes(surface)
     bulky = np.abs(volumes) > FLAT * component_areas(surface) ** 1.5
     inverted = (volumes < 0) & (bulky | ~open_components(surface))
-    inverted &= ~_cavities(surface._replace(faces=faces), inverted)
-    faces = _turned(faces, inverted[surface.component])
-    flipped = _parity(faces) != _parity(surface.faces)
-    oriented = surface._replace(faces=faces)
-    if loose.any():
-        oriented = _subset(oriented, ~loose)
-    return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
+    inverted &= ~_cavities(surface, inverted)
+    return surface._replace(faces=_turned(surface.faces, inverted[surface.component]))
 
 
 def _outward_patches(
@@ -192,7 +155,8 @@ def _outward_patches(
     """Turn the patches that meet in non-manifold edges outward; find those that bound nothing.
 
     Of a component with several patches, those with inside or outside on both sides are fins and
-    inner walls: they are loose, unless the whole component is such.
+    inner walls: they are loose, unless the whole component is such. In an open one they must also
+    be the lesser part: else it is a sheet with pockets.
     """
     faces, loose = surface.faces.copy(), np.zeros(len(surface.faces), dtype=bool)
     pairs = np.unique(np.column_stack([surface.component, patch]), axis=0)
@@ -202,18 +166,31 @@ def _outward_patches(
     for start, end in bounds_of.T:
         mine = order[start:end]
         local = np.unique(patch[mine], return_inverse=True)[1].reshape(-1)
-        sides = patch_sides(surface.points, faces[mine], local)
+        capped = _capped(surface.points, faces[mine])
+        sides = patch_sides(*capped, local)
         bounds = sides.below != sides.above
-        if bounds.any():
+        if bounds.any() and _mostly(bounds[local], surface, mine):
             faces[mine] = _turned(faces[mine], (bounds & sides.above)[local])
             loose[mine] = ~bounds[local]
     return faces, loose
 
 
-def _parity(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
-    """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
-    a, b, c = faces.T
-    return ((a > b).astype(int) + (b > c) + (c > a)) == 2
+def _capped(points: np.ndarray, faces: Int[np.ndarray, "faces 3"]) -> Triangles:
+    """Return the faces of one component, then caps of its holes: inside is what these enclose."""
+    used, index = np.unique(faces, return_inverse=True)
+    none = np.zeros(len(faces), np.int64)
+    closed, _ = _close_holes(Surface(points[used], index.reshape(-1, 3), none, none))
+    return Triangles(closed.points, closed.faces)
+
+
+def _mostly(
+    bounds: Bool[np.ndarray, "mine"], surface: Surface, mine: Int[np.ndarray, "mine"]
+) -> bool:
+    """Whether of a component, its faces ``mine``, those that bound are the larger part by area."""
+    one = Surface(surface.points, surface.faces[mine], surface.part[mine], bounds.astype(np.int64))
+    area = np.append(component_areas(one), 0.0)
+    whole = open_components(one._replace(component=np.zeros_like(one.component)))
+    return not whole[0] or bool(area[1] >= area[0])
 
 
 def _turned(faces: np.ndarray, which: Bool[np.ndarray, "faces"]) -> np.ndarray:
@@ -222,7 +199,7 @@ def _turned(faces: np.ndarray, which: Bool[np.ndarray, "faces"]) -> np.ndarray:
 
 def _majority(before: np.ndarray, coherent: np.ndarray, patch: np.ndarray) -> np.ndarray:
     """Of the two coherent orientations of a patch, the one most of its faces had."""
-    changed = _parity(coherent) != _parity(before)
+    changed = face_parity(coherent) != face_parity(before)
     share = np.bincount(patch, weights=changed) / np.maximum(np.bincount(patch), 1)
     return _turned(coherent, share[patch] > 0.5)
 
@@ -263,9 +240,11 @@ def _close_holes(surface: Surface) -> tuple[Surface, RepairReport]:
     if not len(edges):
         return surface, RepairReport()
     size = len(surface.points)
-    graph = coo_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
-    _, loop = np.unique(label[edges[:, 0]], return_inverse=True)
+    # Loops of two components may touch: each closes its own.
+    node = surface.component[owner][:, None] * size + edges
+    node = np.unique(node, return_inverse=True)[1].reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(edges)), tuple(node.T)), shape=(node.max() + 1,) * 2)
+    loop = connected_components(graph, directed=False)[1][node[:, 0]]
     count = np.bincount(loop)
     centre = np.stack(
         [np.bincount(loop, weights=surface.points[edges[:, 0], k]) / count for k in range(3)],
@@ -286,16 +265,12 @@ def _close_holes(surface: Surface) -> tuple[Surface, RepairReport]:
 
 
 def _hole_share(surface: Surface, edges, owner, loop, centre) -> Float[np.ndarray, "loops"]:
-    """Area that each boundary loop spans, as a share of the area of its component."""
+    """Area of the fan that would close each boundary loop, as a share of that of its component."""
     a, b = (surface.points[edges[:, i]] - centre[loop] for i in (0, 1))
-    vector = np.cross(a, b) / 2
-    spanned = np.stack([np.bincount(loop, weights=vector[:, k]) for k in range(3)], axis=1)
-    p, q, r = (surface.points[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
-    per_component = np.bincount(surface.component, weights=area)
+    fan = np.bincount(loop, weights=np.linalg.norm(np.cross(a, b), axis=1) / 2)
     mine = np.zeros(len(centre))
-    mine[loop] = per_component[surface.component[owner]]
-    return np.linalg.norm(spanned, axis=1) / mine
+    mine[loop] = component_areas(surface)[surface.component[owner]]
+    return fan / mine
 
 
 def _left_over(surface: Surface) -> RepairReport:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .triangles import edge_components
+
 
 class Surface(NamedTuple):
     """Triangles with the part that each belongs to and their edge-connected component.
@@ -18,6 +20,18 @@ class Surface(NamedTuple):
     faces: Int[np.ndarray, "faces 3"]
     part: Int[np.ndarray, "faces"]
     component: Int[np.ndarray, "faces"]
+
+
+def subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
+    """Return the faces ``keep`` of a surface, in components of their own."""
+    faces = surface.faces[keep]
+    return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
+
+
+def face_parity(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
+    """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
+    a, b, c = faces.T
+    return ((a > b).astype(int) + (b > c) + (c > a)) == 2
 
 
 def boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from autophyx_tet.toolkit import repair as repair_module
 from autophyx_tet.toolkit.regions import Solids
 from autophyx_tet.toolkit.repair import RepairReport, repair
 from autophyx_tet.toolkit.surface import component_volumes, open_components
+from autophyx_tet.toolkit.welding import WELD_REL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -103,14 +104,110 @@ def test_surface_exported_with_back_faces_keeps_one_side():
     assert _volume(surface) == pytest.approx(1)
 
 
-def test_common_wall_of_touching_cubes_stays():
-    """Two cubes welded face to face: both sides of the wall stay, the volume is 2."""
+def test_touching_cubes_of_one_part_are_one_solid():
+    """Two cubes welded face to face: both sides of the wall go, counted, the volume is 2."""
     a, b = _cube().mesh, _cube(lo=(1, 0, 0)).mesh
     points = np.concatenate([a.vertices, b.vertices])
     faces = np.concatenate([a.faces, b.faces + 8])
     surface, report = repair([_part(points, faces)])
-    assert report.duplicate_faces == 0
+    assert (report.duplicate_faces, report.loose_faces, report.non_manifold_edges) == (0, 4, 0)
     assert _volume(surface) == pytest.approx(2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_vertices_nearer_than_the_tolerance_are_one(seed):
+    """Torn and shaken by less than half the tolerance, a box has 8 vertices wherever they lie."""
+    rng = np.random.default_rng(seed)
+    box = trimesh.creation.box(rng.random(3) + 0.5)
+    points = box.vertices[box.faces].reshape(-1, 3)
+    points = points + rng.uniform(-0.25, 0.25, points.shape) * WELD_REL * box.scale
+    surface, report = repair([_part(points, np.arange(36).reshape(-1, 3))])
+    assert report.merged_vertices == 28
+    assert not open_components(surface).any()
+
+
+def test_sheet_doubled_in_places_keeps_one_side():
+    """A sheet of 10 x 10 squares, a patch of it with back faces: those go, and it stays a sheet."""
+    x, y = np.meshgrid(np.arange(11.0), np.arange(11.0), indexing="ij")
+    corner = (11 * np.arange(10)[:, None] + np.arange(10)).reshape(-1)
+    quads = corner[:, None] + np.array([0, 11, 12, 1])
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    points = np.column_stack([x.reshape(-1), y.reshape(-1), np.sin(x + y).reshape(-1)])
+    middle = points[faces].mean(axis=1)
+    doubled = (np.abs(middle[:, :2] - 5) < 2).all(axis=1)
+    part = _part(points, np.concatenate([faces, faces[doubled][:, ::-1]]))
+    surface, report = repair([part])
+    assert (report.duplicate_faces, report.loose_faces) == (doubled.sum(), 0)
+    assert (len(surface.faces), report.non_manifold_edges) == (200, 0)
+    assert Solids.of(surface, 1, thinnest=1e-6).sheets == (0,)
+
+
+def test_inner_and_outer_side_of_one_sheet_as_two_parts_are_one_solid():
+    """A pipe without lids, once in each of two materials and the other way round: one cylinder."""
+    pipe = trimesh.creation.cylinder(1, 2, sections=32)
+    side = pipe.faces[np.abs(pipe.face_normals[:, 2]) < 0.5]
+    outer, inner = _part(pipe.vertices, side, "out"), _part(pipe.vertices, side[:, ::-1], "in")
+    surface, report = repair([outer, inner])
+    assert report.duplicate_faces == len(side)
+    assert _volume(surface) == pytest.approx(pipe.volume)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_three_walls_that_meet_in_an_edge_the_inner_one_is_loose(seed):
+    """A block of 3 with a pit of 1 x 1 x 2 under a pane in its lid, wound at random: volume 27."""
+    pit = trimesh.creation.box(bounds=[[1, 1, 1], [2, 2, 3]])
+    pane = (pit.vertices[pit.faces][:, :, 2] == 3).all(axis=1)
+    block = trimesh.creation.box(bounds=[[0, 0, 0], [3, 3, 3]])
+    lid = (block.vertices[block.faces][:, :, 2] == 3).all(axis=1)
+    rim, hole = ([0, 0], [3, 0], [3, 3], [0, 3]), ([1, 1], [2, 1], [2, 2], [1, 2])
+    around = np.array([[i, (i + 1) % 4, 4 + i] for i in range(4)])
+    around = np.concatenate([around, [[(i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)]])
+    frame = np.column_stack([np.array(rim + hole, float), np.full(8, 3.0)])
+    points = np.concatenate([block.vertices, pit.vertices, frame])
+    faces = np.concatenate([block.faces[~lid], pit.faces + 8, around + 16])
+    rng = np.random.default_rng(seed)
+    turned = rng.random(len(faces)) < 0.5
+    faces[turned] = faces[turned][:, ::-1]
+    surface, report = repair([_part(points, rng.permutation(faces))])
+    assert report.loose_faces == (~pane).sum()
+    assert (report.open_edges, report.non_manifold_edges) == (0, 0)
+    assert _volume(surface) == pytest.approx(27)
+
+
+def test_holes_of_two_pieces_that_touch_are_closed_one_by_one():
+    """Two cubes, one without lid, one without floor, share a corner there: both are closed."""
+    cubes = [_cube().mesh, _cube(lo=(1, 1, 1)).mesh]
+    sides = [c.faces[~(c.vertices[c.faces][:, :, 2] == 1).all(axis=1)] for c in cubes]
+    points = np.concatenate([c.vertices for c in cubes])
+    surface, report = repair([_part(points, np.concatenate([sides[0], sides[1] + 8]))])
+    assert report.closed_holes == 2
+    assert _volume(surface) == pytest.approx(2)
+
+
+def test_a_bent_sheet_is_not_closed():
+    """A U of three squares: caps of its rim would be as large as itself, so it is a sheet."""
+    cube = _cube().mesh
+    corners = cube.vertices[cube.faces]
+    kept = (np.ptp(corners[:, :, 0], axis=1) > 0) & ~(corners[:, :, 2] == 1).all(axis=1)
+    surface, report = repair([_part(cube.vertices, cube.faces[kept])])
+    assert (len(surface.faces), report.closed_holes) == (6, 0)
+    assert Solids.of(surface, 1, thinnest=1e-6).sheets == (0,)
+
+
+def test_open_pieces_enclose_only_with_others_that_do():
+    """A lid on a tray with a wide brim: the tray is a sheet by its area, and so is the lid."""
+    tray = trimesh.creation.box(bounds=[[-1, -1, -0.5], [1, 1, 0]])
+    top = (tray.vertices[tray.faces][:, :, 2] == 0).all(axis=1)
+    inner, outer = ([-1, -1], [1, -1], [1, 1], [-1, 1]), ([-3, -3], [3, -3], [3, 3], [-3, 3])
+    brim = np.column_stack([np.array(inner + outer, float), np.zeros(8)])
+    around = [[i, 4 + i, (i + 1) % 4] for i in range(4)]
+    around += [[4 + i, 4 + (i + 1) % 4, (i + 1) % 4] for i in range(4)]
+    points = np.concatenate([tray.vertices, brim])
+    parts = [
+        _part(points, np.concatenate([tray.faces[~top], np.array(around) + 8]), "tray"),
+        _part(0.98 * tray.vertices, tray.faces[top], "lid"),
+    ]
+    assert Solids.of(repair(parts)[0], 2, thinnest=1e-6).sheets == (0, 1)
 
 
 def test_cavity_stays_a_cavity_and_a_stray_shell_is_turned():
