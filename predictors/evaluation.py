@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,7 @@ def evaluate(
     objects: int = 64,
     cells: int = 64,
     seed: int = 0,
+    texts: int = 1,
     weights: Path | None = None,
     real: Sequence[RealObject] = (),
     seen: Sequence[Seen | None] = (),
@@ -54,6 +56,8 @@ def evaluate(
         are given are read as at run time.
     objects, cells, seed
         How many objects, on how fine a grid, drawn how.
+    texts
+        How often something is said of each object: its score is the mean.
     weights
         Checkpoint of the network; the shipped one by default.
     real, seen, words
@@ -65,13 +69,13 @@ def evaluate(
         Called with what is scored and the seconds so far.
     """
     text = held_out_text(seed, real=real)
-    scores: dict[str, dict[int, Score]] = {name: {} for name in predictors}
+    scores: dict[str, dict[int, list[Score]]] = {name: {} for name in predictors}
     guesses = {name: guess_of(name, text, weights, words) for name in predictors}
     began = time.monotonic()
-    for names in (False, True):
+    for draw, names in product(range(texts), (False, True)):
         asked = [name for name in predictors if (name == "film-names") == names]
         batches = held_out_batches(
-            split, text, objects=objects, cells=cells, seed=seed, names=names, real=real
+            split, text, objects=objects, cells=cells, seed=seed, draw=draw, names=names, real=real
         )
         for index, batch in enumerate(batches if asked else ()):
             if not batch.valued.any():
@@ -79,11 +83,12 @@ def evaluate(
             slots = real[index].slots if split == "validation" else ()
             looks = seen[index] if seen else None
             example = Sample(batch, spoken(batch, text), slots if names else (), looks)
-            stage = _stage(batch) if index < renders else None
+            stage = _stage(batch) if index < renders and not draw else None
             for name in asked:
                 if progress:
                     progress(f"{name}, object {index + 1}", time.monotonic() - began)
-                scores[name][index] = _score(guesses[name], example, stage)
+                score = _score(guesses[name], example, stage)
+                scores[name].setdefault(index, []).append(score)
     rows = [summary(name, split, list(scores[name].values())) for name in predictors]
     return against_best(rows, scores, BASELINES)
 

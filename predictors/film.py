@@ -27,7 +27,7 @@ from .plain_words import HintedEncoder, subject
 from .predictor import TextEncoder
 from .text import Clause, parse
 from .vocabulary import Vocabulary
-from .voxels import PartVoxels
+from .voxels import PartVoxels, pooled
 
 if TYPE_CHECKING:
     from .film_scene import Scene
@@ -66,7 +66,7 @@ class Found(NamedTuple):
     def pooled(self, parts: PartVoxels) -> Found:
         """Return the means over every part: each is of one matter."""
         return self._replace(
-            values=_pooled(self.values, parts.part), shares=_pooled(self.shares, parts.part)
+            values=pooled(self.values, parts.part), shares=pooled(self.shares, parts.part)
         )
 
 
@@ -239,17 +239,4 @@ def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
             at = end
             clause = replace(clause, text=" ".join(text[start:end].split()))
         out.append(clause)
-    return out
-
-
-def _pooled(values: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Mean of values (nx, ny, nz, c) over the cells of every part."""
-    inside = part >= 0
-    label = part[inside]
-    count = np.bincount(label).clip(min=1)
-    rows = np.stack(
-        [np.bincount(label, weights=column) / count for column in values[inside].T], axis=-1
-    )
-    out = np.zeros_like(values)
-    out[inside] = rows[label]
     return out

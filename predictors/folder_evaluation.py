@@ -35,7 +35,7 @@ class FolderScores(NamedTuple):
 def evaluate_folder(
     folder: Path, predictors: Sequence[str] = PREDICTORS, *, weights: Path | None = None
 ) -> FolderScores:
-    """Score predictors on the objects of a folder (``examples``); every text counts as an object.
+    """Score predictors on the objects of a folder (``examples``), each under all of its texts.
 
     ``film`` and ``retrieval`` do not see the names of the parts, their ``-names`` rows do. Values
     come from the network alone: nothing is looked up in the table after it.
@@ -46,10 +46,11 @@ def evaluate_folder(
         predict = _predictor(name, weights)
         scores, truth, found = [], [], []
         for example in examples:
+            scores.append([])
             for index, text in enumerate(example.texts):
                 began = time.perf_counter()
                 field = predict(example, text)
-                scores.append(_score(example, index, field, time.perf_counter() - began))
+                scores[-1].append(_score(example, index, field, time.perf_counter() - began))
                 if example.mass is not None:
                     truth.append(example.mass)
                     cells = field.rho[example.parts.occupied]

@@ -20,15 +20,17 @@ from .predictor import TextEncoder
 from .retrieval import RetrievalPredictor
 from .text import Clause, parse
 from .vocabulary import Vocabulary
+from .voxels import pooled
 
 if TYPE_CHECKING:
-    from .film_scene import Scene
+    from .film_scene import Output, Scene
     from .film_unet import FilmUNet
     from .training.batch import Batch
 
 BASELINES = ("constant", "table-mean", "table-first", "retrieval", "pixie")
-# The network without: colours and features, features, text, the lexicon's hints and subjects.
-DEPRIVED = ("film-nofeatures", "film-rgb", "film-notext", "film-nohints")
+# The network without: colours and features, features, text, the lexicon's hints and subjects,
+# and without knowing which cells are of one part.
+DEPRIVED = ("film-nofeatures", "film-rgb", "film-notext", "film-nohints", "film-voxels")
 
 
 class Seen(NamedTuple):
@@ -81,9 +83,25 @@ def _film(name: str, weights: Path | None, words: TextEncoder | None) -> Guess:
             scene = _with_names(scene, example, encoder, vocabulary)
         with torch.inference_mode():
             output = network(scene)
-        return output.values, output.logits
+        return output if name == "film-voxels" else _by_part(output, scene)
 
     return guess
+
+
+def _by_part(output: Output, scene: Scene) -> Output:
+    """Return the means over each part, where there are as many parts as clauses (``film.look``)."""
+    import torch
+
+    part = scene.part[0].numpy()
+    if int(scene.clause_mask.sum()) > part.max() + 1:
+        return output
+    columns = (output.values, output.logits.softmax(1))
+    values, shares = (
+        torch.from_numpy(pooled(x[0].movedim(0, -1).float().numpy(), part)).movedim(-1, 0)[None]
+        for x in columns
+    )
+    # 1e-9: a share of nothing has a log too.
+    return output._replace(values=values, logits=shares.clamp(min=1e-9).log())
 
 
 def _deprived(scene: Scene, name: str, dim: int) -> Scene:

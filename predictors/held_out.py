@@ -16,6 +16,8 @@ from .plain_words import HintedEncoder
 if TYPE_CHECKING:
     from .training.batch import Batch
 
+_DRAWS = 1009  # between the seeds of two draws: no other evaluation's seed by chance
+
 Split = Literal["procedural", "validation"]
 
 
@@ -45,10 +47,11 @@ def held_out_batches(
     objects: int,
     cells: int,
     seed: int,
+    draw: int = 0,
     names: bool = False,
     real: Sequence[RealObject] = (),
 ) -> Iterator[Batch]:
-    """Yield batches of one object each, for a split."""
+    """Yield batches of one object each, for a split; every ``draw`` says something else of them."""
     import torch
 
     from .training.phrasebook import Phrasebook
@@ -66,7 +69,7 @@ def held_out_batches(
         store = procedural_store(made, cells=cells, device="cpu")
     else:
         store = real_store(list(real[:objects]), text, cells=cells, device="cpu")
-    sampler = Sampler(book, store, None, None, mixture=mixture, seed=seed)
+    sampler = Sampler(book, store, None, None, mixture=mixture, seed=seed + _DRAWS * draw)
     for index in range(len(store.label)):
         item = Store(*(column[index : index + 1] for column in store))
         yield sampler.compose(item, torch.tensor([split == "validation"]), torch.tensor([False]))

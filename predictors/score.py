@@ -36,6 +36,7 @@ class Row:
     clause_accuracy: float | None
     boundary_ratio: float
     objects: int
+    texts: int
     seconds_per_object: float
     interval: Interval
     by_clauses: dict[int, float]
@@ -68,12 +69,15 @@ class Score(NamedTuple):
     seen: Likeness | None = None
 
 
-def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
-    """Summarise the objects of one predictor."""
-    if not scores:
+def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
+    """Summarise one predictor's scores: those of every object, one for each text."""
+    if not objects:
         raise UsageError(f"no object of the {split} split has a known value: give more objects")
-    errors = np.array([score.errors for score in scores])
-    means, clauses = errors.mean(axis=1), np.array([score.clauses for score in scores])
+    errors = np.array([np.mean([score.errors for score in texts], axis=0) for texts in objects])
+    means = errors.mean(axis=1)
+    scores = [score for texts in objects for score in texts]
+    each = np.array([score.errors.mean() for score in scores])
+    clauses = np.array([score.clauses for score in scores])
     sides = np.array([(score.edge, score.inner) for score in scores])
     sides = sides[~np.isnan(sides).any(axis=1)]
     edge, inner = sides.mean(axis=0) if len(sides) else (np.nan, np.nan)
@@ -89,9 +93,10 @@ def summary(name: str, split: str, scores: Sequence[Score]) -> Row:
         clause_accuracy=float(np.mean(right)) if right else None,
         boundary_ratio=float(edge / max(inner, 1e-9)),
         objects=len(means),
+        texts=len(scores),
         seconds_per_object=float(np.mean([score.seconds for score in scores])),
         interval=_interval(means),
-        by_clauses={int(k): float(means[clauses == k].mean()) for k in np.unique(clauses)},
+        by_clauses={int(k): float(each[clauses == k].mean()) for k in np.unique(clauses)},
     )
     return _with_pictures(row, [score.seen for score in scores if score.seen is not None])
 
@@ -107,21 +112,23 @@ def _with_pictures(row: Row, seen: Sequence[Likeness]) -> Row:
 
 
 def against_best(
-    rows: Sequence[Row], scores: Mapping[str, Mapping[int, Score]], baselines: Sequence[str]
+    rows: Sequence[Row],
+    scores: Mapping[str, Mapping[int, Sequence[Score]]],
+    baselines: Sequence[str],
 ) -> list[Row]:
     """Rows with their difference to the baseline of least error, object by object.
 
-    ``scores`` are those of every predictor by the number of the object.
+    ``scores`` are those of every predictor by the number of the object, one for each text.
     """
     known = [row for row in rows if row.predictor in baselines]
     if not known:
         return list(rows)
     best = min(known, key=lambda row: row.mse_mean).predictor
-    theirs = {i: float(score.errors.mean()) for i, score in scores[best].items()}
+    theirs = {i: _error(texts) for i, texts in scores[best].items()}
     compared = []
     for row in rows:
         mine = scores[row.predictor]
-        paired = [float(mine[i].errors.mean()) - theirs[i] for i in mine if i in theirs]
+        paired = [_error(mine[i]) - theirs[i] for i in mine if i in theirs]
         if row.predictor != best and paired:
             row = replace(
                 row, best_baseline=best, difference=float(np.mean(paired)),
@@ -129,6 +136,10 @@ def against_best(
             )  # fmt: skip
         compared.append(row)
     return compared
+
+
+def _error(texts: Sequence[Score]) -> float:
+    return float(np.mean([score.errors for score in texts]))
 
 
 def _interval(values: Float[np.ndarray, "objects"]) -> Interval:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from ..fem.errors import InputError
 from .grid import Grid
@@ -62,3 +62,18 @@ class PartVoxels:
         """Volume [m^3] of the cells of each part."""
         counts = np.bincount(self.part[self.occupied], minlength=len(self.part_names))
         return (counts * self.grid.h**3).tolist()
+
+
+def pooled(
+    values: Float[np.ndarray, "nx ny nz c"], part: Int[np.ndarray, "nx ny nz"]
+) -> Float[np.ndarray, "nx ny nz c"]:
+    """Mean of values over the cells of every part, 0 outside."""
+    inside = part >= 0
+    label = part[inside]
+    count = np.bincount(label).clip(min=1)
+    rows = np.stack(
+        [np.bincount(label, weights=column) / count for column in values[inside].T], axis=-1
+    )
+    out = np.zeros_like(values)
+    out[inside] = rows[label]
+    return out

@@ -97,6 +97,8 @@ class Evaluate:
     """Cells along the longest side."""
     seed: int = 0
     """Seed of the objects and of what is said of them."""
+    texts: int = 1
+    """How often something is said of each object; its score is the mean."""
     encoder: str | None = None
     """Encoder of images that looks at the furniture first: embedded, or openclip."""
     renders: int = 0
@@ -121,6 +123,7 @@ class Evaluate:
                 objects=self.objects,
                 cells=self.cells,
                 seed=self.seed,
+                texts=self.texts,
                 encoder=self.encoder,
                 renders=self.renders,
                 memory=folder and folder / "sight",

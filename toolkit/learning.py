@@ -176,6 +176,7 @@ def evaluate(
     objects: int = 64,
     cells: int = 64,
     seed: int = 0,
+    texts: int = 1,
     encoder: str | None = None,
     renders: int = 0,
     memory: Path | None = None,
@@ -211,7 +212,7 @@ def evaluate(
     rows = evaluation.evaluate(
         "validation" if split == "validation" else "procedural",
         predictors or ("film", *evaluation.BASELINES),
-        objects=objects, cells=cells, seed=seed, weights=weights, renders=renders,
+        objects=objects, cells=cells, seed=seed, texts=texts, weights=weights, renders=renders,
         progress=progress, **held,
     )  # fmt: skip
     return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}

@@ -7,10 +7,10 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.evaluation import BASELINES, evaluate
 from autophyx_tet.predictors.examples import Example, load_example, save_example
-from autophyx_tet.predictors.film_scene import Scene
+from autophyx_tet.predictors.film_scene import Output, Scene
 from autophyx_tet.predictors.folder_evaluation import evaluate_folder
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.guesses import Sample, Seen, _with_names, _with_vision
+from autophyx_tet.predictors.guesses import Sample, Seen, _by_part, _with_names, _with_vision
 from autophyx_tet.predictors.likeness import Likeness
 from autophyx_tet.predictors.mass import mass_errors
 from autophyx_tet.predictors.score import Score, against_best, summary
@@ -68,12 +68,18 @@ def test_mass_errors():
 
 
 def test_differences_are_paired():
-    """A row that is better by .1 on every object is better by .1, however the objects differ."""
+    """A row that is better by .1 on every object is better by .1, however the objects differ.
+
+    An object's score is the mean over its texts: here one is .05 better, the other worse.
+    """
     errors = np.random.default_rng(0).uniform(0.2, 5, 20)
     table = {"film": errors - 0.1, "table-mean": errors, "constant": errors + 1}
     scores = {
         name: {
-            i: Score(np.full(3, e), e, e, np.nan, 1, 0.0, Likeness(30.0, e))
+            i: [
+                Score(np.full(3, e + side), e, e, np.nan, 1, 0.0, seen)
+                for side, seen in ((0.05, Likeness(30.0, e)), (-0.05, None))
+            ]
             for i, e in enumerate(v)
         }
         for name, v in table.items()
@@ -84,9 +90,32 @@ def test_differences_are_paired():
     assert film.difference_interval == pytest.approx((-0.1, -0.1))
     assert best.difference is None
     assert constant.difference == pytest.approx(1)
+    assert (film.objects, film.texts) == (20, 40)
     assert (film.rendered, film.psnr_interval) == (20, (30.0, 30.0))
     assert film.ssim == pytest.approx(film.mse_mean)
     assert against_best(rows[:1], scores, ("table-mean",))[0].best_baseline is None
+
+
+def test_a_part_is_of_one_matter():
+    """Values become the mean of their part, shares too; the pieces of one part stay apart."""
+    part = torch.zeros((1, 4, 4, 4), dtype=torch.long)
+    part[:, 2:] = 1
+    blank = torch.zeros(1, 2, 4)
+    there = torch.tensor([[True, False]])
+    scene = Scene(
+        torch.zeros(1, 8, 4, 4, 4), blank, there, blank[0], torch.tensor([False]),
+        torch.zeros(1, 2, 2, 4, 4, 4), torch.zeros(1, 2), blank, torch.tensor([[False]]), part,
+    )  # fmt: skip
+    found = Output(torch.rand(1, 3, 4, 4, 4), torch.randn(1, 3, 4, 4, 4))
+    pooled = _by_part(found, scene)
+    for half in (slice(0, 2), slice(2, 4)):
+        cells = (slice(None), slice(None), half)
+        mean = found.values[cells].mean((2, 3, 4), keepdim=True)
+        assert torch.allclose(pooled.values[cells], mean.expand_as(found.values[cells]), atol=1e-6)
+        share = found.logits.softmax(1)[cells].mean((2, 3, 4), keepdim=True)
+        assert torch.allclose(pooled.logits.exp()[cells], share.expand(1, 3, 2, 4, 4), atol=1e-6)
+    three = scene._replace(clause_mask=torch.ones(1, 3, dtype=torch.bool))
+    assert _by_part(found, three) is found
 
 
 class Letters:
