@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from .minilm import MiniLM
-from .network import MULTIPLE, Weights, folded_backbone, head, levels
+from .network import Weights, folded_backbone, head, levels
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "image_encoder.safetensors"
 BATCH = 4  # pictures at once: the widest activation of four stays under 30 MB
@@ -75,9 +75,7 @@ class Embedded:
         Without a fourth channel every pixel counts as opaque.
         """
         import torch
-        import torch.nn.functional as F
 
-        side = [max(round(n / MULTIPLE), 1) * MULTIPLE for n in images.shape[1:3]]
         out = []
         with torch.inference_mode():
             for start in range(0, len(images), BATCH):
@@ -85,8 +83,6 @@ class Embedded:
                 batch = batch.to(self._device).permute(0, 3, 1, 2)
                 if batch.shape[1] == 3:
                     batch = torch.cat([batch, torch.ones_like(batch[:, :1])], dim=1)
-                if list(batch.shape[-2:]) != side:
-                    batch = F.interpolate(batch, size=side, mode="bilinear", antialias=True)
                 batch = batch.contiguous(memory_format=torch.channels_last)
                 out.append(head(self._weights, levels(self._weights, batch)).cpu().numpy())
         return np.concatenate(out)

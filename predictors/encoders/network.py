@@ -2,8 +2,8 @@
 
 Written as functions of a flat dictionary of weights, which is what a safetensors file holds. The
 backbone is EfficientNet-Lite0 (Tan and Le 2019) with the weights that it learned on ImageNet, batch
-norms folded into the convolutions; ours is the head: one matrix for each level, and one more that
-keeps colour and opacity as they are, in directions that words leave free.
+norms folded into the convolutions; ours is the head: a matrix for each level to a few numbers, some
+of which are turned towards words, while the others lie in directions that words leave free.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ MULTIPLE = 32  # sides of a picture must be multiples of this: the coarsest stag
 STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block of every stage
 LEVELS = (1, 2, 3, 4, 5, 6)  # stages that the head reads: 1/4, 1/8, 1/16, 1/16, 1/32, 1/32
 COLOURS = 16  # channels of the level below all stages: ``colours``
+COVERED = 0.02  # opacity from which a pixel shows something: less is the edge of a blurred picture
 FULL = 0.98  # opacity from which a pixel counts as fully covered
+LENGTH = 1.5  # of word (1), plain (.5 on average) and missing parts together, before it becomes 1
 DARK = 0.05  # brightness below which a saturation is noise
 BATCH_NORM_EPSILON = 1e-3
 
@@ -97,11 +99,16 @@ def folded_backbone(state: Weights, widths: Widths | None = None) -> Weights:
 def levels(weights: Weights, pictures: torch.Tensor) -> list[torch.Tensor]:
     """What the head reads of pictures (n, 4, h, w): colour on grey and opacity, in [0, 1].
 
-    Maps (n, channels, h / stride, w / stride): ``colours`` at 1/4, then ``LEVELS``.
+    Maps (n, channels, h / stride, w / stride) of the pictures at the nearest multiple of 32:
+    ``colours`` at 1/4, then ``LEVELS``. Colours are read before pictures are resized, which would
+    blur the opacity of every edge.
     """
     import torch.nn.functional as F
 
-    found = [colours(pictures)]
+    side = [max(round(n / MULTIPLE), 1) * MULTIPLE for n in pictures.shape[-2:]]
+    found = [colours(pictures, (side[0] // STRIDE, side[1] // STRIDE))]
+    if list(pictures.shape[-2:]) != side:
+        pictures = F.interpolate(pictures, size=side, mode="bilinear", antialias=True)
     x = F.relu6(_conv(weights, "stem", 2 * pictures[:, :3] - 1, 2))
     for stage, stride in enumerate(STRIDES):
         block = 0
@@ -117,22 +124,25 @@ def levels(weights: Weights, pictures: torch.Tensor) -> list[torch.Tensor]:
     return found
 
 
-def colours(pictures: torch.Tensor) -> torch.Tensor:
-    """Colour and opacity of cells (n, 16, h/4, w/4), so that a linear map reads more off them.
+def colours(pictures: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """Colour and opacity (n, 16, rows, columns) of what covers each cell of a grid.
 
-    Mean red, green, blue and opacity, the share of full opacity; the squares and products of the
-    former; brightness and its square, the least channel, and saturation.
+    Means over the covered pixels of a cell: red, green, blue, opacity, the share of full opacity,
+    and saturation; the squares and products of the first four; brightness and its square, the
+    least channel. A thin opaque rod thus differs from glass, which fills its cells.
     """
     import torch
     import torch.nn.functional as F
 
-    full = (pictures[:, 3:] >= FULL).to(pictures.dtype)
-    mean = F.avg_pool2d(torch.cat([pictures, full], dim=1), STRIDE)
-    rgb = mean[:, :3]
+    rgb, opacity = pictures[:, :3], pictures[:, 3:]
     bright, least = rgb.amax(dim=1, keepdim=True), rgb.amin(dim=1, keepdim=True)
     saturation = (bright - least) / bright.clamp(min=DARK)
-    products = [mean[:, :4] ** 2, rgb * rgb.roll(1, dims=1)]
-    return torch.cat([mean, *products, bright, bright**2, least, saturation], dim=1)
+    full = (opacity >= FULL).to(pictures.dtype)
+    products = [pictures**2, rgb * rgb.roll(1, dims=1)]
+    read = torch.cat([pictures, full, saturation, *products, bright, bright**2, least], dim=1)
+    covered = (opacity > COVERED).to(pictures.dtype)
+    total = F.adaptive_avg_pool2d(torch.cat([read * covered, covered], dim=1), size)
+    return total[:, :-1] / total[:, -1:].clamp(min=COVERED)
 
 
 def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
@@ -143,21 +153,29 @@ def upsampled(level: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
 
 
 def head(weights: Weights, found: list[torch.Tensor]) -> torch.Tensor:
-    """Unit vectors (n, h/4, w/4, dim) of ``levels``: what words say of them, beside their colours.
+    """Unit vectors (n, h/4, w/4, dim) of ``levels``: words and, across them, what is plainly seen.
 
-    The former is a linear map of each level, summed, of unit length; mapping comes before
-    upsampling, which is the same and cheaper. The latter lies across it.
+    Each level is mapped to a few numbers, which are summed; mapping comes before upsampling, which
+    is the same and cheaper. The first are coordinates among words, turned into a vector of length
+    1; the others are kept as they are. One more direction takes up what is missing to ``LENGTH``,
+    so that no number is divided by what another one is.
     """
+    import torch
     import torch.nn.functional as F
 
-    total = weights["head.bias"][None, :, None, None]
     size = (found[0].shape[2], found[0].shape[3])
+    read = weights["head.bias"][None, :, None, None]
     for number, level in enumerate(found):
         mapped = F.conv2d(level, weights[f"head.{number}.weight"][..., None, None])
-        total = total + (mapped if number < 2 else upsampled(mapped, size))
-    plain = F.conv2d(found[0], weights["plain.weight"][..., None, None], weights["plain.bias"])
-    total = F.normalize(total, dim=1, eps=1e-6) + plain
-    return F.normalize(total.permute(0, 2, 3, 1), dim=-1, eps=1e-6)
+        read = read + (mapped if number < 2 else upsampled(mapped, size))
+    read = read.permute(0, 2, 3, 1)
+    count = weights["words.axes"].shape[1]
+    said = read[..., :count] @ weights["words.axes"].T + weights["words.centre"]
+    plain = read[..., count:]
+    missing = LENGTH**2 - 1 - (plain**2).sum(dim=-1, keepdim=True)
+    across = torch.cat([plain, missing.clamp(min=0).sqrt()], dim=-1)
+    total = F.normalize(said, dim=-1, eps=1e-6) + across @ weights["plain.axes"].T
+    return F.normalize(total, dim=-1, eps=1e-6)
 
 
 def _conv(weights: Weights, name: str, x: torch.Tensor, stride: int = 1) -> torch.Tensor:

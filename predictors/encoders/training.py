@@ -5,8 +5,11 @@ words of its material, part and object. The head is the linear map from the one 
 the least squared error and a penalty on its size (ridge), in closed form. Training the network
 itself, by contrast, lost on unseen objects what ImageNet had taught it: there are few objects.
 
-Beside it the head keeps colour and opacity as they are, in the directions of the space that words
-hardly use: a cosine to a word stays what it was, and a linear classifier finds both.
+Of that map only its main directions are kept: a few say what words can tell of materials, the
+others know the objects of the fit. Beside it the head keeps what is plainly seen: colour and
+opacity, and the main directions in which the frozen features differ, fitted to no words at all.
+They lie in the directions of the space that words hardly use: a cosine to a word stays what it was,
+and a linear classifier finds all three.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .corpus import Corpus
-from .network import STRIDE, Weights, Widths, levels
+from .network import LENGTH, STRIDE, Weights, Widths, levels
 from .pictures import STILL, Variety, draw_pictures
 
 if TYPE_CHECKING:
@@ -29,7 +32,8 @@ log = logging.getLogger(__name__)
 
 SORTS = ("kind", "material", "part", "object")  # columns of ``Corpus.words``
 BATCH = 16  # pictures at once
-FLAT = 1e-6  # a feature that varies less than this is not scaled up
+KEPT = 6  # first channels of ``network.colours`` that are kept as they are
+FLAT = 1e-6  # a feature that varies less than this counts for nothing
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,10 @@ class TrainingOptions:
     penalty: float = 10.0
     # A penalty draws every answer to the mean one, which is near to common words: this factor
     # on what differs from it takes the words' nearness back to that of the features.
-    gain: float = 15.0
-    plain: float = 0.4  # length of the colours beside the part for words, which has length 1
+    gain: float = 30.0
+    rank: int = 10  # directions that the part for words keeps
+    looks: int = 8  # main directions of the frozen features that are kept as they are
+    plain: float = 0.5  # length of what is plainly seen, beside words with their length of 1
     balance: float = 0.5  # power of a text's rarity in the weight of its regions
     sorts: tuple[float, ...] = (1.0, 1.0, 0.3, 0.3)  # share of each sort of words
     seed: int = 0
@@ -73,16 +79,25 @@ class Linear(NamedTuple):
 
 
 class Head(NamedTuple):
-    """The part for ``words`` (d, D), and the ``plain`` one of the first features across it."""
+    """``read`` (d, m) numbers off features: first coordinates along ``axes``, then plain ones.
 
-    words: Linear
-    plain: Linear
+    ``axes`` (D, r) from ``centre`` (D,) lie among words, ``across`` (D, m - r + 1) does not.
+    """
+
+    read: Linear
+    axes: np.ndarray
+    centre: np.ndarray
+    across: np.ndarray
 
     def __call__(self, x: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n D"]:
-        """Unit vectors."""
-        said = self.words(x)
+        """Unit vectors, as ``network.head`` computes them."""
+        found, count = self.read(x), self.axes.shape[1]
+        said = found[:, :count] @ self.axes.T + self.centre
         said = said / np.linalg.norm(said, axis=1, keepdims=True)
-        total = said + self.plain(x[:, : len(self.plain.matrix)])
+        plain = found[:, count:]
+        missing = LENGTH**2 - 1 - (plain**2).sum(axis=1, keepdims=True)
+        filled = np.concatenate([plain, np.sqrt(missing.clip(min=0))], axis=1)
+        total = said + filled @ self.across.T
         return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
@@ -145,25 +160,61 @@ def fit(
     penalty is the same for each group as a whole. The first group is the colours.
     """
     use = np.ones(len(described.part), dtype=bool) if use is None else use
-    scale = np.maximum(described.features[use].std(axis=0, dtype=np.float64), FLAT)
-    scale *= np.sqrt(np.repeat(groups, groups))
-    x = described.features / scale
+    spread = described.features[use].std(axis=0, dtype=np.float64)
+    scale = np.where(spread > FLAT, spread * np.sqrt(np.repeat(groups, groups)), np.inf)
+    mean = described.features[use].mean(axis=0, dtype=np.float64)
+    x = (described.features - mean) / scale
+    said = _said(x, described.part, corpus, options, use)
+    free = free_directions(corpus.embeddings.cpu().numpy(), KEPT + options.looks + 1)
+    said = Linear(*(part - part @ free @ free.T for part in said))
+    axes = principal(x[use] @ said.matrix, options.rank)
+    plain = _plain(x[use], groups[0], options)
+    matrix = np.concatenate([said.matrix @ axes, plain], axis=1) / scale[:, None]
+    return Head(Linear(matrix, -mean @ matrix), axes, said.bias, free)
+
+
+def _said(
+    x: Float[np.ndarray, "n d"],
+    part: Int[np.ndarray, "n"],
+    corpus: Corpus,
+    options: TrainingOptions,
+    use: Bool[np.ndarray, "n"],
+) -> Linear:
+    """Map of centred features to the sum over the sorts of words."""
     words, embeddings = corpus.words.cpu().numpy(), corpus.embeddings.cpu().numpy()
-    mean = x[use].mean(axis=0, dtype=np.float64)
     total = Linear(np.zeros((x.shape[1], embeddings.shape[1])), np.zeros(embeddings.shape[1]))
     for sort, share in enumerate(options.sorts):
-        text = words[described.part, sort]
+        text = words[part, sort]
         rows = use & (text >= 0)
         if not rows.any():
             continue
         weight = _rarity(text[rows]) ** options.balance
         found = ridge(x[rows], embeddings[text[rows]], weight, penalty=options.penalty)
         total = Linear(total.matrix + share * found.matrix, total.bias + share * found.bias)
-    free = free_directions(embeddings, groups[0])
-    bias = total.bias - (options.gain - 1) * mean @ total.matrix
-    said = Linear(options.gain * total.matrix / scale[:, None], bias)
-    said = Linear(*(part - part @ free @ free.T for part in said))
-    return Head(said, plain_map(described.features[use, : groups[0]], free, options.plain))
+    return Linear(options.gain * total.matrix, total.bias)
+
+
+def _plain(
+    x: Float[np.ndarray, "n d"], colours: int, options: TrainingOptions
+) -> Float[np.ndarray, "d m"]:
+    """Map of centred features to the first colours and the main directions of the others.
+
+    Either has half of the squared length ``options.plain`` ** 2, or all of it alone.
+    """
+    kept = np.eye(x.shape[1])[:, :KEPT]
+    looks = np.zeros((x.shape[1], options.looks))
+    looks[colours:] = principal(x[:, colours:], options.looks)
+    parts = [part for part in (kept, looks) if part.shape[1]]
+    length = options.plain / np.sqrt(len(parts))
+    sizes = [np.sqrt(((x @ part) ** 2).sum(axis=1).mean()) for part in parts]
+    pairs = zip(parts, sizes, strict=True)
+    return np.concatenate([length / max(size, FLAT) * part for part, size in pairs], axis=1)
+
+
+def principal(rows: Float[np.ndarray, "n D"], count: int) -> Float[np.ndarray, "D count"]:
+    """Orthonormal directions in which centred rows vary most, the strongest first."""
+    _, axes = np.linalg.eigh(rows.T.astype(np.float64) @ rows)
+    return axes[:, ::-1][:, :count]
 
 
 def free_directions(
@@ -172,16 +223,6 @@ def free_directions(
     """Orthonormal directions that hold least of the embeddings of texts."""
     _, axes = np.linalg.eigh(embeddings.T.astype(np.float64) @ embeddings)
     return axes[:, :count]
-
-
-def plain_map(
-    colours: Float[np.ndarray, "n k"], free: Float[np.ndarray, "D k"], length: float
-) -> Linear:
-    """Map of standardised colours onto free directions, of mean squared length ``length`` ** 2."""
-    mean = colours.mean(axis=0, dtype=np.float64)
-    spread = np.maximum(colours.std(axis=0, dtype=np.float64), FLAT)
-    matrix = length / np.sqrt(len(free.T)) * free.T / spread[:, None]
-    return Linear(matrix, -mean @ matrix)
 
 
 def ridge(
@@ -208,11 +249,11 @@ def shipped_weights(fitted: Head, widths: Widths) -> Weights:
 
     ends = np.cumsum(widths.groups)
     maps = {
-        f"head.{number}.weight": fitted.words.matrix[end - size : end].T
+        f"head.{number}.weight": fitted.read.matrix[end - size : end].T
         for number, (size, end) in enumerate(zip(widths.groups, ends, strict=True))
     }
-    maps |= {"head.bias": fitted.words.bias}
-    maps |= {"plain.weight": fitted.plain.matrix.T, "plain.bias": fitted.plain.bias}
+    maps |= {"head.bias": fitted.read.bias, "plain.axes": fitted.across}
+    maps |= {"words.axes": fitted.axes, "words.centre": fitted.centre}
     return {k: torch.from_numpy(np.ascontiguousarray(v)).half() for k, v in maps.items()}
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.kinds import KINDS, kind_of, plain_words
 from autophyx_tet.predictors.encoders.network import (
     COLOURS,
+    LENGTH,
     MULTIPLE,
     SMALLEST,
     STRIDE,
@@ -33,7 +35,7 @@ from autophyx_tet.predictors.encoders.training import (
     describe,
     fit,
     free_directions,
-    plain_map,
+    principal,
     region_means,
     ridge,
     shipped_weights,
@@ -45,6 +47,7 @@ from trimesh.visual.texture import TextureVisuals
 ROOT = Path(__file__).resolve().parents[2]
 PIXELS = 64
 DIM = 24
+SMALL = TrainingOptions(side=PIXELS, rounds=1, smallest=4, rank=1, looks=3)
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -140,9 +143,10 @@ def test_head_is_small_and_of_unit_norm():
 def random_head():
     """Weights of a head by chance, in the shape that is shipped."""
     rng = np.random.default_rng(0)
-    said = Linear(rng.normal(size=(sum(SMALLEST.groups), DIM)), rng.normal(size=DIM))
-    plain = Linear(rng.normal(size=(COLOURS, DIM)), rng.normal(size=DIM))
-    return {k: v.float() for k, v in shipped_weights(Head(said, plain), SMALLEST).items()}
+    read = Linear(rng.normal(size=(sum(SMALLEST.groups), 9)), rng.normal(size=9))
+    axes = np.linalg.qr(rng.normal(size=(DIM, 10)))[0]
+    fitted = Head(read, axes[:, :4], rng.normal(size=DIM), axes[:, 4:])
+    return {k: v.float() for k, v in shipped_weights(fitted, SMALLEST).items()}
 
 
 def test_region_means_are_means(corpus):
@@ -178,12 +182,11 @@ def test_ridge_is_least_squares_without_penalty():
 def test_fitted_head_tells_wood_from_metal(corpus):
     """Fitted on two objects, the word nearest to a region of the third is its own material."""
     backbone = new_backbone(SMALLEST, seed=0)
-    options = TrainingOptions(side=PIXELS, rounds=1, smallest=4)
-    regions = describe(corpus, backbone, options)
+    regions = describe(corpus, backbone, SMALL)
     unseen = corpus.object_of[regions.part].numpy() == 2
-    linear = fit(regions, corpus, SMALLEST.groups, options, use=~unseen)
+    fitted = fit(regions, corpus, SMALLEST.groups, SMALL, use=~unseen)
     rows = [KINDS.index("wood"), KINDS.index("metal")]
-    guess = (linear(regions.features) @ corpus.embeddings[rows].numpy().T).argmax(axis=1)
+    guess = (fitted(regions.features) @ corpus.embeddings[rows].numpy().T).argmax(axis=1)
     label = (corpus.words[regions.part, 0].numpy() == rows[1]).astype(int)
     assert unseen.sum() > 10
     assert (guess == label)[unseen].mean() > 0.9
@@ -192,7 +195,7 @@ def test_fitted_head_tells_wood_from_metal(corpus):
 def test_the_network_computes_the_fitted_head(corpus):
     """On a picture of one colour the network's vectors are those of the fitted head, in halves."""
     backbone = new_backbone(SMALLEST, seed=0)
-    options = TrainingOptions(side=PIXELS, rounds=0, smallest=4)
+    options = replace(SMALL, rounds=0)
     fitted = fit(describe(corpus, backbone, options), corpus, SMALLEST.groups, options)
     weights = {k: v.float() for k, v in shipped_weights(fitted, SMALLEST).items()}
     picture = torch.tensor([0.7, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 64, 64)
@@ -202,31 +205,71 @@ def test_the_network_computes_the_fitted_head(corpus):
     assert middle @ fitted(rows.numpy()[None])[0] > 0.99
 
 
-def test_colours_lie_across_words():
-    """In directions that words leave free: no cosine to a word changes, all colours come back."""
+def test_what_is_plainly_seen_lies_across_words(corpus):
+    """Whatever its length, a cosine to a text that the directions spare only scales."""
+    regions = describe(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
+    heads = [
+        fit(regions, corpus, SMALLEST.groups, replace(SMALL, plain=length))
+        for length in (0.01, 0.5)
+    ]
+    assert np.allclose(heads[0].axes.T @ heads[0].across, 0, atol=1e-9)
+    assert np.allclose(heads[0].across.T @ heads[0].across, np.eye(10), atol=1e-9)
+    spared = corpus.embeddings.numpy() - corpus.embeddings.numpy() @ heads[0].across @ (
+        heads[0].across.T
+    )
+    few, many = (found(regions.features) @ spared.T for found in heads)
+    assert np.allclose(few, many, atol=1e-6)
+
+
+def test_no_number_is_divided_by_another(corpus):
+    """Of constant length before it becomes 1: what is plainly seen is linear in the features."""
+    regions = describe(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
+    found = fit(regions, corpus, SMALLEST.groups, SMALL)
+    vectors = found(regions.features)
+    plain = found.read(regions.features)[:, SMALL.rank :]
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1)
+    assert np.allclose(vectors @ found.across[:, :-1] * LENGTH, plain, atol=1e-9)
+    assert np.isclose((plain**2).sum(axis=1).mean(), SMALL.plain**2)
+
+
+def test_principal_directions():
+    """They are orthonormal, and the first holds most of what varies."""
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(200, 5)) * [1, 5, 0.1, 3, 0.1]
+    axes = principal(rows, 2)
+    assert np.allclose(axes.T @ axes, np.eye(2))
+    assert np.allclose(np.abs(axes), np.eye(5)[:, [1, 3]], atol=0.1)
+
+
+def test_free_directions_are_across_texts():
+    """Where texts span few directions, none of them has a part along the free ones."""
     rng = np.random.default_rng(0)
     texts = rng.normal(size=(40, 8)) @ rng.normal(size=(8, DIM))
-    rows = rng.random((50, 4))
-    free = free_directions(texts, 4)
-    found = plain_map(rows, free, 0.3)(rows)
-    assert np.allclose(found @ texts.T, 0, atol=1e-9)
-    assert np.isclose((found**2).sum(axis=1).mean(), 0.3**2)
-    assert np.linalg.matrix_rank(found) == 4
+    assert np.allclose(texts @ free_directions(texts, 4), 0, atol=1e-9)
 
 
 def test_colours_of_a_cell():
-    """A half transparent orange: means, squares, products, brightness, saturation."""
+    """A half transparent orange: means, saturation, squares, products, brightness."""
     orange = torch.tensor([0.8, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 8, 8)
-    found = colours(orange)
+    found = colours(orange, (2, 2))
     assert found.shape == (1, COLOURS, 2, 2)
-    wanted = [0.8, 0.4, 0.2, 0.5, 0, 0.64, 0.16, 0.04, 0.25, 0.16, 0.32, 0.08, 0.8, 0.64, 0.2, 0.75]
+    wanted = [0.8, 0.4, 0.2, 0.5, 0, 0.75, 0.64, 0.16, 0.04, 0.25, 0.16, 0.32, 0.08, 0.8, 0.64, 0.2]
     assert torch.allclose(found[0, :, 1, 1], torch.tensor(wanted))
+
+
+def test_a_thin_rod_is_not_glass():
+    """The opacity of a cell is that of what covers it, however little; an empty cell has zeros."""
+    picture = torch.full((1, 4, 10, 10), 0.5)
+    picture[:, 3] = 0
+    picture[:, 3, :, 2] = 1
+    found = colours(picture, (2, 2))
+    assert torch.allclose(found[0, 3:5, :, 0], torch.ones(2, 2))
+    assert (found[..., 1] == 0).all()
 
 
 def test_describing_twice_is_the_same(corpus):
     """Light, place and noise come from the seed alone."""
-    options = TrainingOptions(side=PIXELS, rounds=1, smallest=4)
-    first, second = (describe(corpus, new_backbone(SMALLEST, seed=0), options) for _ in range(2))
+    first, second = (describe(corpus, new_backbone(SMALLEST, seed=0), SMALL) for _ in range(2))
     assert (first.features == second.features).all()
 
 
