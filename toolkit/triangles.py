@@ -74,18 +74,28 @@ def crossing_pairs(
     return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
 
 
-def collapsed(surface: Triangles, count: int) -> Triangles:
+class Collapsed(NamedTuple):
+    """A surface with fewer triangles, and the triangle (faces,) that each one comes from."""
+
+    surface: Triangles
+    birth: np.ndarray
+
+
+def collapsed(surface: Triangles, count: int) -> Collapsed:
     """Collapse edges of an edge-manifold surface, the flattest first, to ``count`` triangles."""
     import igl
 
-    points, faces, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
-    return Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
+    points, faces, birth, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
+    fewer = Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
+    return Collapsed(fewer, np.asarray(birth, np.int64).reshape(-1))
 
 
 def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:
     """Wind the faces of every orientable patch the same way round."""
     import igl
 
+    if not len(faces):
+        return Patches(faces, np.zeros(0, np.int64))
     coherent, patch = igl.bfs_orient(_int64(faces))
     return Patches(np.asarray(coherent, np.int64), np.asarray(patch, np.int64))
 
