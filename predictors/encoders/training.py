@@ -5,8 +5,8 @@ words of its material, part and object. The head is the linear map from the one 
 the least squared error and a penalty on its size (ridge), in closed form. Training the network
 itself, by contrast, lost on unseen objects what ImageNet had taught it: there are few objects.
 
-Of that map only its main directions are kept. Beside it the head keeps what is plainly seen: colour and
-opacity, and the main directions in which the frozen features differ, fitted to no words at all.
+Of that map only its main directions are kept. Beside it the head keeps what is plainly seen: colour
+and opacity, and the main directions in which the frozen features differ, fitted to no words at all.
 They lie in the directions of the space that words hardly use: a cosine to a word stays what it was,
 and a linear classifier finds all three.
 """
