@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from ..fem.errors import UsageError
 from ..fem.table import Material, MaterialTable, MaterialValue
+from . import words
 from .asset import UpAxis
 from .choice import Binding, PartChoice, fill
 from .field import MaterialField
@@ -25,16 +26,21 @@ from .text import Clause
 from .voxels import PartVoxels
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
+_LEAST = 1e-6  # of a share, for its logarithm
 SPECK = 0.01  # of a part's cells: a smaller piece is given to its surroundings
 
 
 class Answer(NamedTuple):
-    """The material of every part; ``parents`` are the given parts that they are, or pieces of."""
+    """The material of every part; ``parents`` are the given parts that they are, or pieces of.
+
+    ``unheard`` are clauses that name a material and were found to speak of nothing.
+    """
 
     parts: PartVoxels
     parents: tuple[int, ...]
     field: MaterialField
     choices: list[PartChoice]
+    unheard: tuple[str, ...] = ()
 
 
 def answer(
@@ -73,15 +79,22 @@ def answer(
         part_volumes=part_volumes,
     )  # fmt: skip
     left_open = [i for i, choice in enumerate(choices) if not choice.told]
+    clauses = retrieval.clauses(text)
     if film is None or not left_open:
-        return Answer(parts, tuple(range(len(choices))), fill(parts, choices, alpha=alpha), choices)
+        field = fill(parts, choices, alpha=alpha)
+        everyone = tuple(range(len(choices)))
+        return Answer(parts, everyone, field, choices, _unheard(clauses, choices))
     if alpha is not None:
         raise UsageError(
             f"--alpha moves a material within its range, and no word names one for part "
             f"{parts.part_names[left_open[0]]!r}: name it, or use --predictor retrieval"
         )
     found = film.look(parts, text, up=up, appearance=look() if look else None)
-    pieces, parents, owners = divide(parts, left_open, found)
+    if len(found.clauses) > len(choices):
+        pieces, parents, owners = divide(parts, left_open, found)
+    else:
+        pieces, parents = parts, tuple(range(len(choices)))
+        owners = match(parts, left_open, found, retrieval.homeless(parts.part_labels, text))
     decided = [
         replace(choices[parent], part=name)
         if parent not in left_open
@@ -90,7 +103,28 @@ def answer(
             zip(pieces.part_names, parents, owners, strict=True)
         )
     ]
-    return Answer(pieces, parents, _field(pieces, decided, found), decided)
+    field = _field(pieces, decided, found)
+    return Answer(pieces, parents, field, decided, _unheard(clauses, decided))
+
+
+def match(
+    parts: PartVoxels, left_open: Sequence[int], found: Found, homeless: Sequence[int]
+) -> tuple[int | None, ...]:
+    """Find the clause that speaks of each open part, None for none.
+
+    Each of the ``homeless`` clauses has one part at least, so that all fit best together.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    none = len(found.clauses)
+    shares = np.array([found.shares[parts.part == i].mean(axis=0) for i in left_open])
+    owner = shares.argmax(axis=1)
+    rows, columns = linear_sum_assignment(-np.log(shares[:, list(homeless)] + _LEAST))
+    owner[rows] = np.array(homeless, dtype=int)[columns]
+    chosen = dict(zip(left_open, owner.tolist(), strict=True))
+    return tuple(
+        None if chosen.get(i, none) == none else chosen[i] for i in range(len(parts.part_names))
+    )
 
 
 def divide(
@@ -166,6 +200,12 @@ def _choose(
 def _nearest(table: MaterialTable, value: Float[np.ndarray, "3"]) -> Material:
     rows = np.array([DEFAULT.normalise(*row.value()) for row in table])
     return table.rows[int(np.square(rows - value).sum(axis=1).argmin())]
+
+
+def _unheard(clauses: Sequence[Clause], choices: Sequence[PartChoice]) -> tuple[str, ...]:
+    why = "\n".join(choice.why for choice in choices).lower()
+    named = (c for c in clauses if c.material and not set(c.parts) & words.REST)
+    return tuple(clause.text for clause in named if clause.text.lower() not in why)
 
 
 def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Found) -> MaterialField:

@@ -133,6 +133,16 @@ class RetrievalPredictor:
             self._choice(part.name, pick, alpha) for part, pick in zip(parts, picks, strict=True)
         ]
 
+    def clauses(self, text: str) -> list[Clause]:
+        """Clauses of a text, read with the words of the table."""
+        return parse(text, self._vocabulary)
+
+    def homeless(self, part_labels: Sequence[Sequence[str]], text: str) -> list[int]:
+        """Which of the clauses speak of a part that none of the asset's is called after."""
+        clauses = self.clauses(text)
+        parts = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in part_labels]
+        return homeless(clauses, overlap(clauses, parts))
+
     def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
         """Choose for a part what a clause names."""
         return self._choice(part, self._named(clause, why), None)

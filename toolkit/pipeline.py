@@ -295,8 +295,9 @@ def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
         borrowed = choice.why.removeprefix("whole sentence: ")
         unsaid = choice.learned and choice.binding and choice.binding.clause is None
         if choice.weight < GUESS or unsaid or (borrowed != choice.why and borrowed in spoken):
+            taken = "guessed to be" if choice.learned else "taken as"
             yield (
-                f"nothing says what part {choice.part!r} is made of: taken as {choice.material}; "
+                f"nothing says what part {choice.part!r} is made of: {taken} {choice.material}; "
                 f"say it in the text or with --part '{choice.part}=...'"
             )
     for parent in sorted({i for i in found.parents if found.parents.count(i) > 1}):
@@ -305,5 +306,7 @@ def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
             f"one part of the asset is divided by its shape into {', '.join(map(repr, pieces))}: "
             "look whether that is meant; --predictor retrieval leaves it whole"
         )
+    for clause in found.unheard:
+        yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"

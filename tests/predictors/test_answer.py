@@ -123,6 +123,28 @@ def test_pieces_partition_their_part_and_others_stay():
     assert owners[1] is None
 
 
+def test_every_clause_gets_a_part_if_there_are_enough():
+    """Two parts that look most like legs, and a sentence about legs and a seat: one is the seat."""
+    parts = block("a", "b")
+    found = halves(parts)
+    shares = np.zeros_like(found.shares)
+    shares[parts.part == 0], shares[parts.part == 1] = [0.9, 0.1, 0], [0.6, 0.3, 0.1]
+    network = Network(found._replace(shares=shares))
+    told = answer(parts, "oak legs, soft foam seat", film=network)
+    assert [choice.row.name for choice in told.choices] == [
+        TABLE.exact("oak").name,
+        TABLE.exact("soft foam").name,
+    ]
+    assert told.parts is parts
+
+
+def test_what_speaks_of_nothing_is_told():
+    """No part is called handle, and words settle all parts: the clause is not lost silently."""
+    told = answer(block("blade", "grip"), "steel blade, rubber grip, oak handle")
+    assert told.unheard == ("oak handle",)
+    assert not answer(block("blade", "grip"), "steel blade, the rest is rubber").unheard
+
+
 def test_alpha_moves_words_only():
     """--alpha works where words name the material, and says so where they do not."""
     soft = answer(block("geometry_0"), "oak", alpha=0.0, film=Network())
