@@ -56,6 +56,22 @@ def test_every_cell_sees_its_own_colour(tower, tmp_path):
     assert eyes.looked == 2
 
 
+@pytest.mark.real
+@pytest.mark.slow
+def test_furniture_is_seen_scored_and_rendered(tmp_path):
+    """Rows of real furniture: looked at once, compared object by object, put under load."""
+    stages = []
+    document = evaluate(
+        "validation", predictors=("film", "constant"), objects=2, cells=32, encoder="embedded",
+        renders=1, memory=tmp_path, progress=lambda stage, seconds: stages.append(stage),
+    )  # fmt: skip
+    film, constant = document["rows"]
+    assert (film["objects"], film["rendered"], film["best_baseline"]) == (2, 1, "constant")
+    assert film["difference"] == pytest.approx(film["mse_mean"] - constant["mse_mean"])
+    assert len(list(tmp_path.glob("*.npz"))) == 2
+    assert any("object 2" in stage for stage in stages)
+
+
 def test_an_encoder_without_words_is_refused():
     """Evidence compares pictures with words: colours alone have none; shapes have no furniture."""
     with pytest.raises(UsageError, match="reads no words"):
