@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -31,12 +32,16 @@ ROOM = 0.9
 
 @dataclass(frozen=True)
 class Guarantee:
-    """One promise: the measured ``value`` must not exceed ``threshold`` (both in ``unit``)."""
+    """One promise: the measured ``value`` must not exceed ``threshold`` (both in ``unit``).
+
+    ``at`` names the part of the input where a distance is largest.
+    """
 
     name: str
     value: float
     threshold: float
     unit: str = "1"
+    at: str = ""
 
     @property
     def ok(self) -> bool:
@@ -46,7 +51,9 @@ class Guarantee:
     @property
     def sentence(self) -> str:
         """What was measured, and what was wanted."""
-        return f"{self.name} is {self.value:.3g} {self.unit}, wanted at most {self.threshold:.3g}"
+        where = f" at {self.at!r}" if self.at else ""
+        value = f"{self.value:.3g} {self.unit}{where}"
+        return f"{self.name} is {value}, wanted at most {self.threshold:.3g}"
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Distances:
     The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid,
     ``sheet_share``, which has no volume on either side, and where the solid or the gap beside it
     is thinner than epsilon; ``missed_share`` of the area is of this last kind and farther than
-    epsilon from the mesh.
+    epsilon from the mesh. ``part_to`` and ``part_from`` are the parts where the two are largest.
     """
 
     to_input: float
@@ -87,6 +94,8 @@ class Distances:
     hidden_share: float = 0.0
     sheet_share: float = 0.0
     missed_share: float = 0.0
+    part_to: int = -1
+    part_from: int = -1
 
     def good(self, epsilon: float) -> bool:
         """Whether both distances are within ``epsilon`` [m] and next to nothing is missed."""
@@ -189,12 +198,18 @@ def measure_distances(
     far = home > epsilon
     usual = _kinds(solids, Samples(*(a[:KIND_SAMPLES] for a in back)), epsilon)
     unusual = _kinds(solids, Samples(*(a[far] for a in back)), epsilon)
+    counts = ~far
+    counts[far] = unusual.thick
+    away, farthest = closest(there, points, faces), np.where(counts, home, 0).argmax()
+    own = closest(back.where[[farthest]], points, faces).face[0]
     return Distances(
-        to_input=float(closest(there, points, faces).distance.max()),
-        from_input=float(max(home[~far].max(initial=0), home[far][unusual.thick].max(initial=0))),
+        to_input=float(away.distance.max()),
+        from_input=float(home[farthest] if counts[farthest] else 0),
         hidden_share=float(usual.hidden.mean()),
         sheet_share=float(usual.sheet.mean()),
         missed_share=float(unusual.thin.sum() / len(home)),
+        part_to=int(solids.surface.part[away.face[away.distance.argmax()]]),
+        part_from=int(solids.surface.part[own]),
     )
 
 
@@ -220,10 +235,16 @@ def _kinds(solids: Solids, samples: Samples, epsilon: float) -> Kinds:
 
 
 def guarantees(
-    mesh: TetMesh, measured: Quality, volume: InputVolume, gaps: Distances, epsilon: float
+    mesh: TetMesh,
+    measured: Quality,
+    volume: InputVolume,
+    gaps: Distances,
+    epsilon: float,
+    names: Sequence[str] = (),
 ) -> tuple[Guarantee, ...]:
-    """Every promise of a conversion with the number that shows it."""
+    """Every promise of a conversion with the number that shows it; ``names`` are the parts'."""
     enclosed = volume.total
+    to_at, from_at = (names[i] if names else "" for i in (gaps.part_to, gaps.part_from))
     a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
     # A surface that moves by its envelope everywhere changes the volume by area times that.
@@ -231,7 +252,7 @@ def guarantees(
     return (
         Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
         Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
-        Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m"),
-        Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m"),
+        Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m", to_at),
+        Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m", from_at),
         Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
     )

@@ -93,7 +93,13 @@ def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
     if any(attempt.outcome.startswith(BROKEN) for attempt in attempts):
         what, way = "tet mesh that keeps its guarantees", "--accept-broken gives the best of them"
     else:
-        what, way = "tet mesh", "a longer --time-limit or a larger --epsilon-rel may help"
+        heaviest = max(asset.parts, key=lambda part: len(part.mesh.faces))
+        most, total = len(heaviest.mesh.faces), sum(len(part.mesh.faces) for part in asset.parts)
+        what = "tet mesh"
+        way = (
+            "a longer --time-limit or a larger --epsilon-rel may help, or a simpler "
+            f"{heaviest.name!r}, which has {most} of the {total} triangles"
+        )
     tried = "; ".join(f"{a.engine} at epsilon {a.epsilon:.3g} m: {a.outcome}" for a in attempts)
     return f"{asset.name}: no {what} after {len(attempts)} attempts ({tried}); {way}"
 

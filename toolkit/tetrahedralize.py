@@ -137,7 +137,7 @@ def _judged(
         mesh = _mesh(filling, asset.part_names)
         measured = quality(mesh)
         gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
-        promised = guarantees(mesh, measured, volume, gaps, epsilon)
+        promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
         return Made(filling, mesh, gaps, measured, promised, epsilon)
 
     return judge

@@ -41,6 +41,7 @@ def test_a_lost_block_is_a_distance_and_a_lost_sheet_of_metal_a_share():
     body = box_mesh((1, 1, 1), (4, 4, 4))
     block = _gaps(body, _cube(), _cube((0.2, 0.2, 0.2), (2, 0.5, 0.5)))
     assert block.from_input > 0.9
+    assert block.part_from == 1
     plate = _gaps(body, _cube(), _cube((0.5, 0.5, 0.5 * EPSILON), (2, 0.5, 0.5)))
     assert plate.from_input <= EPSILON
     area = 2 * 0.5 * 0.5 + 4 * 0.5 * 0.5 * EPSILON

@@ -239,7 +239,9 @@ def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
     """Every attempt lacks a fifth of the cube: exit 4 with the distance, unless it is accepted."""
     cube = _asset(cube=trimesh.creation.box((1, 1, 1)))
     monkeypatch.setattr(cache, "run_guarded", _engine(0.8))
-    with pytest.raises(NoVolumeError, match=r"distance.*wanted at most.*--accept-broken") as error:
+    with pytest.raises(
+        NoVolumeError, match=r"distance.*at 'cube', wanted.*--accept-broken"
+    ) as error:
         tetrahedralize(cube, **QUICK)
     assert error.value.exit_code == 4
     mesh, report = tetrahedralize(cube, **QUICK, accept_broken=True)
