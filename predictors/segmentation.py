@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -47,6 +47,18 @@ class Segmentation:
     label: Int[np.ndarray, "n"]
     keywords: tuple[str, ...]
     coherence: Coherence
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Labels and keywords as named arrays."""
+        return {"label": self.label, "keywords": np.array(self.keywords, dtype=str)}
+
+    def document(self) -> dict[str, Any]:
+        """Voxels of every keyword, and the critic's score in [0, 1]."""
+        count = np.bincount(self.label, minlength=len(self.keywords)).tolist()
+        return {
+            "voxels": dict(zip(self.keywords, count, strict=True)),
+            "coherence": self.coherence.score,
+        }
 
 
 def segment(

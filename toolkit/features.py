@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ..converters.npz import save_npz
+from ..fem.errors import UsageError
 from ..predictors.asset import Asset
-from ..predictors.encoders import ImageEncoder, load_encoder
+from ..predictors.encoders import Encoder, ImageEncoder, load_encoder
 from ..predictors.features import VoxelFeatures, features_of_views
 from ..predictors.features import features as features_of
+from ..predictors.segmentation import Segmentation, best_segmentation
 from .cache import recalled, remember
 from .matter import is_carrier, read_matter
 from .options import FeatureOptions
@@ -33,10 +35,12 @@ class Features:
     """Features of an asset's voxels, and the files they were written to.
 
     ``asset`` is None where there was no surface: photographs, splats, points or a density grid.
+    ``parts`` are labels of the voxels by words, if words were given.
     """
 
     asset: Asset | None
     voxels: VoxelFeatures
+    parts: Segmentation | None = None
     files: tuple[Path, ...] = ()
 
     def document(self) -> dict[str, Any]:
@@ -51,6 +55,7 @@ class Features:
             "channels": voxels.values.shape[1],
             "residual": voxels.residual,
             "part_names": voxels.part_names,
+            "parts": None if self.parts is None else self.parts.document(),
             "warnings": self.asset.warnings if self.asset else (),
         }
 
@@ -87,6 +92,7 @@ def features(
         if path is not None:
             check_file(path, (suffix,))
     encoder = load_encoder(options.encoder)
+    sets = _keywords(options.words, encoder)
     seen: Asset | None = None
     if isinstance(asset, str | Path) and Path(asset).suffix.lower() == ".json":
         voxels = _photographed(Path(asset), encoder, options)
@@ -95,13 +101,27 @@ def features(
     else:
         seen = asset if isinstance(asset, Asset) else load_asset(asset)
         voxels = _remembered(seen, encoder, options)
+    parts = best_segmentation(voxels.values, voxels.cells, *sets) if sets else None
     if output is not None:
-        save_npz(output, **voxels.arrays())
+        labels = {} if parts is None else parts.arrays()
+        save_npz(output, **voxels.arrays(), **labels)
     if picture is not None:
         from .feature_picture import feature_png
 
         feature_png(picture, voxels, seen)
-    return Features(seen, voxels, tuple(path for path in (output, picture) if path is not None))
+    files = tuple(path for path in (output, picture) if path is not None)
+    return Features(seen, voxels, parts, files)
+
+
+def _keywords(
+    given: Sequence[str], encoder: ImageEncoder
+) -> tuple[list[list[str]], Encoder] | None:
+    """Sets of words, and the encoder that reads them; None where no words were given."""
+    if not given:
+        return None
+    if not isinstance(encoder, Encoder):
+        raise UsageError(f"--words wants an encoder that reads, {encoder.name} does not: embedded")
+    return [[word.strip() for word in words.split(",") if word.strip()] for words in given], encoder
 
 
 def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:

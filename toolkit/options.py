@@ -156,6 +156,8 @@ class FeatureOptions:
     """Cameras on the upper hemisphere."""
     lower: int = 0
     """Further cameras below the horizon."""
+    words: Annotated[tuple[str, ...], Repeated] = ()
+    """Words for the parts, "leaf, trunk, pot": label every voxel; of several sets the best."""
     picture: Path | None = None
     """Picture to write too: .png, the features' principal components as colours."""
     cache: Path | None = None

@@ -58,6 +58,28 @@ def test_shell_is_closed_and_as_large_as_the_cells():
     assert occupied[tuple(shell.cell.T)].all()
 
 
+@pytest.mark.slow
+def test_words_label_every_voxel(tmp_path, capsys):
+    """Of two sets the more coherent is kept; its labels are one for each voxel."""
+    target = tmp_path / "box.npz"
+    arguments = ["features", red_box(tmp_path), "-o", str(target), "--no-cache", "--json"]
+    arguments += ["--cells", "12", "--words", "metal, wood", "--words", "glass, cloth, leaf"]
+    assert main(arguments) == 0
+    parts = json.loads(capsys.readouterr().out)["parts"]
+    arrays = load_npz(target)
+    assert list(parts["voxels"]) == list(arrays["keywords"])
+    assert sum(parts["voxels"].values()) == len(arrays["label"]) == len(arrays["cells"])
+    assert 0 <= parts["coherence"] <= 1
+
+
+def test_words_want_an_encoder_that_reads(tmp_path, capsys):
+    target = tmp_path / "f.npz"
+    arguments = ["features", red_box(tmp_path), "-o", str(target), "--encoder", "rgb"]
+    assert main([*arguments, "--words", "metal, wood"]) == 2
+    assert "--words" in capsys.readouterr().err
+    assert not target.exists()
+
+
 def test_an_unknown_encoder_is_one_line(tmp_path, capsys):
     """The error names the encoders that there are, and nothing is written."""
     target = tmp_path / "f.npz"
