@@ -74,20 +74,12 @@ def crossing_pairs(
     return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
 
 
-class Collapsed(NamedTuple):
-    """A surface with fewer triangles, and the triangle (faces,) that each one comes from."""
-
-    surface: Triangles
-    birth: np.ndarray
-
-
-def collapsed(surface: Triangles, count: int) -> Collapsed:
+def collapsed(surface: Triangles, count: int) -> Triangles:
     """Collapse edges of an edge-manifold surface, the flattest first, to ``count`` triangles."""
     import igl
 
-    points, faces, birth, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
-    fewer = Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
-    return Collapsed(fewer, np.asarray(birth, np.int64).reshape(-1))
+    points, faces, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
+    return Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
 
 
 def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:

@@ -59,31 +59,3 @@ def test_small_components_are_left_alone():
     coarse = decimated(_triangles(trimesh.util.concatenate([ball, crumb])), 5e-3).surface
     mine = (coarse.points[coarse.faces][:, :, 0] > 1.5).all(axis=1)
     assert mine.sum() == 12
-
-
-def test_a_rough_piece_does_not_hold_back_a_flat_one():
-    """A ball too rough to lose triangles beside a fine box: the box becomes a few all the same."""
-    ball, box = trimesh.creation.icosphere(4), trimesh.creation.box((1, 1, 1))
-    ball.vertices *= 1 + 0.1 * np.random.default_rng(0).random((len(ball.vertices), 1))
-    for _ in range(4):
-        box = box.subdivide()
-    box.apply_translation((3, 0, 0))
-    coarse = decimated(_triangles(trimesh.util.concatenate([ball, box])), 1e-4).surface
-    of_box = (coarse.points[coarse.faces][:, :, 0] > 2).all(axis=1)
-    assert of_box.sum() < len(box.faces) / 4
-    assert (~of_box).sum() > 0.9 * len(ball.faces)
-
-
-def test_a_large_surface_with_edges_of_three_faces_is_decimated_too():
-    """A box with a wall across: within the tolerance both ways, and the wall still closes it."""
-    left, right = (trimesh.creation.box(bounds=[[i, 0, 0], [i + 1, 1, 1]]) for i in (0, 1))
-    right.update_faces(~(right.triangles[:, :, 0] == 1).all(axis=1))
-    both = trimesh.util.concatenate([left, right])
-    both.merge_vertices()
-    for _ in range(5):
-        both = both.subdivide()
-    given, tolerance = _triangles(both), 1e-3
-    coarse, left_alone = decimated(given, tolerance)
-    assert (left_alone, len(coarse.faces) <= len(given.faces) / 8) == (0, True)
-    for start, end in ((given, coarse), (coarse, given)):
-        assert closest(start.points, *end).distance.max() <= tolerance
