@@ -298,7 +298,8 @@ def test_doctor_lists_what_the_package_requires(capsys):
     assert document["libraries"]["numpy"] == np.__version__
     assert {"batch", "openclip", "usd"} <= set(document["extras"])
     assert document["devices"][0]["name"] == "cpu"
-    assert all(file["bytes"] > 1e5 for file in document["weights"])
+    # The smallest is a head of 58 kB; what stands for a file that was not fetched is under 1 kB.
+    assert all(file["bytes"] > 1e4 for file in document["weights"])
     assert "kernels" in {cache["name"] for cache in document["caches"]}
 
 
