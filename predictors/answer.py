@@ -78,7 +78,8 @@ def answer(
         parts.part_labels, text, overrides=overrides, materials=materials, alpha=alpha,
         part_volumes=part_volumes,
     )  # fmt: skip
-    left_open = [i for i, choice in enumerate(choices) if not choice.told]
+    there = set(np.unique(parts.part))
+    left_open = [i for i, choice in enumerate(choices) if not choice.told and i in there]
     clauses = retrieval.clauses(text)
     if film is None or not left_open:
         field = fill(parts, choices, alpha=alpha)

@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ..converters.npz import save_npz
-from ..fem.errors import UsageError
 from ..predictors.asset import Asset
-from ..predictors.encoders import Encoder, ImageEncoder, load_encoder
+from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
 from ..predictors.features import VoxelFeatures, features_of_views
 from ..predictors.features import features as features_of
 from ..predictors.segmentation import Segmentation, best_segmentation
@@ -92,7 +91,7 @@ def features(
         if path is not None:
             check_file(path, (suffix,))
     encoder = load_encoder(options.encoder)
-    sets = _keywords(options.words, encoder)
+    reader = speaking_encoder(options.encoder) if options.words else None
     seen: Asset | None = None
     if isinstance(asset, str | Path) and Path(asset).suffix.lower() == ".json":
         voxels = _photographed(Path(asset), encoder, options)
@@ -101,7 +100,10 @@ def features(
     else:
         seen = asset if isinstance(asset, Asset) else load_asset(asset)
         voxels = _remembered(seen, encoder, options)
-    parts = best_segmentation(voxels.values, voxels.cells, *sets) if sets else None
+    parts = None
+    if reader is not None:
+        sets = [[word.strip() for word in words.split(",")] for words in options.words]
+        parts = best_segmentation(voxels.values, voxels.cells, sets, reader)
     if output is not None:
         labels = {} if parts is None else parts.arrays()
         save_npz(output, **voxels.arrays(), **labels)
@@ -111,17 +113,6 @@ def features(
         feature_png(picture, voxels, seen)
     files = tuple(path for path in (output, picture) if path is not None)
     return Features(seen, voxels, parts, files)
-
-
-def _keywords(
-    given: Sequence[str], encoder: ImageEncoder
-) -> tuple[list[list[str]], Encoder] | None:
-    """Sets of words, and the encoder that reads them; None where no words were given."""
-    if not given:
-        return None
-    if not isinstance(encoder, Encoder):
-        raise UsageError(f"--words wants an encoder that reads, {encoder.name} does not: embedded")
-    return [[word.strip() for word in words.split(",") if word.strip()] for words in given], encoder
 
 
 def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:

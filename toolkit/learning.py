@@ -222,7 +222,8 @@ def _seen_furniture(
     count: int, encoder: str | None, *, cells: int, memory: Path | None, tell: Progress | None
 ) -> dict[str, Any]:
     """Furniture for validation, and what an encoder sees of it: arguments of the evaluation."""
-    from .sight import sight, speaking_encoder
+    from ..predictors.encoders import speaking_encoder
+    from .sight import sight
 
     looker = speaking_encoder(encoder) if encoder else None
     real: list[RealObject] = []

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..fem.errors import UsageError
 from ..predictors.appearance import skin_of
 from ..predictors.asset import Asset
-from ..predictors.encoders import load_encoder
+from ..predictors.encoders import speaking_encoder
 from ..predictors.film import Appearance
-from ..predictors.predictor import TextEncoder
 from ..predictors.surface import random_points
 from ..predictors.voxels import PartVoxels
 from .features import features
@@ -35,9 +33,7 @@ def appearance(asset: Asset, voxels: PartVoxels, *, encoder: str | None = None) 
     if encoder is None:
         return Appearance(colours)
     options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
-    words = load_encoder(encoder)
-    if not isinstance(words, TextEncoder):
-        raise UsageError(f"the encoder {encoder!r} reads no words: wanted embedded or openclip")
+    words = speaking_encoder(encoder)
     seen = features(asset, options=options).voxels
     return Appearance(colours, _features(seen, voxels), words)
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..fem.errors import AutophyxError, UsageError
+from ..fem.errors import AutophyxError
 from ..predictors.asset import Asset
 from ..predictors.dataset.real import CELLS, RealObject, cube, upright
 from ..predictors.dataset.shapes import EMPTY
-from ..predictors.encoders import Encoder, load_encoder
+from ..predictors.encoders import Encoder
 from ..predictors.evaluation import Seen
 from ..predictors.features import VoxelFeatures
 from ..predictors.features import features as features_of
@@ -21,14 +21,6 @@ from .looks import VIEWS
 log = logging.getLogger(__name__)
 
 MAX_FILES = 256  # of the cache, up to 2 MB each; what was not used for longest goes first
-
-
-def speaking_encoder(name: str) -> Encoder:
-    """Return an encoder of images that has words too: evidence compares the two."""
-    encoder = load_encoder(name)
-    if not isinstance(encoder, Encoder):
-        raise UsageError(f"--encoder {name} reads no words: wanted embedded or openclip")
-    return encoder
 
 
 def sight(

@@ -37,4 +37,19 @@ def load_encoder(name: str = "embedded") -> ImageEncoder:
     raise UsageError(f"encoder must be one of {', '.join(ENCODERS)}, got {name!r}")
 
 
-__all__ = ["ENCODERS", "Encoder", "EncoderName", "ImageEncoder", "load_encoder"]
+def speaking_encoder(name: str = "embedded") -> Encoder:
+    """Return an encoder that reads words too; raises what ``load_encoder`` raises."""
+    encoder = load_encoder(name)
+    if not isinstance(encoder, Encoder):
+        raise UsageError(f"the encoder {name!r} reads no words: wanted embedded or openclip")
+    return encoder
+
+
+__all__ = [
+    "ENCODERS",
+    "Encoder",
+    "EncoderName",
+    "ImageEncoder",
+    "load_encoder",
+    "speaking_encoder",
+]

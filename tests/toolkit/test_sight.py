@@ -5,9 +5,10 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.predictors.dataset.real import voxelise
+from autophyx_tet.predictors.encoders import speaking_encoder
 from autophyx_tet.toolkit.learning import evaluate
 from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.sight import sight, speaking_encoder
+from autophyx_tet.toolkit.sight import sight
 
 HALF = 16
 
