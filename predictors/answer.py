@@ -17,6 +17,7 @@ from ..fem.errors import UsageError
 from ..fem.table import Material, MaterialTable, MaterialValue
 from . import words
 from .asset import UpAxis
+from .binding import of_pieces
 from .choice import Binding, PartChoice, fill
 from .field import MaterialField
 from .film import Appearance, FilmPredictor, Found
@@ -91,7 +92,7 @@ def answer(
             f"{parts.part_names[left_open[0]]!r}: name it, or use --predictor retrieval"
         )
     found = film.look(parts, text, up=up, appearance=look() if look else None)
-    if len(found.clauses) > len(choices):
+    if of_pieces(found.clauses, choices):
         pieces, parents, owners = divide(parts, left_open, found)
     else:
         pieces, parents = parts, tuple(range(len(choices)))

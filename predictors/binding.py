@@ -108,6 +108,11 @@ def bind(score: Float[np.ndarray, "clauses parts"]) -> list[int | None]:
     return [int(np.argmax(column)) if column.max() > 0 else None for column in score.T]
 
 
+def of_pieces(clauses: Sequence[Clause], parts: Sequence) -> bool:
+    """Whether a text speaks of more parts than the asset has, and so of pieces of them."""
+    return len(clauses) > len(parts)
+
+
 def homeless(clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]) -> list[int]:
     """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..fem.errors import UsageError
 from ..fem.table import MaterialTable, load_table
 from .asset import UpAxis
-from .binding import NamedPart
+from .binding import NamedPart, of_pieces
 from .field import MaterialField
 from .film_evidence import VISION, name_evidence, own_name, standard
 from .film_frame import Frame
@@ -152,9 +152,8 @@ class FilmPredictor:
         found = Found(
             clauses, *(frame.back(x, parts) for x in (values.mean(axis=0), shares, spread))
         )
-        # As many parts as clauses or more: each part is of one matter. A text about more parts
-        # than the asset has speaks of pieces of them.
-        return found if len(clauses) > len(parts.part_names) else found.pooled(parts)
+        # Otherwise each part is of one matter.
+        return found if of_pieces(clauses, parts.part_names) else found.pooled(parts)
 
     def clauses(self, text: str) -> list[Clause]:
         """Clauses of a text as written; the default template names the object and says nothing."""
@@ -193,8 +192,8 @@ class FilmPredictor:
             score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
             evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
         inputs = frame.inputs(part, appearance.colours)
-        # A name that several clauses share says nothing of the pieces.
-        known = [bool(name) and names and len(clauses) <= len(named) for name in spoken]
+        # The name of a part says nothing of its pieces.
+        known = [bool(name) and names and not of_pieces(clauses, named) for name in spoken]
         present = np.arange(k)[None] < len(clauses)
         unsaid = np.array([not clauses and bool(text.strip())])
         numbers = (

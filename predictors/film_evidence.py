@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from .binding import NamedPart, nouns_of, overlap
+from .binding import NamedPart, nouns_of, of_pieces, overlap
 from .encoders.kinds import kind_of
 from .predictor import TextEncoder
 from .text import Clause
@@ -35,7 +35,7 @@ def name_evidence(
     score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
     if score.any():
         return score, SHARED_WORD
-    if len(clauses) > len(named):  # pieces of one part: its name is like one of them, and all are
+    if of_pieces(clauses, named):  # their part's name is like one clause, and they are not
         return np.zeros_like(score), 0.0
     nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
     names = encoder.text([own_name(part) for part in named])

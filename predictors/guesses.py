@@ -89,7 +89,7 @@ def _film(name: str, weights: Path | None, words: TextEncoder | None) -> Guess:
 
 
 def _by_part(output: Output, scene: Scene) -> Output:
-    """Return the means over each part, where there are as many parts as clauses (``film.look``)."""
+    """Return the means over each part, but for ``binding.of_pieces``: as at run time."""
     import torch
 
     part = scene.part[0].numpy()
