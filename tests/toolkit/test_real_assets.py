@@ -60,7 +60,7 @@ def test_real_object_becomes_a_body_of_named_materials(key, furniture, tmp_path,
     assert document["mass"] == pytest.approx(mesh.material.rho @ mesh.volumes, rel=1e-9)
     assert document["mass"] == pytest.approx(sum(p["mass"] for p in document["parts"]), rel=1e-9)
     names = {row.name for row in load_table()}
-    assert {part["material"] for part in document["parts"]} <= names
+    assert {part["material"].removeprefix("like ") for part in document["parts"]} <= names
     assert {part["name"] for part in document["parts"]} == set(mesh.region_names)
     # The asset's longest side, to the envelope of the conversion on both sides.
     longest = np.ptp(mesh.bounds, axis=0).max()
@@ -78,7 +78,7 @@ def test_words_change_what_a_chair_does(furniture, tmp_path, capsys):
     texts = ("a steel frame with an oak seat", "a rubber frame with a foam seat")
     document = run(capsys, item, tmp_path, *texts)
     stiff, soft = document["cases"]
-    frame = [p["name"] for p in stiff["parts"] if p["why"] == "text: 'a steel frame'"]
+    frame = [p["name"] for p in stiff["parts"] if "'a steel frame'" in p["why"]]
     assert frame
     E = [{p["name"]: p["E"] for p in case["parts"]} for case in (stiff, soft)]
     for name in frame:
