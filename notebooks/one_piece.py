@@ -41,7 +41,9 @@ for name, surface in bonsai().geometry.items():
     plain = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     plain.visual.face_colors = (*COLOURS[name], 255)
     pieces.append(plain)
-trimesh.util.concatenate(pieces).export("scan.ply")
+scan = trimesh.util.concatenate(pieces)
+scan.export("scan.ply")
+print(len(scan.faces), "triangles in one mesh")
 
 # %% [markdown]
 # ## One sentence
