@@ -169,6 +169,7 @@ def test_unknown_option_is_exit_2(cube):
     assert run_cli("convert", cube, "--frobnicate").returncode == 2
 
 
+@pytest.mark.slow
 def test_assign_and_simulate_from_files(cube_msh, tmp_path):
     """oak cube: table values on every tet; then a sag that scales with 1/E."""
     from autophyx_tet.converters.table import read_mesh

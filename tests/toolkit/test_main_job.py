@@ -11,6 +11,7 @@ from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.toolkit.cli import main
+from autophyx_tet.toolkit.options import AssignOptions
 from autophyx_tet.toolkit.pipeline import assign
 
 OUTPUTS = {"mesh.msh", "mesh.json", "mesh.vtu", "field.npz", "motion.pvd", "report.html"}
@@ -104,7 +105,23 @@ def test_a_part_that_nobody_speaks_of_is_told():
     layer = (solid.points[solid.tets].mean(axis=1)[:, 2] / 0.1).astype(int)
     mesh = TetMesh(solid.points, solid.tets, layer, ("left leg", "seat", "back"))
     told = "the legs are oak, the seat is soft foam"
-    (warning,) = (w for w in assign(mesh, told).warnings if w.startswith("nothing says"))
+    words = AssignOptions(predictor="retrieval")  # the network has a test of its own
+    (warning,) = (w for w in assign(mesh, told, options=words).warnings if "nothing says" in w)
     assert "'back'" in warning
     assert "--part 'back=...'" in warning
-    assert not [w for w in assign(mesh, "oak").warnings if w.startswith("nothing says")]
+    assert not [w for w in assign(mesh, "oak").warnings if "nothing says" in w]
+
+
+@pytest.mark.slow
+def test_what_the_network_decides_is_told():
+    """The same three layers: what is guessed for the back has its binding in the document."""
+    solid = box_mesh((0.1, 0.1, 0.3), (1, 1, 3))
+    layer = (solid.points[solid.tets].mean(axis=1)[:, 2] / 0.1).astype(int)
+    mesh = TetMesh(solid.points, solid.tets, layer, ("left leg", "seat", "back"))
+    body = assign(mesh, "the legs are oak, the seat is soft foam")
+    leg, seat, back = body.part_rows()
+    assert leg["binding"] is None
+    assert seat["binding"] is None
+    assert back["binding"].voxels > 0
+    assert back["why"].startswith("network:")
+    assert any("'back'" in warning for warning in body.warnings)
