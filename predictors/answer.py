@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..fem.errors import UsageError
-from ..fem.table import Material, MaterialTable, MaterialValue
+from ..fem.table import FIELDS, Material, MaterialTable, MaterialValue
 from . import words
 from .asset import UpAxis
 from .binding import of_pieces
@@ -217,7 +217,7 @@ def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Found) -> Ma
     values = DEFAULT.physical(found.values)
     own = {
         name: np.where(learned, value, getattr(field, name))
-        for name, value in zip(("E", "nu", "rho"), values, strict=True)
+        for name, value in zip(FIELDS, values, strict=True)
     }
     return replace(field, ranges=None if learned.any() else field.ranges, **own)
 

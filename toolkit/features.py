@@ -90,8 +90,8 @@ def features(
     for path, suffix in ((output, ".npz"), (picture, ".png")):
         if path is not None:
             check_file(path, (suffix,))
-    encoder = load_encoder(options.encoder)
     reader = speaking_encoder(options.encoder) if options.words else None
+    encoder = reader or load_encoder(options.encoder)
     seen: Asset | None = None
     if isinstance(asset, str | Path) and Path(asset).suffix.lower() == ".json":
         voxels = _photographed(Path(asset), encoder, options)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -19,9 +19,6 @@ from ..encoders.kinds import KINDS, kind_of
 from ..surface import random_points
 from ..vocabulary import Vocabulary
 from .shapes import EMPTY, MAX_PARTS
-
-if TYPE_CHECKING:
-    pass
 
 CELLS = 64
 _PAD = 1
