@@ -2,7 +2,7 @@
 
 fTetWild has a simplification of its own that asks its envelope about every edge: on a scan of 5,000
 triangles it takes two thirds of the whole time and removes a tenth of them. It is worth its time
-only where ``decimated`` has to leave many triangles alone.
+where ``decimated`` leaves many triangles alone, and where pieces of a surface cross.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float
 
 from .triangles import Triangles, closest, collapsed, edge_components
 
@@ -18,43 +18,73 @@ FEWEST = 1000  # triangles: with fewer the engine's time goes into the tets
 SMALL = 200  # triangles: a component with fewer might collapse to nothing, and hardly matters
 # Share of the triangles that each step keeps: halves as long as they are near enough, then less.
 STEPS = (0.5, 0.8)
-# Triangles left alone from which fTetWild's own simplification pays: a non-manifold pig of 18,000
-# takes 56 s with it and more than 200 s without, an elephant of 5,800 takes 41 s and 36 s.
-MANY = 10_000
 STUCK = 0.95  # a step that keeps more than this share has found nothing more to collapse
 
 
+class Pieces(NamedTuple):
+    """``points`` (n, 3) [m] and ``faces`` (m, 3) with the connected ``piece`` (m,) of each face."""
+
+    points: np.ndarray
+    faces: np.ndarray
+    piece: np.ndarray
+
+    def only(self, which: Bool[np.ndarray, "faces"]) -> Pieces:
+        """Return some of the faces, on the points that they use."""
+        used, index = np.unique(self.faces[which], return_inverse=True)
+        return Pieces(self.points[used], index.reshape(-1, 3), self.piece[which])
+
+    def joined(self, other: Pieces) -> Pieces:
+        """Both side by side."""
+        return Pieces(
+            np.concatenate([self.points, other.points]),
+            np.concatenate([self.faces, other.faces + len(self.points)]),
+            np.concatenate([self.piece, other.piece]),
+        )
+
+
 class Decimated(NamedTuple):
-    """A surface with fewer triangles, and how many of them were ``left_alone`` as they came."""
+    """A surface with fewer triangles, its connected ``pieces``, and triangles ``left_alone``."""
 
     surface: Triangles
+    pieces: int
     left_alone: int
 
 
 def decimated(surface: Triangles, tolerance: float) -> Decimated:
     """Collapse edges of a coherently wound surface that then is within ``tolerance`` [m] of itself.
 
-    Distances are taken both ways at vertices and middles of triangles. Small
-    components, those with non-manifold edges, and those that share a point with another one are
-    left alone: where parts touch, both keep the very same wall.
+    Distances are taken both ways at vertices and middles of triangles, for every component by
+    itself. Small components, those with non-manifold edges, and those that share a point with
+    another one are left alone: where parts touch, both keep the very same wall.
     """
-    free = _free_faces(surface)
-    left_alone = int((~free).sum())
+    whole, free = Pieces(*surface, edge_components(surface.faces)), _free_faces(surface)
+    pieces, left_alone = int(whole.piece.max(initial=-1)) + 1, int((~free).sum())
     if free.sum() <= FEWEST:
-        return Decimated(surface, left_alone)
-    given = coarse = _compact(surface.points, surface.faces[free])
+        return Decimated(surface, pieces, left_alone)
+    given = coarse = whole.only(free)
     for step in STEPS:
-        while len(coarse.faces) > FEWEST:
-            tried = collapsed(coarse, int(step * len(coarse.faces)))
-            if len(tried.faces) > STUCK * len(coarse.faces) or _apart(given, tried) > tolerance:
-                break
-            coarse = tried
-    rest = _compact(surface.points, surface.faces[~free])
-    joined = Triangles(
-        np.concatenate([rest.points, coarse.points]),
-        np.concatenate([rest.faces, coarse.faces + len(rest.points)]),
-    )
-    return Decimated(joined, left_alone)
+        coarse = _collapsed(given, coarse, step, tolerance)
+    both = whole.only(~free).joined(coarse)
+    return Decimated(Triangles(both.points, both.faces), pieces, left_alone)
+
+
+def _collapsed(given: Pieces, coarse: Pieces, step: float, tolerance: float) -> Pieces:
+    """Keep the share ``step`` of the triangles again and again, of each piece as long as it may."""
+    count = int(given.piece.max()) + 1
+    active = np.ones(count, dtype=bool)
+    while len((now := coarse.only(active[coarse.piece])).faces) > FEWEST:
+        tried = _fewer(now, step)
+        before, after = (np.bincount(p.piece, minlength=count) for p in (now, tried))
+        active &= (after > 0) & (after <= STUCK * before)
+        away = _apart(given.only(active[given.piece]), tried.only(active[tried.piece]), count)
+        active &= away <= tolerance
+        coarse = coarse.only(~active[coarse.piece]).joined(tried.only(active[tried.piece]))
+    return coarse
+
+
+def _fewer(now: Pieces, share: float) -> Pieces:
+    points, faces, birth = collapsed(Triangles(now.points, now.faces), int(share * len(now.faces)))
+    return Pieces(points, faces, now.piece[birth])
 
 
 def _free_faces(surface: Triangles) -> Bool[np.ndarray, "faces"]:
@@ -71,16 +101,18 @@ def _free_faces(surface: Triangles) -> Bool[np.ndarray, "faces"]:
     return ~np.isin(component, component[bad])
 
 
-def _compact(points: np.ndarray, faces: Int[np.ndarray, "faces 3"]) -> Triangles:
-    used, index = np.unique(faces, return_inverse=True)
-    return Triangles(points[used], index.reshape(-1, 3))
+def _apart(one: Pieces, other: Pieces, count: int) -> Float[np.ndarray, "pieces"]:
+    """Largest distance [m] of every piece between two surfaces, either way."""
+    return np.maximum(_distance(one, other, count), _distance(other, one, count))
 
 
-def _apart(one: Triangles, other: Triangles) -> float:
-    """Largest distance [m] between two surfaces, either way."""
-    return max(_distance(one, other), _distance(other, one))
-
-
-def _distance(start: Triangles, end: Triangles) -> float:
+def _distance(start: Pieces, end: Pieces, count: int) -> Float[np.ndarray, "pieces"]:
+    if not len(start.faces) or not len(end.faces):
+        return np.zeros(count)
+    owner = np.zeros(len(start.points), np.int64)
+    owner[start.faces] = start.piece[:, None]
     where = np.concatenate([start.points, start.points[start.faces].mean(axis=1)])
-    return float(closest(where, *end).distance.max(initial=0))
+    largest = np.zeros(count)
+    away = closest(where, end.points, end.faces).distance
+    np.maximum.at(largest, np.concatenate([owner, start.piece]), away)
+    return largest

@@ -74,12 +74,27 @@ def crossing_pairs(
     return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
 
 
-def collapsed(surface: Triangles, count: int) -> Triangles:
-    """Collapse edges of an edge-manifold surface, the flattest first, to ``count`` triangles."""
+class Collapsed(NamedTuple):
+    """A surface with fewer triangles, and the one of the given faces that ``birth`` (m,) names."""
+
+    points: np.ndarray
+    faces: np.ndarray
+    birth: np.ndarray
+
+
+def collapsed(surface: Triangles, count: int) -> Collapsed:
+    """Collapse edges, the flattest first, to ``count`` triangles.
+
+    The surface must be edge-manifold and coherently wound: on others libigl may never return.
+    """
     import igl
 
-    points, faces, *_ = igl.qslim(surface.points, _int64(surface.faces), count)
-    return Triangles(np.asarray(points, np.float64), np.asarray(faces, np.int64))
+    points, faces, birth, _ = igl.qslim(surface.points, _int64(surface.faces), count)
+    return Collapsed(
+        np.asarray(points, np.float64),
+        np.asarray(faces, np.int64),
+        np.asarray(birth, np.int64).reshape(-1),
+    )
 
 
 def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:

@@ -42,14 +42,14 @@ def test_what_touches_is_left_alone():
     other = box.copy()
     other.apply_translation((1, 0, 0))
     both = _triangles(trimesh.util.concatenate([box, other]))
-    same, left_alone = decimated(both, 1e-2)
-    assert same.faces is both.faces
-    assert left_alone == len(both.faces)
+    same = decimated(both, 1e-2)
+    assert same.surface is both
+    assert (same.pieces, same.left_alone) == (2, len(both.faces))
     other.apply_translation((1, 0, 0))
     apart = _triangles(trimesh.util.concatenate([box, other]))
-    fewer, left_alone = decimated(apart, 1e-2)
-    assert len(fewer.faces) < len(apart.faces)
-    assert left_alone == 0
+    fewer = decimated(apart, 1e-2)
+    assert len(fewer.surface.faces) < len(apart.faces)
+    assert fewer.left_alone == 0
 
 
 def test_small_components_are_left_alone():
@@ -59,3 +59,24 @@ def test_small_components_are_left_alone():
     coarse = decimated(_triangles(trimesh.util.concatenate([ball, crumb])), 5e-3).surface
     mine = (coarse.points[coarse.faces][:, :, 0] > 1.5).all(axis=1)
     assert mine.sum() == 12
+
+
+def test_a_rough_piece_does_not_hold_back_a_flat_one():
+    """A ball too rough to lose triangles beside a fine box: the box becomes a few all the same."""
+    ball, box = trimesh.creation.icosphere(4), trimesh.creation.box((1, 1, 1))
+    ball.vertices *= 1 + 0.1 * np.random.default_rng(0).random((len(ball.vertices), 1))
+    for _ in range(4):
+        box = box.subdivide()
+    box.apply_translation((3, 0, 0))
+    coarse = decimated(_triangles(trimesh.util.concatenate([ball, box])), 1e-4).surface
+    of_box = (coarse.points[coarse.faces][:, :, 0] > 2).all(axis=1)
+    assert of_box.sum() < len(box.faces) / 4
+    assert (~of_box).sum() > 0.9 * len(ball.faces)
+
+
+def test_a_surface_wound_both_ways_is_left_alone():
+    """Collapsing its edges would never end: neighbours are not found from edges run twice."""
+    ball = _triangles(trimesh.creation.icosphere(4))
+    faces = np.where(np.arange(len(ball.faces))[:, None] % 7 == 0, ball.faces[:, ::-1], ball.faces)
+    twisted = Triangles(ball.points, faces)
+    assert decimated(twisted, 1e-2).surface is twisted
