@@ -28,10 +28,11 @@ class Pieces(NamedTuple):
     faces: np.ndarray
     piece: np.ndarray
 
-    def only(self, which: Bool[np.ndarray, "faces"]) -> Pieces:
-        """Return some of the faces, on the points that they use."""
-        used, index = np.unique(self.faces[which], return_inverse=True)
-        return Pieces(self.points[used], index.reshape(-1, 3), self.piece[which])
+    def only(self, which: Bool[np.ndarray, "pieces"]) -> Pieces:
+        """Return some of the pieces, which keep their numbers, on the points that they use."""
+        mine = which[self.piece]
+        used, index = np.unique(self.faces[mine], return_inverse=True)
+        return Pieces(self.points[used], index.reshape(-1, 3), self.piece[mine])
 
     def joined(self, other: Pieces) -> Pieces:
         """Both side by side."""
@@ -57,28 +58,28 @@ def decimated(surface: Triangles, tolerance: float) -> Decimated:
     itself. Small components, those with non-manifold edges, and those that share a point with
     another one are left alone: where parts touch, both keep the very same wall.
     """
-    whole, free = Pieces(*surface, edge_components(surface.faces)), _free_faces(surface)
-    pieces, left_alone = int(whole.piece.max(initial=-1)) + 1, int((~free).sum())
-    if free.sum() <= FEWEST:
-        return Decimated(surface, pieces, left_alone)
+    whole = Pieces(*surface, edge_components(surface.faces))
+    free = _free(whole)
+    left_alone = int((~free[whole.piece]).sum())
+    if len(whole.faces) - left_alone <= FEWEST:
+        return Decimated(surface, len(free), left_alone)
     given = coarse = whole.only(free)
     for step in STEPS:
         coarse = _collapsed(given, coarse, step, tolerance)
     both = whole.only(~free).joined(coarse)
-    return Decimated(Triangles(both.points, both.faces), pieces, left_alone)
+    return Decimated(Triangles(both.points, both.faces), len(free), left_alone)
 
 
 def _collapsed(given: Pieces, coarse: Pieces, step: float, tolerance: float) -> Pieces:
     """Keep the share ``step`` of the triangles again and again, of each piece as long as it may."""
     count = int(given.piece.max()) + 1
     active = np.ones(count, dtype=bool)
-    while len((now := coarse.only(active[coarse.piece])).faces) > FEWEST:
+    while len((now := coarse.only(active)).faces) > FEWEST:
         tried = _fewer(now, step)
         before, after = (np.bincount(p.piece, minlength=count) for p in (now, tried))
         active &= (after > 0) & (after <= STUCK * before)
-        away = _apart(given.only(active[given.piece]), tried.only(active[tried.piece]), count)
-        active &= away <= tolerance
-        coarse = coarse.only(~active[coarse.piece]).joined(tried.only(active[tried.piece]))
+        active &= _apart(given.only(active), tried.only(active), count) <= tolerance
+        coarse = coarse.only(~active).joined(tried.only(active))
     return coarse
 
 
@@ -87,18 +88,18 @@ def _fewer(now: Pieces, share: float) -> Pieces:
     return Pieces(points, faces, now.piece[birth])
 
 
-def _free_faces(surface: Triangles) -> Bool[np.ndarray, "faces"]:
-    """Faces of components that are large, manifold, coherently wound and touch no other one."""
-    faces, component = surface.faces, edge_components(surface.faces)
+def _free(surface: Pieces) -> Bool[np.ndarray, "pieces"]:
+    """Which pieces are large, manifold, coherently wound and touch no other one."""
+    faces, piece = surface.faces, surface.piece
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     _, edge, times = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     bad = times[edge.reshape(-1)].reshape(-1, 3).max(axis=1, initial=0) > 1
     place = np.unique(surface.points, axis=0, return_inverse=True)[1].reshape(-1)
-    owners = np.unique(np.column_stack([place[faces.reshape(-1)], np.repeat(component, 3)]), axis=0)
+    owners = np.unique(np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)]), axis=0)
     shared = np.flatnonzero(np.bincount(owners[:, 0]) > 1)
     bad |= np.isin(place[faces], shared).any(axis=1)
-    bad |= np.bincount(component)[component] < SMALL
-    return ~np.isin(component, component[bad])
+    size, spoilt = np.bincount(piece), np.bincount(piece, weights=bad)
+    return (spoilt == 0) & (size >= SMALL)
 
 
 def _apart(one: Pieces, other: Pieces, count: int) -> Float[np.ndarray, "pieces"]:
