@@ -23,6 +23,7 @@ from .surface import (
     face_parity,
     open_components,
     subset,
+    unbalanced_edges,
 )
 from .triangles import (
     Triangles,
@@ -92,7 +93,7 @@ def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surfac
     pool, seams = weld(pool, tolerance, within_parts=False)
     pool, doubled = clean(pool, within_parts=False)
     surface, turned = _orient(_concatenated(closed, pool))
-    surface, filled = _close_holes(surface)
+    surface, filled = _close_holes(surface, *unbalanced_edges(surface))
     report = RepairReport(
         merged_vertices=welded + seams,
         null_faces=removed.null + doubled.null,
@@ -179,7 +180,8 @@ def _capped(points: np.ndarray, faces: Int[np.ndarray, "faces 3"]) -> Triangles:
     """Return the faces of one component, then caps of its holes: inside is what these enclose."""
     used, index = np.unique(faces, return_inverse=True)
     none = np.zeros(len(faces), np.int64)
-    closed, _ = _close_holes(Surface(points[used], index.reshape(-1, 3), none, none))
+    one = Surface(points[used], index.reshape(-1, 3), none, none)
+    closed, _ = _close_holes(one, *boundary_edges(one))
     return Triangles(closed.points, closed.faces)
 
 
@@ -231,12 +233,16 @@ def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
     return (a + b + c)[best] / 3 + CAVITY_DEPTH * size * normal[best] / length[best]
 
 
-def _close_holes(surface: Surface) -> tuple[Surface, RepairReport]:
-    """Close boundary loops with a fan around their centre, except the rims of sheets."""
+def _close_holes(
+    surface: Surface, edges: Int[np.ndarray, "rim 2"], owner: Int[np.ndarray, "rim"]
+) -> tuple[Surface, RepairReport]:
+    """Close loops of rim edges with a fan around their centre, except the rims of sheets.
+
+    ``owner`` is the face that each directed edge is of.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    edges, owner = boundary_edges(surface)
     if not len(edges):
         return surface, RepairReport()
     size = len(surface.points)

@@ -44,6 +44,26 @@ def boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     return edges[single], single // 3
 
 
+def unbalanced_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Directed edges (n, 2) that faces run once more than the other way, and one such face.
+
+    They bound what the surface lacks to enclose a volume: the rim of a hole, also where it lies on
+    another wall. An edge run twice more is there twice; two faces wound apart do not count.
+    """
+    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, inverse, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    inverse = inverse.reshape(-1)
+    way = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    net = np.bincount(inverse, weights=way).astype(np.int64)
+    net[count == 2] = 0
+    with_it = np.flatnonzero(way == np.sign(net)[inverse])
+    edge, first = np.unique(inverse[with_it], return_index=True)
+    rim = np.repeat(with_it[first], np.abs(net[edge]))
+    return edges[rim], rim // 3
+
+
 def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
     """Whether each component has an edge on one face only."""
     is_open = np.zeros(surface.component.max(initial=-1) + 1, dtype=bool)

@@ -7,7 +7,13 @@ from autophyx_tet.predictors.asset import Part
 from autophyx_tet.toolkit import repair as repair_module
 from autophyx_tet.toolkit.regions import Solids
 from autophyx_tet.toolkit.repair import RepairReport, repair
-from autophyx_tet.toolkit.surface import component_volumes, open_components
+from autophyx_tet.toolkit.surface import (
+    Surface,
+    component_volumes,
+    open_components,
+    unbalanced_edges,
+)
+from autophyx_tet.toolkit.triangles import winding_numbers
 from autophyx_tet.toolkit.welding import WELD_REL
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -182,6 +188,34 @@ def test_holes_of_two_pieces_that_touch_are_closed_one_by_one():
     surface, report = repair([_part(points, np.concatenate([sides[0], sides[1] + 8]))])
     assert report.closed_holes == 2
     assert _volume(surface) == pytest.approx(2)
+
+
+def test_the_rim_of_a_tub_that_hangs_on_a_ring_is_unbalanced():
+    """A pool below its border: the rim lies on an edge of the ring, so that no edge is open.
+
+    A fan over the unbalanced edges makes every winding number whole, and volumes add up.
+    """
+    ring = trimesh.creation.annulus(r_min=1, r_max=2, height=0.5, sections=32)
+    ring.apply_translation((0, 0, 0.25))
+    tub = trimesh.creation.cylinder(radius=1, height=2, sections=32)
+    tub.apply_translation((0, 0, -1))
+    volume = ring.volume + tub.volume
+    tub.update_faces(tub.triangles_center[:, 2] < -1e-9)
+    hung = trimesh.util.concatenate([ring, tub])
+    hung.merge_vertices()
+    none = np.zeros(len(hung.faces), np.int64)
+    surface = Surface(np.asarray(hung.vertices), np.asarray(hung.faces, np.int64), none, none)
+    assert not open_components(surface).any()
+    edges, _ = unbalanced_edges(surface)
+    assert len(edges) == 32
+    assert np.array_equal(np.sort(edges[:, 0]), np.sort(edges[:, 1]))
+    fan = np.column_stack([edges[:, ::-1], np.full(32, len(surface.points))])
+    points = np.concatenate([surface.points, [[0, 0, 0]]])
+    closed = trimesh.Trimesh(points, np.concatenate([surface.faces, fan]), process=False)
+    where = np.random.default_rng(0).uniform((-2, -2, -2), (2, 2, 0.5), (2000, 3))
+    winding = winding_numbers(points, closed.faces, where)
+    assert np.abs(winding - winding.round()).max() < 0.05  # the fast sum is good to 1e-2
+    assert closed.volume == pytest.approx(volume)
 
 
 def test_a_bent_sheet_is_not_closed():
