@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from autophyx_tet.toolkit.sweethome3d import SOURCES, catalog, extract
+from autophyx_tet.toolkit.io.sweethome3d import SOURCES, catalog, extract
 
 # Coarse, so that fifty objects fit into minutes; the scenario is the default, sag.
 COARSE = {"edge_length_rel": 0.1, "epsilon_rel": 0.01, "max_tets": 4000, "order": 1, "cells": 24}
@@ -61,7 +61,14 @@ def write_manifest(folder: Path, rows: list[dict]) -> Path:
 
 def call(manifest: Path, output: Path, options: argparse.Namespace, workers: int):
     """Start the batch as a user would."""
-    command = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "batch", str(manifest), "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "autophyx_tet.toolkit.cli",
+        "batch",
+        str(manifest),
+        "--json",
+    ]
     command += ["-o", str(output), "--workers", str(workers), "--time-limit", options.time_limit]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 

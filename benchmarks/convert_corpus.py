@@ -108,7 +108,7 @@ def _fetch_cgal(root: Path) -> None:
 
 
 def _sweethome3d(root: Path) -> list[Path]:
-    from autophyx_tet.toolkit.sweethome3d import SOURCES, catalog, extract
+    from autophyx_tet.toolkit.io.sweethome3d import SOURCES, catalog, extract
 
     files = []
     for source in SOURCES:
@@ -191,8 +191,8 @@ def _child(args: argparse.Namespace) -> None:
 
 def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
     from autophyx_tet.fem.errors import AutophyxError
-    from autophyx_tet.toolkit.load import load_asset
-    from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 
     try:
         mesh, report = tetrahedralize(
@@ -222,12 +222,12 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
 def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     """Hold a peer's mesh against the same guarantees."""
     from autophyx_tet.converters.npz import load_npz
-    from autophyx_tet.fem.mesh import TetMesh
-    from autophyx_tet.toolkit import conversion
-    from autophyx_tet.toolkit.load import load_asset
-    from autophyx_tet.toolkit.quality import quality
-    from autophyx_tet.toolkit.regions import Solids
-    from autophyx_tet.toolkit.repair import repair
+    from autophyx_tet.fem.scene.mesh import TetMesh
+    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.meshing import conversion_report as conversion
+    from autophyx_tet.toolkit.meshing.quality import quality
+    from autophyx_tet.toolkit.surfaces.repair import repair
+    from autophyx_tet.toolkit.surfaces.solids import Solids
 
     mesh = load_npz(out / "mesh.npz")
     asset = load_asset(path)
@@ -263,7 +263,7 @@ def _surface(path: Path):
 
 def _pytetwild(path: Path, args: argparse.Namespace):
     import pytetwild
-    from autophyx_tet.toolkit.conversion import ENVELOPE_SHARE
+    from autophyx_tet.toolkit.meshing.conversion_report import ENVELOPE_SHARE
 
     return pytetwild.tetrahedralize(
         *_surface(path),

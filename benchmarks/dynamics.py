@@ -32,8 +32,8 @@ CASES = {"soft": 1e7, "steel": 2e11}
 
 
 def bench_mesh(stiff: float):
-    from autophyx_tet.fem.box import box_mesh
-    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.scene.box import box_mesh
+    from autophyx_tet.fem.scene.material import ElementMaterial
 
     mesh = box_mesh((1, 0.2, 0.2), CELLS)
     upper = mesh.centroids[:, 2] > 0.1
@@ -44,8 +44,8 @@ def bench_mesh(stiff: float):
 
 
 def ours(mesh, dt: float, device: str) -> Peer:
-    from autophyx_tet.fem.dynamics import Dynamics
-    from autophyx_tet.fem.supports import Supports
+    from autophyx_tet.fem.scene.supports import Supports
+    from autophyx_tet.fem.solve.dynamics import Dynamics
 
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     body = Dynamics(mesh, supports=held, gravity=(0, 0, -GRAVITY), device=device)

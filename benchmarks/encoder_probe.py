@@ -22,13 +22,13 @@ from typing import NamedTuple
 
 import numpy as np
 from autophyx_tet.fem.errors import AutophyxError
-from autophyx_tet.predictors.cameras import hemisphere
 from autophyx_tet.predictors.encoders import load_encoder
-from autophyx_tet.predictors.encoders.kinds import kind_of, plain_words
 from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
-from autophyx_tet.predictors.views import Views, render_views
-from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
+from autophyx_tet.predictors.images.cameras import hemisphere
+from autophyx_tet.predictors.images.views import Views, render_views
+from autophyx_tet.predictors.language.kinds import kind_of, plain_words
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.io.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
 
 KINDS = ("metal", "plastic", "glass", "wood", "fabric")
 PIXELS, VIEWS, SMALLEST = 300, 2, 200

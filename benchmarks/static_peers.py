@@ -20,9 +20,9 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 def assembled(mesh, order: int):
     """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
-    from autophyx_tet.fem.blocks import discretise, stiffness
-    from autophyx_tet.fem.statics import load_vector, reduced_load
-    from autophyx_tet.fem.supports import Supports
+    from autophyx_tet.fem.discrete.assembly import discretise, stiffness
+    from autophyx_tet.fem.scene.supports import Supports
+    from autophyx_tet.fem.solve.statics import load_vector, reduced_load
 
     grid = discretise(mesh, order)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
@@ -33,7 +33,7 @@ def assembled(mesh, order: int):
 
 
 def rigid(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    from autophyx_tet.fem.pieces import rigid_motions
+    from autophyx_tet.fem.scene.components import rigid_motions
 
     return (rigid_motions(nodes - nodes.mean(axis=0)) * ~fixed[:, :, None]).reshape(-1, 6)
 
@@ -84,7 +84,7 @@ def scikit_fem(mesh, order: int) -> dict:
     location = basis.doflocs.T  # one row a dof; components in turn
     modes = np.zeros((len(location), 6))
     axis = np.arange(len(location)) % 3
-    from autophyx_tet.fem.pieces import rigid_motions
+    from autophyx_tet.fem.scene.components import rigid_motions
 
     modes[:] = rigid_motions(location - location.mean(axis=0))[np.arange(len(location)), axis]
     residuals: list[float] = []
@@ -135,7 +135,7 @@ def dolfinx_gamg(mesh, order: int) -> dict:
 
 def calculix(mesh, order: int) -> dict:
     """CalculiX with its iterative solver on a deck of ours; file reading and writing count too."""
-    from autophyx_tet.fem.space import make_space
+    from autophyx_tet.fem.discrete.space import make_space
 
     space = make_space(mesh, order)
     with tempfile.TemporaryDirectory() as folder:

@@ -31,8 +31,8 @@ COLD = ("calculix", "dolfinx", "dolfinx-gamg")
 
 
 def bench_mesh(size: str):
-    from autophyx_tet.fem.box import box_mesh
-    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.scene.box import box_mesh
+    from autophyx_tet.fem.scene.material import ElementMaterial
 
     mesh = box_mesh((1, 0.2, 0.2), SIZES[size])
     upper = mesh.centroids[:, 2] > 0.1
@@ -46,10 +46,10 @@ def tip(mesh, u: np.ndarray) -> float:
 
 
 def ours(mesh, order: int, device: str = "cpu") -> dict:
-    from autophyx_tet.fem.blocks import discretise, stiffness
-    from autophyx_tet.fem.solver import solve
-    from autophyx_tet.fem.statics import load_vector, reduced_load
-    from autophyx_tet.fem.supports import Supports
+    from autophyx_tet.fem.discrete.assembly import discretise, stiffness
+    from autophyx_tet.fem.linalg.solver import solve
+    from autophyx_tet.fem.scene.supports import Supports
+    from autophyx_tet.fem.solve.statics import load_vector, reduced_load
 
     grid = discretise(mesh, order, device)  # once for each mesh, as the peers' dof tables
     start = time.process_time()

@@ -23,21 +23,21 @@ from pathlib import Path
 import numpy as np
 from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.fem.errors import AutophyxError
-from autophyx_tet.predictors.encoders.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.encoders.embedded import public_backbone
-from autophyx_tet.predictors.encoders.kinds import KINDS
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
 from autophyx_tet.predictors.encoders.probe import Regions, balanced, fit_probe
-from autophyx_tet.predictors.encoders.training import (
+from autophyx_tet.predictors.language.kinds import KINDS
+from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.predictors.training.encoder.head import (
     Described,
     TrainingOptions,
     describe,
     fit,
     shipped_weights,
 )
-from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.sweethome3d import TRAINING, VALIDATION, catalog, extract
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.io.sweethome3d import TRAINING, VALIDATION, catalog, extract
 
 log = logging.getLogger("train_image_encoder")
 PROBED = ("metal", "plastic", "glass", "wood", "fabric")

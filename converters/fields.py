@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fem.errors import InputError
-from ..fem.mesh import TetMesh
+from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
-from .points import PointTable, read_points
-from .tets import containing_tets, voxelize
+from .points.table import PointTable, read_points
+from .sampling import containing_tets, voxelize
 
 # What other programs call the three values and the label, ours first.
 ALIASES: Mapping[str, tuple[str, ...]] = {

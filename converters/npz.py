@@ -14,8 +14,8 @@ from dataclasses import fields
 import numpy as np
 
 from ..fem.errors import InputError
-from ..fem.material import ElementMaterial
-from ..fem.mesh import TetMesh
+from ..fem.scene.material import ElementMaterial
+from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField, Ranges
 from ..predictors.grid import Grid
 from .files import reading, writing

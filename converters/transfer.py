@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from ..fem.errors import InputError
-from ..fem.mesh import TetMesh
+from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.sampling import FieldSample, sample_field
-from . import density, npz, points
+from . import npz
 from .fields import field_from_tets
 from .files import writing
-from .splats import gaussians
+from .grids import density
+from .points import table as points
+from .points.splats import gaussians
 
 UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}
 

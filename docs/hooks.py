@@ -45,7 +45,7 @@ def on_files(files: Files, config) -> Files:
 
 def commands() -> str:
     """One section a command: what ``--help`` prints."""
-    from autophyx_tet.toolkit.cli import COMMANDS
+    from autophyx_tet.toolkit.cli.main import COMMANDS
 
     return "\n".join(f"## {name}\n\n```text\n{_help(name)}\n```\n" for name in COMMANDS)
 
@@ -59,8 +59,10 @@ def _help(command: str) -> str:
 
 def formats(kind: str) -> str:
     """Table of the suffixes that the readers and writers know."""
-    from autophyx_tet.converters import export, points, table
-    from autophyx_tet.toolkit import readers
+    from autophyx_tet.converters.mesh import table
+    from autophyx_tet.converters.points import table as points
+    from autophyx_tet.converters.programs import export
+    from autophyx_tet.toolkit.io import readers
 
     if kind == "surfaces":
         return ", ".join(f"`{suffix}`" for suffix in readers.READERS)

@@ -25,10 +25,10 @@ from pathlib import Path
 import autophyx_tet as apx
 import numpy as np
 import trimesh
-from autophyx_tet.fem.table import load_table
+from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.picture import exaggeration, mesh_panel, render_animation
-from autophyx_tet.toolkit.scale import Scale
+from autophyx_tet.toolkit.report.picture import exaggeration, mesh_panel, render_animation
+from autophyx_tet.toolkit.report.scale import Scale
 from IPython.display import Image as NotebookImage
 from PIL import Image
 

@@ -29,7 +29,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
 from autophyx_tet.toolkit.options import ConvertOptions, ExportOptions, SimulateOptions
-from autophyx_tet.toolkit.picture import render_png, story
+from autophyx_tet.toolkit.report.picture import render_png, story
 from PIL import Image
 
 parts = {

@@ -26,10 +26,10 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.density import DensityGrid, read_density, write_density
-from autophyx_tet.fem.table import load_table
+from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
+from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.picture import render_png, story
+from autophyx_tet.toolkit.report.picture import render_png, story
 from PIL import Image
 
 radius, height = 0.04, 0.2  # m

@@ -23,10 +23,10 @@
 import autophyx_tet as apx
 import numpy as np
 import trimesh
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.toolkit.bonsai import bonsai, write_bonsai
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.toolkit.io.bonsai import bonsai, write_bonsai
 from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.picture import asset_panel, mesh_panel, render_png
+from autophyx_tet.toolkit.report.picture import asset_panel, mesh_panel, render_png
 from IPython.display import Image as NotebookImage
 from scipy.spatial import KDTree
 

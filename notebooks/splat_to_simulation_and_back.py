@@ -26,11 +26,11 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.points import PointTable, read_points, write_points
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.fem.table import load_table
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.picture import render_png, story
+from autophyx_tet.toolkit.report.picture import render_png, story
 from PIL import Image
 
 count = 8_000

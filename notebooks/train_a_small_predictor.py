@@ -29,10 +29,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from autophyx_tet.predictors.dataset.texttable import build_text_table, save_text_table
+from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.film_unet import count_parameters
-from autophyx_tet.predictors.plain_words import HintedEncoder
+from autophyx_tet.predictors.film.unet import count_parameters
+from autophyx_tet.predictors.language.hints import HintedEncoder
 from autophyx_tet.predictors.training.presets import CPU
 from autophyx_tet.predictors.training.trainer import train
 

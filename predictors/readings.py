@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from .encoders.minilm import MiniLM
+from .language.hints import HintedEncoder
 from .normalisation import DEFAULT
-from .plain_words import HintedEncoder
 
 
 def level_response(
@@ -18,10 +18,10 @@ def level_response(
     import torch
     from scipy.stats import spearmanr
 
-    from .dataset.grammar import Grammar
-    from .dataset.wordings import LEVELS
-    from .film import WEIGHTS
-    from .training.checkpoint import load_checkpoint
+    from .datasets.grammar import Grammar
+    from .datasets.wordings import LEVELS
+    from .film.checkpoint import load_checkpoint
+    from .film.predictor import WEIGHTS
 
     network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)
@@ -49,9 +49,9 @@ def named_materials(*, weights: Path | None = None, seed: int = 0) -> dict[str, 
     """Median |d log10 E| and |d log10 rho| of every row of the table in held-out frames."""
     import torch
 
-    from .dataset.grammar import Grammar
-    from .film import WEIGHTS
-    from .training.checkpoint import load_checkpoint
+    from .datasets.grammar import Grammar
+    from .film.checkpoint import load_checkpoint
+    from .film.predictor import WEIGHTS
 
     network, encoder = load_checkpoint(weights or WEIGHTS), HintedEncoder(MiniLM())
     grammar = Grammar(np.random.default_rng(seed), held_out=True)

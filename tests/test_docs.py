@@ -8,7 +8,7 @@ import sys
 
 import pytest
 import tyro
-from autophyx_tet.toolkit.cli import COMMANDS
+from autophyx_tet.toolkit.cli.main import COMMANDS
 
 
 @pytest.mark.slow

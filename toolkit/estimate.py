@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..predictors.asset import Asset
+from .io.outputs import check_file, check_folder, mesh_suffixes
 from .options import ConvertOptions, SimulateOptions
-from .outputs import check_file, check_folder, mesh_suffixes
 from .scenario import STATIC
 
 
@@ -57,8 +57,8 @@ def plan(
     InputError
         Where the asset cannot be read or the output not be written, as the command itself would.
     """
-    from .adopt import SUFFIXES, adopt
-    from .load import load_asset
+    from .io.load import load_asset
+    from .meshing.import_tets import SUFFIXES, adopt
 
     if texts:
         check_folder(output)

@@ -14,13 +14,13 @@ from typing import Any
 from ..converters.npz import save_npz
 from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
-from ..predictors.features import VoxelFeatures, features_of_views
-from ..predictors.features import features as features_of
-from ..predictors.segmentation import Segmentation, best_segmentation
-from .cache import recalled, remember
-from .matter import is_carrier, read_matter
+from ..predictors.images.features import VoxelFeatures, features_of_views
+from ..predictors.images.features import features as features_of
+from ..predictors.images.segmentation import Segmentation, best_segmentation
+from .io.carriers import is_carrier, read_matter
+from .io.outputs import check_file
+from .native.cache import recalled, remember
 from .options import FeatureOptions
-from .outputs import check_file
 
 log = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ def features(
     InputError
         Where the asset cannot be read, an output not written, or the encoder's weights are absent.
     """
-    from .load import load_asset
+    from .io.load import load_asset
 
     options = options or FeatureOptions()
     picture = options.picture
@@ -108,7 +108,7 @@ def features(
         labels = {} if parts is None else parts.arrays()
         save_npz(output, **voxels.arrays(), **labels)
     if picture is not None:
-        from .feature_picture import feature_png
+        from .report.feature_picture import feature_png
 
         feature_png(picture, voxels, seen)
     files = tuple(path for path in (output, picture) if path is not None)
@@ -117,8 +117,8 @@ def features(
 
 def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of photographs, on the cells of a radiance field fitted to them."""
-    from ..predictors.radiance import fit_radiance
-    from ..predictors.views import load_photographs
+    from ..predictors.images.radiance import fit_radiance
+    from ..predictors.images.views import load_photographs
 
     views = load_photographs(path)
     field = fit_radiance(views, cells=options.cells)
@@ -128,8 +128,8 @@ def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) ->
 
 def _carried(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of splats, points or a density grid, by pictures of its cells."""
-    from ..predictors.cameras import hemisphere
-    from ..predictors.grid_views import matter_bounds, render_grid
+    from ..predictors.images.cameras import hemisphere
+    from ..predictors.images.grid_views import matter_bounds, render_grid
 
     density, colour, grid = read_matter(path, cells=options.cells)
     cameras = hemisphere(matter_bounds(density, grid), count=options.views, lower=options.lower)

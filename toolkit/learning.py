@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.errors import AutophyxError, InputError, UsageError
-from ..predictors.dataset.real import RealObject, load_real, save_real, voxelise
-from . import sweethome3d
-from .child import Progress
-from .outputs import check_file, check_folder
+from ..predictors.datasets.real import RealObject, load_real, save_real, voxelise
+from .io import sweethome3d
+from .io.outputs import check_file, check_folder
+from .native.child import Progress
 
 if TYPE_CHECKING:
     from ..predictors.asset import Asset
-    from ..predictors.evaluation import Seen
+    from ..predictors.evaluation.evaluate import Seen
     from ..predictors.training.config import TrainingConfig
 
 log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ def build_dataset(
     real
         Whether to voxelise the furniture of Debian's sweethome3d-furniture too.
     """
-    from ..predictors.dataset.texttable import save_text_table
+    from ..predictors.datasets.text_table import save_text_table
     from ..predictors.training.presets import device_text_table
 
     check_folder(output)
@@ -74,7 +74,7 @@ def build_dataset(
 
 def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[tuple[RealObject, Asset]]:
     """Voxelise the objects that have a slot of known material; others are counted."""
-    from .load import load_asset
+    from .io.load import load_asset
 
     for source in sources:
         items, kept = sweethome3d.catalog(source), 0
@@ -94,8 +94,8 @@ def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[tuple[RealObje
 
 def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, Any]:
     """Draw procedural objects, each part in a colour of its own; return what was said of them."""
-    from ..predictors.dataset.grammar import Grammar
-    from ..predictors.dataset.objects import category_names, make_objects, spoken
+    from ..predictors.datasets.grammar import Grammar
+    from ..predictors.datasets.objects import category_names, make_objects, spoken
     from ..predictors.training.stores import procedural_store
 
     check_file(output, (".png",))
@@ -112,11 +112,11 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
 
 
 def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
-    from ..predictors.dataset.shapes import EMPTY, MAX_PARTS
+    from ..predictors.datasets.shapes import EMPTY, MAX_PARTS
     from ..predictors.grid import Grid
-    from .feature_picture import voxel_shell
-    from .picture import Panel, render_png
-    from .tracer import Surface
+    from .report.feature_picture import voxel_shell
+    from .report.picture import Panel, render_png
+    from .report.tracer import Surface
 
     hues = np.random.default_rng(3).uniform(0.25, 0.95, (MAX_PARTS, 3))
     panels = []
@@ -137,7 +137,7 @@ def train(
     same command continues an interrupted run, and the weights at the end; ``start`` are weights to
     begin with.
     """
-    from ..predictors.training.checkpoint import save_checkpoint
+    from ..predictors.film.checkpoint import save_checkpoint
     from ..predictors.training.trainer import train as run
 
     options = _config(config)
@@ -187,7 +187,8 @@ def evaluate(
     ``encoder`` looks at the objects of the validation split, and ``memory`` is the folder of what
     it saw before; ``renders`` objects are put under load. ``progress`` gets (stage, seconds).
     """
-    from ..predictors import evaluation, folder_evaluation
+    from ..predictors.evaluation import evaluate as evaluation
+    from ..predictors.evaluation import folder_evaluation
 
     if encoder and (split != "validation" or data):
         raise UsageError("--encoder looks at furniture: wanted --split validation, without --data")
@@ -223,7 +224,7 @@ def _seen_furniture(
 ) -> dict[str, Any]:
     """Furniture for validation, and what an encoder sees of it: arguments of the evaluation."""
     from ..predictors.encoders import speaking_encoder
-    from .sight import sight
+    from .image_features import sight
 
     looker = speaking_encoder(encoder) if encoder else None
     real: list[RealObject] = []

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .document import mesh_document
+from .io.document import mesh_document
 
 
 def materials(query: str = "") -> dict[str, Any]:
     """Rows of the material table that match ``query`` (all rows without one)."""
-    from ..fem.table import load_table
+    from ..fem.scene.materials import load_table
 
     table = load_table()
     rows = table.search(query) if query else table.rows
@@ -33,8 +33,8 @@ def materials(query: str = "") -> dict[str, Any]:
 
 def info(file: Path) -> dict[str, Any]:
     """Size, regions, volume [m^3], mass [kg] and quality of a mesh file."""
-    from ..converters.table import read_mesh
-    from .quality import quality
+    from ..converters.mesh.table import read_mesh
+    from .meshing.quality import quality
 
     mesh = read_mesh(file)
     return {"file": file, **mesh_document(mesh), "quality": quality(mesh)}

@@ -11,14 +11,29 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
+from tyro.constructors import PrimitiveConstructorSpec
 
 from ..fem.errors import UsageError
+from ..fem.registry import Registry
 
 UpAxis = Literal["x", "y", "z"]
 Unit = Literal["mm", "cm", "m", "in"]
 Target = Literal["gmsh", "calculix", "newton", "mujoco", "usd", "sofa", "fenics"]
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+
+
+def choice(registry: Registry) -> PrimitiveConstructorSpec[str]:
+    """Type of an option that takes a name of ``registry``: ``Annotated[str, choice(LAWS)]``."""
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="{" + ",".join(registry.names) + "}",
+        instance_from_str=lambda words: words[0],
+        is_instance=lambda value: isinstance(value, str),
+        str_from_instance=lambda value: [value],
+        choices=registry.names,
+    )
+
 
 Repeated = tyro.conf.UseAppendAction
 Flat = tyro.conf.OmitArgPrefixes

@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..fem.errors import InputError
-from ..fem.mesh import TetMesh
+from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
+from .io.outputs import check_file, check_folder, mesh_suffixes
+from .io.sidecar import Sidecar
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
-from .outputs import check_file, check_folder, mesh_suffixes
-from .results import Assignment, Conversion, RunCase, RunResult
-from .sidecar import Sidecar
-from .simulation import Simulation
+from .results.results import Assignment, Conversion, RunCase, RunResult
+from .results.simulation import Simulation
 
 if TYPE_CHECKING:
-    from ..converters.tets import Assigned
-    from ..predictors.answer import Answer
+    from ..converters.sampling import Assigned
+    from ..predictors.assignment import Answer
 
 # Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
 # nearest of about 200 rows without one gives .1 to .25.
@@ -52,10 +52,10 @@ def convert(
     NoVolumeError
         Where the asset encloses no volume.
     """
-    from ..converters.table import write_mesh
-    from .adopt import SUFFIXES, adopt
-    from .load import load_asset
-    from .tetrahedralize import tetrahedralize
+    from ..converters.mesh.table import write_mesh
+    from .io.load import load_asset
+    from .meshing.import_tets import SUFFIXES, adopt
+    from .meshing.tetrahedralize import tetrahedralize
 
     options = options or ConvertOptions()
     if output is not None:
@@ -93,11 +93,12 @@ def assign(
     BandError
         Under ``options.strict``, where a value leaves the band of its category.
     """
-    from ..converters import npz, tets
-    from ..converters.table import write_mesh
-    from ..predictors.answer import answer
-    from ..predictors.film import FilmPredictor
-    from .looks import appearance
+    from ..converters import npz
+    from ..converters import sampling as tets
+    from ..converters.mesh.table import write_mesh
+    from ..predictors.assignment import answer
+    from ..predictors.film.predictor import FilmPredictor
+    from .appearance import appearance
 
     options = options or AssignOptions()
     if output is not None:
@@ -165,10 +166,10 @@ def simulate(
     ConvergenceError
         Where the solver does not reach its tolerance.
     """
-    from .pages import simulation_page
-    from .report import write_report
+    from .report.pages import simulation_page
+    from .report.report import write_report
+    from .report.snapshot import SUFFIXES, write_picture
     from .scenario import solve
-    from .snapshot import SUFFIXES, write_picture
 
     options = options or SimulateOptions()
     if output is not None:
@@ -212,8 +213,8 @@ def run(
     shows what the image encoder sees. Nothing is written before everything is computed. Raises what
     the single verbs raise.
     """
-    from .folder import write_folder
-    from .snapshot import SUFFIXES, write_picture
+    from .report.folder import write_folder
+    from .report.snapshot import SUFFIXES, write_picture
 
     check_folder(output)
     if picture is not None:
@@ -256,7 +257,7 @@ class Stopwatch:
 
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     """Return the mesh, what is known of its regions, the asset, and what the user should know."""
-    from ..converters.table import read_mesh
+    from ..converters.mesh.table import read_mesh
 
     found = None
     if not isinstance(mesh, TetMesh):
@@ -279,7 +280,7 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
 
 def _again(path: str | Path, known: Sidecar | None) -> Asset:
     """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
-    from .load import load_asset
+    from .io.load import load_asset
 
     asset = load_asset(path)
     if known is None or known.source.get("sha256") != asset.source_hash:

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ..fem.elastic import Law
+from ..fem.discrete.elastic import Law
 from ..fem.errors import ConvergenceError, InputError, UsageError
-from ..fem.mesh import TetMesh
+from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import UpAxis
 from .options import SimulateOptions
-from .simulation import Moving, Ringing, Settled, Simulation
+from .results.simulation import Moving, Ringing, Settled, Simulation
 
 LAWS = {"linear": Law.LINEAR, "neohookean": Law.NEO_HOOKEAN}
 STATIC = ("sag", "hang", "wind", "poke")
@@ -50,7 +50,7 @@ def solve(
 
 
 def _settle(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Settled:
-    from ..fem import scenarios
+    from ..fem.scenarios import static as scenarios
 
     law = LAWS[options.law] if options.law else None
     common: dict[str, Any] = {"up": up, "device": options.device, "law": law}
@@ -78,7 +78,7 @@ def _ring(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Ringing:
 
 
 def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis, progress: Progress | None) -> Moving:
-    from ..fem import motions
+    from ..fem.scenarios import motions
 
     started = time.perf_counter()
 
@@ -100,8 +100,8 @@ def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis, progress: Progres
 
 
 def _modes(mesh: TetMesh, up: UpAxis, count: int, *, order: int, device: str):
-    from ..fem.modal import natural_modes
-    from ..fem.rest import rest, up_axis
+    from ..fem.scene.support_finder import rest, up_axis
+    from ..fem.solve.modal import natural_modes
 
     held, _ = rest(mesh, up_axis(up))
     return natural_modes(mesh, count, supports=held, order=order, device=device)
@@ -109,8 +109,8 @@ def _modes(mesh: TetMesh, up: UpAxis, count: int, *, order: int, device: str):
 
 def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
     """First vibrations of a standing body where a direct factor finds them quickly, else None."""
-    from ..fem.gap import p2_unknowns
-    from ..fem.modal import is_factored
+    from ..fem.solve.discretisation_error import p2_unknowns
+    from ..fem.solve.modal import is_factored
 
     sizes = {2: p2_unknowns(mesh), 1: 3 * len(mesh.points)}
     quick = [order for order, n in sizes.items() if n <= QUICK and is_factored(mesh, n)]
@@ -124,7 +124,7 @@ def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
 
 def _order(mesh: TetMesh, options: SimulateOptions) -> int:
     """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
-    from ..fem.gap import LARGEST_P2, p2_unknowns
+    from ..fem.solve.discretisation_error import LARGEST_P2, p2_unknowns
 
     return options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1)
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..dataset.shapes import MAX_PARTS
-from ..film_scene import Scene
+from ..datasets.shapes import MAX_PARTS
+from ..film.config import Scene
 
 CLAUSES = MAX_PARTS + 1  # one for each part, one for the whole
 WHOLE = MAX_PARTS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ...fem.errors import InputError
-from ..film_scene import NetworkConfig
+from ..film.config import NetworkConfig
 from .samples import Mixture
 
 

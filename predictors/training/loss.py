@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..film_scene import Output
+from ..film.config import Output
 from .batch import CLAUSES, Batch
 
 BINDING_WEIGHT = 0.3  # of the cross-entropy beside the squared error

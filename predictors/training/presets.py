@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dataset.real import RealObject
-from ..dataset.texttable import TextTable, build_text_table
+from ..datasets.real import RealObject
+from ..datasets.text_table import TextTable, build_text_table
 from ..encoders.minilm import packaged_weights
-from ..film_scene import NetworkConfig
-from ..lexicon import CHANNELS
-from ..plain_words import HintedEncoder
+from ..film.config import NetworkConfig
+from ..language.hints import HintedEncoder
+from ..language.lexicon import CHANNELS
 from .config import TrainingConfig
 from .embedding import TorchMiniLM
 from .samples import Mixture

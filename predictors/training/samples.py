@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..dataset.grammar import Role
-from ..dataset.parts import part_kinds
-from ..dataset.shapes import EMPTY, MAX_PARTS
-from ..film_scene import Scene
+from ..datasets.grammar import Role
+from ..datasets.parts import part_kinds
+from ..datasets.shapes import EMPTY, MAX_PARTS
+from ..film.config import Scene
 from .batch import CLAUSES, WHOLE, Batch, by_part, exists_or_whole
 from .evidence import simulate_evidence
-from .phrasebook import Phrasebook
+from .sentences import Phrasebook
 from .stores import Store, parts_that_exist, take
 
 

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..dataset.objects import Objects
-from ..dataset.real import RealObject, kind_index
-from ..dataset.shapes import EMPTY, MAX_PARTS, rasterise
-from ..dataset.texttable import TextTable
+from ..datasets.objects import Objects
+from ..datasets.real import RealObject, kind_index
+from ..datasets.shapes import EMPTY, MAX_PARTS, rasterise
+from ..datasets.text_table import TextTable
 from ..normalisation import DEFAULT
 
 _CHUNK = 64  # objects rasterised at once

@@ -24,19 +24,19 @@ from torch.nn.parallel import DistributedDataParallel
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from ...fem.errors import InputError
-from ..dataset.objects import make_composites, make_objects
-from ..dataset.real import load_real
-from ..dataset.texttable import load_text_table
-from ..film_scene import Scene
-from ..film_unet import FilmUNet
-from .checkpoint import load_matching
+from ..datasets.objects import make_composites, make_objects
+from ..datasets.real import load_real
+from ..datasets.text_table import load_text_table
+from ..film.checkpoint import load_matching
+from ..film.config import Scene
+from ..film.unet import FilmUNet
 from .config import TrainingConfig
 from .loss import losses
-from .phrasebook import Phrasebook
 from .processes import agreed, gathered, joined, mean, processes, rank
+from .real_slots import Wardrobe, dressed_store, with_changes_of_dress
 from .samples import Sampler
+from .sentences import Phrasebook
 from .stores import procedural_store, real_store
-from .wardrobe import Wardrobe, dressed_store, with_changes_of_dress
 
 log = logging.getLogger(__name__)
 

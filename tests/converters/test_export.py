@@ -5,14 +5,18 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.bins import bin_materials, named_arrays, vertex_masses
-from autophyx_tet.converters.export import TARGETS, export_mesh
+from autophyx_tet.converters.mesh.table import read_data, read_mesh
 from autophyx_tet.converters.npz import load_npz
-from autophyx_tet.converters.table import read_data, read_mesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.programs.export import TARGETS, export_mesh
+from autophyx_tet.converters.programs.material_bins import (
+    bin_materials,
+    named_arrays,
+    vertex_masses,
+)
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.scene.mesh import TetMesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

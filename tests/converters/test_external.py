@@ -6,16 +6,16 @@ import subprocess
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.bins import bin_materials
-from autophyx_tet.converters.export import export_mesh
-from autophyx_tet.converters.points import PointTable, read_points, write_points
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.converters.table import read_mesh, write_mesh
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.mesh import TetMesh
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.converters.mesh.table import read_mesh, write_mesh
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.programs.export import export_mesh
+from autophyx_tet.converters.programs.material_bins import bin_materials
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.statics import solve_static
 
 from . import encoders
 

@@ -4,8 +4,8 @@ import struct
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.ply import Ply, columns_table, read_ply, write_ply
-from autophyx_tet.converters.points import FORMATS, PointTable, read_points, write_points
+from autophyx_tet.converters.points.ply import Ply, columns_table, read_ply, write_ply
+from autophyx_tet.converters.points.table import FORMATS, PointTable, read_points, write_points
 from autophyx_tet.fem.errors import InputError
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

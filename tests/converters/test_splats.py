@@ -5,8 +5,13 @@ import struct
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.points import PointTable, read_points, write_points
-from autophyx_tet.converters.splats import Gaussians, gaussians, opacity_grid, standard_columns
+from autophyx_tet.converters.points.splats import (
+    Gaussians,
+    gaussians,
+    opacity_grid,
+    standard_columns,
+)
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import HealthCheck, given, settings

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.density import DensityGrid
-from autophyx_tet.converters.points import PointTable
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.converters.surface import density_surface, isosurface, splat_surface
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.isosurface import density_surface, isosurface, splat_surface
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.predictors.grid import Grid
 

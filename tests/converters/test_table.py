@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.pvd import read_pvd, write_pvd
-from autophyx_tet.converters.table import FORMATS, read_data, read_mesh, write_mesh
-from autophyx_tet.converters.vtu import load_vtu
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.mesh.pvd import read_pvd, write_pvd
+from autophyx_tet.converters.mesh.table import FORMATS, read_data, read_mesh, write_mesh
+from autophyx_tet.converters.mesh.vtu import load_vtu
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.tets import assign, containing_tets, voxelize
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.converters.sampling import assign, containing_tets, voxelize
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import given, settings

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters import density, npz
+from autophyx_tet.converters import npz
 from autophyx_tet.converters.fields import field_from_points, field_from_tets, read_field_points
-from autophyx_tet.converters.points import PointTable, read_points, write_points
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.converters.tets import assign
+from autophyx_tet.converters.grids import density
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.sampling import assign
 from autophyx_tet.converters.transfer import transfer
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 

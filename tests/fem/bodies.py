@@ -1,10 +1,10 @@
 """Bodies and solutions that the FEM tests share."""
 
 import numpy as np
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.mesh import TetMesh
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.supports import Supports
 
 
 def shaken_box(size=(1.0, 1.0, 1.0), cells=(3, 3, 3), *, E=1.0, nu=0.3, rho=1.0, amount=0.15):

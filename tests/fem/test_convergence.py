@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.blocks import discretise, displacement_gradients
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.space import TET_POINTS, make_space, shape_functions
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.discrete.assembly import discretise, displacement_gradients
+from autophyx_tet.fem.discrete.space import TET_POINTS, make_space, shape_functions
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.statics import solve_static
 
 # u_i = sin(WAVE_i . x + PHASE_i), and E(x) = exp(SLOPE . x).
 WAVE = np.array([[1.0, 2.0, 0.5], [0.3, 1.0, 1.5], [2.0, 0.4, 1.0]])

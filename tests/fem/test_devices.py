@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.device import checked_device, start_warp
-from autophyx_tet.fem.dynamics import Dynamics
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.statics import solve_static
 
 DEVICES = ["cpu", *(["cuda"] if start_warp().is_cuda_available() else [])]
 

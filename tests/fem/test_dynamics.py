@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.dynamics import Damping, Dynamics
-from autophyx_tet.fem.elastic import Law
+from autophyx_tet.fem.discrete.elastic import Law
+from autophyx_tet.fem.discrete.mass import consistent_mass, lumped_mass
+from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mass import consistent_mass, lumped_mass
-from autophyx_tet.fem.obstacles import Box, Capsule, Plane, Sphere, gripper
-from autophyx_tet.fem.schemes import Scheme
-from autophyx_tet.fem.space import make_space
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere, gripper
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
+from autophyx_tet.fem.solve.schemes import Scheme
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.dynamics import Dynamics
-from autophyx_tet.fem.gradients import implicit_step, static_displacement
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.gradients import implicit_step, static_displacement
 
 from .bodies import shaken_box
 

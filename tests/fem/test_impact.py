@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import dynamics
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.dynamics import Damping, Dynamics
-from autophyx_tet.fem.elastic import Law
+from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.errors import ConvergenceError
-from autophyx_tet.fem.obstacles import Plane, Sphere
-from autophyx_tet.fem.schemes import Scheme
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.obstacles import Plane, Sphere
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve import dynamics
+from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
+from autophyx_tet.fem.solve.schemes import Scheme
 
 from .bodies import ball, lifted, mapped, shaken_box, with_uniform
 

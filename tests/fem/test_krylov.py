@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import kernels_solver
-from autophyx_tet.fem.blocks import add_diagonal, discretise, stiffness
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.krylov import ConjugateGradients, largest_eigenvalue
-from autophyx_tet.fem.multigrid import Rows
+from autophyx_tet.fem.discrete.assembly import add_diagonal, discretise, stiffness
+from autophyx_tet.fem.linalg import kernels_solver
+from autophyx_tet.fem.linalg.krylov import ConjugateGradients, largest_eigenvalue
+from autophyx_tet.fem.linalg.two_level import Rows
+from autophyx_tet.fem.scene.box import box_mesh
 
 
 @pytest.fixture

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.modal import natural_modes
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.modal import natural_modes
 
 from .bodies import shaken_box, with_uniform
 
@@ -85,7 +85,7 @@ def test_iterative_solver_agrees(monkeypatch):
     mesh = shaken_box(cells=(4, 4, 4), E=1e6, rho=1e3)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     direct = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
-    monkeypatch.setattr("autophyx_tet.fem.modal.DIRECT", 0)
+    monkeypatch.setattr("autophyx_tet.fem.solve.modal.DIRECT", 0)
     again = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
     for one, two in zip(direct, again, strict=True):
         assert two == pytest.approx(one, rel=1e-4)

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.blocks import discretise
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.elastic import ElasticBody, Law
-from autophyx_tet.fem.loads import Traction
-from autophyx_tet.fem.material import lame_parameters
-from autophyx_tet.fem.nonlinear import solve_nonlinear
-from autophyx_tet.fem.space import make_space
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.stress import first_piola
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.discrete.assembly import discretise
+from autophyx_tet.fem.discrete.elastic import ElasticBody, Law
+from autophyx_tet.fem.discrete.forces import Traction
+from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.discrete.strain import first_piola
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import lame_parameters
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
+from autophyx_tet.fem.solve.statics import solve_static
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

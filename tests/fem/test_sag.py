@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.elastic import Law
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.mesh import TetMesh
-from autophyx_tet.fem.scenarios import sag
+from autophyx_tet.fem.discrete.elastic import Law
+from autophyx_tet.fem.scenarios.static import sag
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
 
 from .bodies import shaken_box
 
@@ -105,7 +105,7 @@ def test_recovery_estimate_follows_the_gap(monkeypatch):
     """Above the P2 limit the gap is an estimate, and says so; it has the size of the gap."""
     mesh = shaken_box((1.0, 0.2, 0.2), (20, 4, 4), E=1e7, rho=1000, amount=0)
     exact = sag(mesh, up="z").gap
-    monkeypatch.setattr("autophyx_tet.fem.gap.LARGEST_P2", 0)
+    monkeypatch.setattr("autophyx_tet.fem.solve.discretisation_error.LARGEST_P2", 0)
     estimate = sag(mesh, up="z").gap
     assert estimate.kind == "stress recovery"
     assert 0.1 < estimate.value / exact.value < 10

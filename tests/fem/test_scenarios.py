@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import checks
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.elastic import Law
+from autophyx_tet.fem import verdicts as checks
+from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.modal import natural_modes
-from autophyx_tet.fem.motions import drop, squeeze
-from autophyx_tet.fem.scenarios import hang, poke, sag, wind
+from autophyx_tet.fem.scenarios.motions import drop, squeeze
+from autophyx_tet.fem.scenarios.static import hang, poke, sag, wind
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.solve.modal import natural_modes
 
 from .bodies import shaken_box, with_uniform
 

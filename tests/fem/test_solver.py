@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem import kernels_solver, solver
-from autophyx_tet.fem.aggregation import boxes
-from autophyx_tet.fem.box import box_mesh
-from autophyx_tet.fem.coarse import _cholesky, _members, _motions, invert, make_groups
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.pieces import rigid_motions
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.linalg import kernels_solver, solver
+from autophyx_tet.fem.linalg.aggregation import boxes
+from autophyx_tet.fem.linalg.coarse import _cholesky, _members, _motions, invert, make_groups
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.components import rigid_motions
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.statics import solve_static
 
 
 @pytest.fixture

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.blocks import discretise, stiffness
+from autophyx_tet.fem.discrete.assembly import discretise, stiffness
+from autophyx_tet.fem.discrete.forces import Traction, pressure
+from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import ConvergenceError, InputError
-from autophyx_tet.fem.loads import Traction, pressure
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.fem.space import make_space
-from autophyx_tet.fem.statics import solve_static
-from autophyx_tet.fem.supports import Supports
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.statics import solve_static
 
 from .bodies import faces_at, random_rotation, shaken_box, symmetry_planes
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.table import (
+from autophyx_tet.fem.scene.materials import (
     CATEGORIES,
     NU_CAP,
     TABLE_PATH,

@@ -6,7 +6,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.predictors.dataset.annotator import Annotator
+from autophyx_tet.predictors.datasets.annotator import Annotator
 
 POT = {"E": 7e10, "nu": 0.25, "rho": 2400}
 SOIL = {"E": 1e7, "nu": 0.3, "rho": 1300}

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.answer import SPECK, answer, divide
-from autophyx_tet.predictors.binding import NamedPart, homeless, overlap
-from autophyx_tet.predictors.dataset.objects import make_objects
-from autophyx_tet.predictors.dataset.shapes import EMPTY, rasterise
-from autophyx_tet.predictors.film import FilmPredictor, Found
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.assignment import SPECK, answer, divide
+from autophyx_tet.predictors.datasets.objects import make_objects
+from autophyx_tet.predictors.datasets.shapes import EMPTY, rasterise
+from autophyx_tet.predictors.film.predictor import FilmPredictor, Found
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.text import Clause, parse
-from autophyx_tet.predictors.vocabulary import Vocabulary
+from autophyx_tet.predictors.language.binding import NamedPart, homeless, overlap
+from autophyx_tet.predictors.language.clauses import Clause, parse
+from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
 
 TABLE = load_table()

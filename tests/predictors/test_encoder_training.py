@@ -10,10 +10,7 @@ import pytest
 import torch
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part, up_vector
-from autophyx_tet.predictors.cameras import hemisphere
-from autophyx_tet.predictors.encoders.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.encoders.embedded import Embedded
-from autophyx_tet.predictors.encoders.kinds import KINDS, kind_of, plain_words
 from autophyx_tet.predictors.encoders.network import (
     COLOURS,
     LENGTH,
@@ -26,9 +23,12 @@ from autophyx_tet.predictors.encoders.network import (
     levels,
     new_backbone,
 )
-from autophyx_tet.predictors.encoders.pictures import STILL, Variety, draw_pictures
 from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
-from autophyx_tet.predictors.encoders.training import (
+from autophyx_tet.predictors.images.cameras import hemisphere
+from autophyx_tet.predictors.images.views import render_views
+from autophyx_tet.predictors.language.kinds import KINDS, kind_of, plain_words
+from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.predictors.training.encoder.head import (
     Head,
     Linear,
     TrainingOptions,
@@ -40,7 +40,7 @@ from autophyx_tet.predictors.encoders.training import (
     ridge,
     shipped_weights,
 )
-from autophyx_tet.predictors.views import render_views
+from autophyx_tet.predictors.training.encoder.pictures import STILL, Variety, draw_pictures
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 

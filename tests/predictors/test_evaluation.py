@@ -4,17 +4,23 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.evaluation import BASELINES, evaluate
-from autophyx_tet.predictors.examples import Example, load_example, save_example
-from autophyx_tet.predictors.film_scene import Output, Scene
-from autophyx_tet.predictors.folder_evaluation import evaluate_folder
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.evaluation.baselines import (
+    Sample,
+    Seen,
+    _by_part,
+    _with_names,
+    _with_vision,
+)
+from autophyx_tet.predictors.evaluation.evaluate import BASELINES, evaluate
+from autophyx_tet.predictors.evaluation.examples import Example, load_example, save_example
+from autophyx_tet.predictors.evaluation.folder_evaluation import evaluate_folder
+from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
+from autophyx_tet.predictors.evaluation.metrics import Score, against_best, summary
+from autophyx_tet.predictors.evaluation.ssim import Likeness
+from autophyx_tet.predictors.film.config import Output, Scene
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.guesses import Sample, Seen, _by_part, _with_names, _with_vision
-from autophyx_tet.predictors.likeness import Likeness
-from autophyx_tet.predictors.mass import mass_errors
-from autophyx_tet.predictors.score import Score, against_best, summary
-from autophyx_tet.predictors.vocabulary import Vocabulary
+from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
 
 

@@ -6,11 +6,11 @@ import trimesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.encoders import Encoder, ImageEncoder, load_encoder
-from autophyx_tet.predictors.features import features, features_of_views
-from autophyx_tet.predictors.names import name_embeddings
-from autophyx_tet.predictors.segmentation import best_segmentation, segment
-from autophyx_tet.predictors.surface import density_of_points
-from autophyx_tet.predictors.views import render_views
+from autophyx_tet.predictors.images.features import features, features_of_views
+from autophyx_tet.predictors.images.names import name_embeddings
+from autophyx_tet.predictors.images.segmentation import best_segmentation, segment
+from autophyx_tet.predictors.images.surface_voxels import density_of_points
+from autophyx_tet.predictors.images.views import render_views
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 

@@ -6,9 +6,9 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.filling import fill, nearest_known, winding_agreement
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.surface import surface_voxels
+from autophyx_tet.predictors.images.filling import fill, nearest_known, winding_agreement
+from autophyx_tet.predictors.images.surface_voxels import surface_voxels
 from scipy.ndimage import binary_dilation
 
 GRID = Grid.around(np.array([[-1.0] * 3, [1.0] * 3]), cells=48)

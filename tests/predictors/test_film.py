@@ -6,26 +6,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.dataset.constraints import holds
-from autophyx_tet.predictors.dataset.grammar import (
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.datasets.constraints import holds
+from autophyx_tet.predictors.datasets.grammar import (
     Grammar,
     is_held_out_pair,
     level_value,
     split_frames,
     write_phrases,
 )
-from autophyx_tet.predictors.dataset.objects import CATEGORIES, HELD_OUT, make_objects
-from autophyx_tet.predictors.dataset.parts import part_kinds
-from autophyx_tet.predictors.dataset.shapes import EMPTY, Solid, pack, rasterise
-from autophyx_tet.predictors.dataset.wordings import LEVELS, wordings
-from autophyx_tet.predictors.film import FilmPredictor
-from autophyx_tet.predictors.film_binder import USELESS
-from autophyx_tet.predictors.film_parts import FilmBlock, MaskedGroupNorm, Modulation
-from autophyx_tet.predictors.film_scene import NetworkConfig, Scene, halve
-from autophyx_tet.predictors.film_unet import FilmUNet, count_parameters
+from autophyx_tet.predictors.datasets.objects import CATEGORIES, HELD_OUT, make_objects
+from autophyx_tet.predictors.datasets.parts import part_kinds
+from autophyx_tet.predictors.datasets.shapes import EMPTY, Solid, pack, rasterise
+from autophyx_tet.predictors.datasets.wordings import LEVELS, wordings
+from autophyx_tet.predictors.film.config import NetworkConfig, Scene, halve
+from autophyx_tet.predictors.film.grounding import USELESS
+from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
+from autophyx_tet.predictors.film.predictor import FilmPredictor
+from autophyx_tet.predictors.film.unet import FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, with_lexicon
+from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT, PIXIE, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -240,7 +240,7 @@ def test_shipped_weights_follow_words():
 @pytest.mark.slow
 def test_a_cpu_trains_the_small_network(tmp_path):
     """Sixty steps bring the loss of the small network below .45."""
-    from autophyx_tet.predictors.dataset.texttable import build_text_table, save_text_table
+    from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
     from autophyx_tet.predictors.training.presets import CPU
     from autophyx_tet.predictors.training.trainer import train
 

@@ -3,12 +3,12 @@
 import numpy as np
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.cameras import look_at
-from autophyx_tet.predictors.features import features_of_views
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.grid_views import render_grid
-from autophyx_tet.predictors.surface import opaque_density
-from autophyx_tet.predictors.views import render_views
+from autophyx_tet.predictors.images.cameras import look_at
+from autophyx_tet.predictors.images.features import features_of_views
+from autophyx_tet.predictors.images.grid_views import render_grid
+from autophyx_tet.predictors.images.surface_voxels import opaque_density
+from autophyx_tet.predictors.images.views import render_views
 
 GRID = Grid(np.full(3, -1.0), 0.125, (16, 16, 16))
 CAMERAS = [look_at(np.array(at), np.zeros(3), pixels=48) for at in ((5.0, 1, 2), (1.0, -5, 3))]

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.dataset.wordings import LEVELS, sentence, wordings
-from autophyx_tet.predictors.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.datasets.wordings import LEVELS, sentence, wordings
+from autophyx_tet.predictors.language.hints import HintedEncoder, PlainWords
+from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.plain_words import HintedEncoder, PlainWords
 from scipy.stats import spearmanr
 
 LEXICON = Lexicon()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.likeness import FINEST, K1, likeness, psnr, ssim
+from autophyx_tet.predictors.evaluation.ssim import FINEST, K1, likeness, psnr, ssim
 
 PLAIN = np.full((24, 30, 3), 0.4)
 NOISE = np.random.default_rng(0).random((24, 30, 3))

@@ -7,18 +7,18 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.cameras import hemisphere
-from autophyx_tet.predictors.features import features_of_views
-from autophyx_tet.predictors.filling import fill
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.radiance import (
+from autophyx_tet.predictors.images.cameras import hemisphere
+from autophyx_tet.predictors.images.features import features_of_views
+from autophyx_tet.predictors.images.filling import fill
+from autophyx_tet.predictors.images.radiance import (
     FitOptions,
     fit_radiance,
     focus,
     silhouette_bounds,
     silhouette_hull,
 )
-from autophyx_tet.predictors.views import Views, load_photographs, render_views
+from autophyx_tet.predictors.images.views import Views, load_photographs, render_views
 from PIL import Image
 
 QUICK = FitOptions(steps=60, rays=1024)

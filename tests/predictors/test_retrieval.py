@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.table import load_table, outside_band
+from autophyx_tet.fem.scene.materials import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.predictor import Predictor
-from autophyx_tet.predictors.retrieval import RetrievalPredictor, choose_materials
+from autophyx_tet.predictors.retrieval.predictor import RetrievalPredictor, choose_materials
 from autophyx_tet.predictors.voxels import PartVoxels
 
 from .phrasings import HELD_OUT, TUNED

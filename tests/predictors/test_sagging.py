@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from autophyx_tet.predictors.evaluation.sag_render import Stage, voxel_mesh
 from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.sagging import Stage, voxel_mesh
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 PART = np.full((8, 8, 12), -1)

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.dataset.grammar import Grammar, material_at_level
-from autophyx_tet.predictors.dataset.parts import part_kinds
-from autophyx_tet.predictors.dataset.wordings import LEVELS
-from autophyx_tet.predictors.lexicon import CHANNELS, Lexicon
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.datasets.grammar import Grammar, material_at_level
+from autophyx_tet.predictors.datasets.parts import part_kinds
+from autophyx_tet.predictors.datasets.wordings import LEVELS
+from autophyx_tet.predictors.language.hints import PlainWords, subject
+from autophyx_tet.predictors.language.lexicon import CHANNELS, Lexicon
+from autophyx_tet.predictors.language.statement import Reader
+from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.plain_words import PlainWords, subject
-from autophyx_tet.predictors.statement import Reader
-from autophyx_tet.predictors.vocabulary import Vocabulary
 
 READ = Reader(Vocabulary(load_table().phrases))
 

@@ -2,9 +2,9 @@
 
 import pytest
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.predictors.text import MAX_TEXT, parse
-from autophyx_tet.predictors.vocabulary import Vocabulary, name_words, stem
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.language.clauses import MAX_TEXT, parse
+from autophyx_tet.predictors.language.vocabulary import Vocabulary, name_words, stem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.dataset.objects import make_objects
-from autophyx_tet.predictors.dataset.shapes import EMPTY
-from autophyx_tet.predictors.dataset.texttable import (
+from autophyx_tet.predictors.datasets.objects import make_objects
+from autophyx_tet.predictors.datasets.shapes import EMPTY
+from autophyx_tet.predictors.datasets.text_table import (
     build_text_table,
     load_text_table,
     save_text_table,
 )
-from autophyx_tet.predictors.film_frame import Frame
-from autophyx_tet.predictors.film_scene import NetworkConfig
+from autophyx_tet.predictors.film.config import NetworkConfig
+from autophyx_tet.predictors.film.frame import Frame
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.lexicon import with_lexicon
-from autophyx_tet.predictors.training.phrasebook import Phrasebook
+from autophyx_tet.predictors.language.lexicon import with_lexicon
 from autophyx_tet.predictors.training.presets import ABLATIONS, CPU, TEXT_DIM
 from autophyx_tet.predictors.training.samples import Mixture, Sampler
+from autophyx_tet.predictors.training.sentences import Phrasebook
 from autophyx_tet.predictors.training.stores import procedural_store
 from autophyx_tet.predictors.training.trainer import train
 from autophyx_tet.predictors.voxels import PartVoxels

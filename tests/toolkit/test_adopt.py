@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.table import write_mesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.mesh.table import write_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mesh import TetMesh
-from autophyx_tet.toolkit.adopt import adopt
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.toolkit.meshing.import_tets import adopt
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".vtk"])

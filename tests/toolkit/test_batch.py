@@ -18,11 +18,11 @@ from pathlib import Path
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.toolkit import task
-from autophyx_tet.toolkit.batch import batch
-from autophyx_tet.toolkit.manifest import read_manifest
+from autophyx_tet.toolkit.batch import task
+from autophyx_tet.toolkit.batch.batch import batch
+from autophyx_tet.toolkit.batch.manifest import read_manifest
+from autophyx_tet.toolkit.batch.task import Job, Limits, Stopped, perform, stored
 from autophyx_tet.toolkit.options import BatchOptions
-from autophyx_tet.toolkit.task import Job, Limits, Stopped, perform, stored
 
 COARSE = {"edge_length_rel": "0.3", "order": "1", "cells": "16"}
 LIMITS = Limits(seconds=120, memory=8 * 10**9, threads=1)
@@ -204,7 +204,7 @@ def test_a_stopped_row_is_neither_done_nor_failed(tmp_path):
 
 
 def test_two_batches_in_one_folder_are_refused(tmp_path):
-    from autophyx_tet.toolkit.batch import _alone
+    from autophyx_tet.toolkit.batch.batch import _alone
 
     with _alone(tmp_path), pytest.raises(UsageError, match="another batch"), _alone(tmp_path):
         pass
@@ -336,7 +336,7 @@ def ray_workers(output):
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             words = path.read_bytes().split(b"\0")
-            at_work = b"autophyx_tet.toolkit.task" in words
+            at_work = b"autophyx_tet.toolkit.batch.task" in words
             if at_work and os.readlink(path.parent / "cwd").startswith(str(output)):
-                return int(words[words.index(b"autophyx_tet.toolkit.task") + 1])
+                return int(words[words.index(b"autophyx_tet.toolkit.batch.task") + 1])
     return 0

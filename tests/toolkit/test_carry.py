@@ -7,19 +7,19 @@ from typing import get_args
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.converters.bins import NameStyle
-from autophyx_tet.converters.density import DensityGrid, read_density, write_density
-from autophyx_tet.converters.export import TARGETS
-from autophyx_tet.converters.points import PointTable, read_points, write_points
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.converters.table import write_mesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
+from autophyx_tet.converters.mesh.table import write_mesh
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.programs.export import TARGETS
+from autophyx_tet.converters.programs.material_bins import NameStyle
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.toolkit.cli import main
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.io.references import References
+from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.options import ExportOptions, Names, Target, TransferOptions
-from autophyx_tet.toolkit.references import References
-from autophyx_tet.toolkit.sidecar import Sidecar
 
 OAK = (1.1e10, 0.35, 700.0)
 
@@ -211,7 +211,7 @@ def test_an_unknown_program_is_exit_2(cli):
 
 def test_a_write_that_fails_midway_leaves_nothing(folder, monkeypatch):
     """FEniCSx gets three files: none of them is there when the last one fails."""
-    from autophyx_tet.converters import fenics
+    from autophyx_tet.converters.programs import fenics
 
     def fail(*_, **__):
         raise KeyboardInterrupt

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 import tyro
-from autophyx_tet.toolkit.cli import COMMANDS, main
+from autophyx_tet.toolkit.cli.main import COMMANDS, main
 
 HEAVY = {"torch", "warp", "open3d", "pymeshlab", "pytetwild", "igl", "trimesh", "meshio", "scipy"}
 
@@ -32,7 +32,7 @@ def run_cli(*arguments, cwd=None):
 @pytest.mark.parametrize("command", [None, *COMMANDS])
 def test_help_loads_no_heavy_package(command):
     code = (
-        "import sys\nfrom autophyx_tet.toolkit.cli import main\n"
+        "import sys\nfrom autophyx_tet.toolkit.cli.main import main\n"
         f"try: main({[command, '--help'] if command else ['--help']})\n"
         "except SystemExit as done: assert done.code == 0\n"
         "print(*sorted({m.split('.')[0] for m in sys.modules}))"
@@ -172,8 +172,8 @@ def test_unknown_option_is_exit_2(cube):
 @pytest.mark.slow
 def test_assign_and_simulate_from_files(cube_msh, tmp_path):
     """oak cube: table values on every tet; then a sag that scales with 1/E."""
-    from autophyx_tet.converters.table import read_mesh
-    from autophyx_tet.fem.table import load_table
+    from autophyx_tet.converters.mesh.table import read_mesh
+    from autophyx_tet.fem.scene.materials import load_table
 
     target = tmp_path / "m.msh"
     done = run_cli("assign", cube_msh, "--text", "oak cube", "-o", target, "--json")

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.conversion import SHARE_TOLD, measure_distances
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import repair
+from autophyx_tet.toolkit.meshing.conversion_report import SHARE_TOLD, measure_distances
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
 
 EPSILON = 0.02
 

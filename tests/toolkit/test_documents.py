@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.cli import main
+from autophyx_tet.toolkit.cli.main import main
 
 SCHEMA = 1
 

@@ -15,12 +15,12 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.readers import CARRIERS, READERS, read
-from autophyx_tet.toolkit.references import References
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import repair
-from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.io.readers import CARRIERS, READERS, read
+from autophyx_tet.toolkit.io.references import References
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -11,15 +11,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.density import DensityGrid, write_density
-from autophyx_tet.converters.points import PointTable, write_points
-from autophyx_tet.converters.splats import standard_columns
-from autophyx_tet.converters.table import write_mesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.grids.density import DensityGrid, write_density
+from autophyx_tet.converters.mesh.table import write_mesh
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import AutophyxError, InputError
-from autophyx_tet.toolkit.adopt import SUFFIXES, adopt
-from autophyx_tet.toolkit.readers import CARRIERS, read
-from autophyx_tet.toolkit.references import References
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.io.readers import CARRIERS, read
+from autophyx_tet.toolkit.io.references import References
+from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, adopt
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

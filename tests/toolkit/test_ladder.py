@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.filling import by_cells, conforming
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import repair
+from autophyx_tet.toolkit.meshing.engine_run import by_cells, conforming
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
 
 
 def cube_in_a_grid():

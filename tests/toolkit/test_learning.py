@@ -3,7 +3,7 @@
 import pytest
 import tyro
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.toolkit.cli_learning import COMMANDS
+from autophyx_tet.toolkit.cli.learning import COMMANDS
 from autophyx_tet.toolkit.learning import build_dataset, show_dataset, train
 
 CONFIG = """

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.toolkit.bonsai import write_bonsai
-from autophyx_tet.toolkit.load import load_asset
+from autophyx_tet.toolkit.io.bonsai import write_bonsai
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.io.readers import absolute_indices
 from autophyx_tet.toolkit.options import METRES
-from autophyx_tet.toolkit.readers import absolute_indices
-from autophyx_tet.toolkit.repair import repair
-from autophyx_tet.toolkit.surface import component_volumes
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.surface import component_volumes
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY = (

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.offset import hollowed, thickened, vertex_offsets
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import repair
-from autophyx_tet.toolkit.surface import component_volumes
-from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.offset import hollowed, thickened, vertex_offsets
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.surfaces.surface import component_volumes
 
 
 def _hollow_volume(mesh, wall):

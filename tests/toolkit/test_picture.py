@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.predictors.appearance import to_srgb
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.cameras import look_at
-from autophyx_tet.toolkit.bonsai import FINISHES, bonsai
-from autophyx_tet.toolkit.picture import (
+from autophyx_tet.predictors.images.appearance import to_srgb
+from autophyx_tet.predictors.images.cameras import look_at
+from autophyx_tet.toolkit.io.bonsai import FINISHES, bonsai
+from autophyx_tet.toolkit.report.picture import (
     asset_panel,
     exaggeration,
     mesh_panel,
@@ -17,8 +17,8 @@ from autophyx_tet.toolkit.picture import (
     render_png,
     story,
 )
-from autophyx_tet.toolkit.scale import Scale, rgb
-from autophyx_tet.toolkit.tracer import Surface, trace
+from autophyx_tet.toolkit.report.scale import Scale, rgb
+from autophyx_tet.toolkit.report.tracer import Surface, trace
 from PIL import Image
 
 

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.table import read_mesh
-from autophyx_tet.fem.table import load_table
-from autophyx_tet.toolkit import sweethome3d
-from autophyx_tet.toolkit.cli import main
+from autophyx_tet.converters.mesh.table import read_mesh
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.io import sweethome3d
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.offset import hollowed
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import repair
-from autophyx_tet.toolkit.sweethome3d import catalog, extract
-from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.triangles import closest
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.io.sweethome3d import catalog, extract
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.offset import hollowed
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.surfaces.triangles import closest
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit import repair as repair_module
-from autophyx_tet.toolkit.regions import Solids
-from autophyx_tet.toolkit.repair import RepairReport, repair
-from autophyx_tet.toolkit.surface import (
+from autophyx_tet.toolkit.surfaces import repair as repair_module
+from autophyx_tet.toolkit.surfaces.repair import RepairReport, repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.surfaces.surface import (
     Surface,
     component_volumes,
     open_components,
     unbalanced_edges,
 )
-from autophyx_tet.toolkit.triangles import winding_numbers
-from autophyx_tet.toolkit.welding import WELD_REL
+from autophyx_tet.toolkit.surfaces.triangles import winding_numbers
+from autophyx_tet.toolkit.surfaces.welding import WELD_REL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

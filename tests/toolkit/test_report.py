@@ -7,10 +7,12 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.toolkit.report import (
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.report.data import payload
+from autophyx_tet.toolkit.report.html import mass_words, si, volume_words
+from autophyx_tet.toolkit.report.report import (
     Band,
     Case,
     PartRow,
@@ -19,8 +21,6 @@ from autophyx_tet.toolkit.report import (
     report_page,
     write_report,
 )
-from autophyx_tet.toolkit.report_data import payload
-from autophyx_tet.toolkit.report_html import mass_words, si, volume_words
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -153,7 +153,7 @@ def test_long_motions_are_thinned_and_the_page_says_so(monkeypatch):
     """A motion beyond the page's room keeps its first and last frame, and a warning counts."""
     long = case(frames=100)
     monkeypatch.setattr(
-        "autophyx_tet.toolkit.report_data.MOTION_NUMBERS", 10 * long.mesh.points.size
+        "autophyx_tet.toolkit.report.data.MOTION_NUMBERS", 10 * long.mesh.points.size
     )
     page = report_page(content(long))
     assert data_of(page)["cases"][0]["times"][::9] == [0, 1]

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.mesh import boundary_faces
-from autophyx_tet.toolkit.report import write_report
+from autophyx_tet.fem.scene.mesh import boundary_faces
+from autophyx_tet.toolkit.report.report import write_report
 from PIL import Image
 
 from .test_report import HOSTILE, case, content

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.pvd import read_pvd
-from autophyx_tet.converters.table import read_data, write_mesh
-from autophyx_tet.fem.box import box_mesh
+from autophyx_tet.converters.mesh.pvd import read_pvd
+from autophyx_tet.converters.mesh.table import read_data, write_mesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation import Moving, Ringing, Settled
+from autophyx_tet.toolkit.results.simulation import Moving, Ringing, Settled
 
 LENGTH, SIDE = 1.0, 0.1
 

@@ -1,9 +1,9 @@
 """What a person reads: tables of every verb, each verdict with its way out, frames in one line."""
 
 import pytest
-from autophyx_tet.fem.checks import Check
-from autophyx_tet.toolkit.report_content import ADVICE, Verdict
-from autophyx_tet.toolkit.terminal import show
+from autophyx_tet.fem.verdicts import Check
+from autophyx_tet.toolkit.cli.terminal import show
+from autophyx_tet.toolkit.report.content import ADVICE, Verdict
 
 
 def shown(capsys, document):

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.box import box_mesh
 from autophyx_tet.fem.errors import NoVolumeError, UsageError
+from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit import cache
-from autophyx_tet.toolkit.child import ChildFailure
-from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.native import cache
+from autophyx_tet.toolkit.native.child import ChildFailure
 
 # Coarse and quick: the laws below do not depend on resolution.
 QUICK = {"edge_length_rel": 0.2, "epsilon_rel": 5e-3, "stop_energy": 20.0}

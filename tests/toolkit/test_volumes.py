@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.density import DensityGrid, write_density
-from autophyx_tet.converters.points import PointTable, write_points
-from autophyx_tet.converters.splats import standard_columns
+from autophyx_tet.converters.grids.density import DensityGrid, write_density
+from autophyx_tet.converters.points.splats import standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import InputError, NoVolumeError
-from autophyx_tet.toolkit import clouds
-from autophyx_tet.toolkit.clouds import guessed_share
-from autophyx_tet.toolkit.load import load_asset
-from autophyx_tet.toolkit.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.io import clouds
+from autophyx_tet.toolkit.io.clouds import guessed_share
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 
 BALL = 4 / 3 * np.pi
 

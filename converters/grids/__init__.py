@@ -1,0 +1,1 @@
+"""Density grids of radiance fields."""

@@ -1,0 +1,153 @@
+"""What a mesh file holds: the tet mesh and every other array on its points and tets."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+
+from ...fem.errors import InputError
+from ...fem.scene.material import ElementMaterial
+from ...fem.scene.mesh import TetMesh, signed_volumes
+
+if TYPE_CHECKING:
+    import meshio
+
+log = logging.getLogger(__name__)
+
+MATERIAL = ("E", "nu", "rho")
+# Cell arrays that say which region a tet belongs to, the most specific first.
+REGION_TAGS = ("region", "gmsh:physical", "medit:ref", "mat_id")
+_OURS = {*MATERIAL, *REGION_TAGS, "gmsh:geometrical"}
+
+# What a name between quotes or on a line of its own cannot hold, and the escape itself.
+_SPECIAL = re.compile(r'[\x00-\x1f\x7f-\xa0"%\u2028\u2029]')
+
+Arrays = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshData:
+    """A mesh with the other arrays of its file.
+
+    ``point_data`` has one row a point, ``cell_data`` one row a tet; ``ignored`` counts what the
+    file held beside tets, by kind of cell, and how many unused points were left out.
+    """
+
+    mesh: TetMesh
+    point_data: Arrays = field(default_factory=dict)
+    cell_data: Arrays = field(default_factory=dict)
+    ignored: Mapping[str, int] = field(default_factory=dict)
+
+
+def escape(name: str) -> str:
+    """Name without quotes and line ends: those are percent-encoded, ``unquote`` gives them back."""
+    return _SPECIAL.sub(lambda match: quote(match[0]), name)
+
+
+def cell_arrays(mesh: TetMesh, extra: Arrays | None = None) -> dict[str, np.ndarray]:
+    """Cell arrays of a mesh by the names of the project: E, nu, rho, region, mat_id, and more."""
+    arrays = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in MATERIAL}
+    arrays |= {"region": mesh.region, "mat_id": mesh.region + 1}
+    return arrays | checked(extra, len(mesh.tets), "tet")
+
+
+def checked(arrays: Arrays | None, count: int, what: str) -> dict[str, np.ndarray]:
+    """Return the arrays after a check that each has ``count`` rows; flags become uint8."""
+    result = {}
+    for name, values in (arrays or {}).items():
+        values = np.asarray(values)
+        if len(values) != count:
+            raise InputError(f"array {name!r} has {len(values)} rows, wanted one a {what}: {count}")
+        result[name] = values.astype(np.uint8) if values.dtype == bool else values
+    return result
+
+
+def assemble(
+    points: np.ndarray,
+    tets: np.ndarray,
+    *,
+    point_data: Arrays,
+    cell_data: Arrays,
+    names: Mapping[int, str],
+    ignored: Mapping[str, int],
+) -> MeshData:
+    """Build the mesh from what a file held: tags become regions, E, nu, rho the material.
+
+    ``names`` maps a tag to the name of its region. Points that no tet uses are left out.
+    """
+    if len(tets) == 0:
+        held = ", ".join(f"{n} {kind}" for kind, n in ignored.items()) or "no cells"
+        raise InputError(f"the file holds no tets, got {held}; wanted a volume mesh of tets")
+    points, point_data, tets, unused = _used(np.asarray(points), point_data, np.asarray(tets))
+    ignored = {**ignored, **({"unused points": unused} if unused else {})}
+    if ignored:
+        log.warning("ignored: %s", ", ".join(f"{n} {kind}" for kind, n in ignored.items()))
+    mirrored = int((signed_volumes(points, tets) < 0).sum())
+    if mirrored:
+        log.info("turned %d mirrored tets of %d", mirrored, len(tets))
+    region, region_names = _regions(cell_data, names, len(tets))
+    material = None
+    if all(name in cell_data for name in MATERIAL):
+        material = ElementMaterial(*(np.ravel(cell_data[name]) for name in MATERIAL))
+    mesh = TetMesh.oriented(points, tets, region, region_names=region_names, material=material)
+    known = _OURS if material is not None else _OURS - set(MATERIAL)
+    extra = {name: values for name, values in cell_data.items() if name not in known}
+    return MeshData(mesh, point_data, extra, ignored)
+
+
+def from_meshio(source: meshio.Mesh, names: Mapping[int, str] | None = None) -> MeshData:
+    """Keep the tets of a meshio mesh with their data; other cells are counted in ``ignored``."""
+    blocks = [i for i, block in enumerate(source.cells) if block.type == "tetra"]
+    ignored: dict[str, int] = {}
+    for block in source.cells:
+        if block.type != "tetra":
+            ignored[block.type] = ignored.get(block.type, 0) + len(block.data)
+    tets = [source.cells[i].data for i in blocks]
+    if names is None:  # meshio keeps Gmsh's physical names as {name: [tag, dimension]}
+        names = {int(v[0]): k for k, v in source.field_data.items() if len(v) == 2 and v[1] == 3}
+    return assemble(
+        source.points,
+        np.concatenate(tets) if tets else np.empty((0, 4), dtype=np.int32),
+        point_data={name: np.asarray(values) for name, values in source.point_data.items()},
+        cell_data={
+            name: np.concatenate([np.asarray(values[i]) for i in blocks])
+            for name, values in source.cell_data.items()
+            if blocks
+        },
+        names=names,
+        ignored=ignored,
+    )
+
+
+def _used(points, point_data, tets):
+    """Points, data and tets without the points that no tet names, and how many those were."""
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points must have three coordinates, got an array of {points.shape}")
+    if tets.min() < 0 or tets.max() >= len(points):
+        raise InputError(
+            f"tets name points {tets.min()}..{tets.max()}, the file has 0..{len(points) - 1}"
+        )
+    used = np.zeros(len(points), dtype=bool)
+    used[tets] = True
+    data = {name: values[used] for name, values in point_data.items()}
+    return points[used], data, (np.cumsum(used) - 1)[tets], int((~used).sum())
+
+
+def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Region of every tet and the names of all regions, from the first tag array there is."""
+    key = next((name for name in REGION_TAGS if name in cell_data), None)
+    if key is None:
+        return np.zeros(count, dtype=np.int32), ("body",)
+    tags = np.ravel(cell_data[key])
+    if not np.array_equal(tags, np.rint(tags)):
+        raise InputError(f"cell array {key!r} must hold whole numbers, got {tags[:3]} ...")
+    tags = tags.astype(np.int64)
+    wanted = np.union1d(tags, np.fromiter(names, dtype=np.int64))
+    labels = [names.get(int(tag), f"region {tag}") for tag in wanted]
+    return np.searchsorted(wanted, tags).astype(np.int32), tuple(labels)

@@ -1,0 +1,1 @@
+"""Points with columns: clouds and Gaussian splats in all their files."""

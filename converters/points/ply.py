@@ -1,0 +1,159 @@
+"""PLY: the vertex table with every property and its order kept; other elements pass through."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import BinaryIO, Literal
+
+import numpy as np
+
+from ...fem.errors import InputError
+from ..files import reading, writing
+
+WANTED = "a PLY file with a vertex element of scalar properties"
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_NAMES = {code: name for name, code in reversed(_TYPES.items())}
+_ORDERS: dict[str, Literal["=", "<", ">"]] = {
+    "ascii": "=",
+    "binary_little_endian": "<",
+    "binary_big_endian": ">",
+}
+_HEADER_LINES = 10_000  # a header longer than this is not one
+
+
+@dataclass(frozen=True, eq=False)
+class Ply:
+    """Elements of a PLY file: structured arrays by name, in order.
+
+    ``rest`` are the header lines and the bytes of the elements from the first with a list property
+    on (faces), kept as they are; ``encoding`` is ``ascii`` or one of the two binary ones.
+    """
+
+    elements: dict[str, np.ndarray]
+    comments: tuple[str, ...] = ()
+    encoding: str = "binary_little_endian"
+    rest: tuple[tuple[str, ...], bytes] = field(default=((), b""))
+
+    @property
+    def vertex(self) -> np.ndarray:
+        """The table of vertices."""
+        return self.elements["vertex"]
+
+
+def read_ply(path: str | os.PathLike) -> Ply:
+    """Read a PLY file; its ``vertex`` element must have scalar properties only."""
+    with reading(path, WANTED) as source, source.open("rb") as file:
+        header = _header(file)
+        encoding, comments, declared, rest = _parse(header)
+        elements = {}
+        for name, count, dtype in declared:
+            if encoding == "ascii":
+                elements[name] = _ascii_rows(file, count, dtype)
+            else:
+                elements[name] = _binary_rows(file, count, dtype.newbyteorder(_ORDERS[encoding]))
+        if "vertex" not in elements:
+            raise InputError(f"{path} has no vertex element of scalars; wanted {WANTED}")
+        return Ply(elements, comments, encoding, (rest, file.read()))
+
+
+def write_ply(path: str | os.PathLike, ply: Ply) -> None:
+    """Write a PLY file in its own encoding."""
+    lines = ["ply", f"format {ply.encoding} 1.0", *(f"comment {c}" for c in ply.comments)]
+    for name, table in ply.elements.items():
+        lines.append(f"element {name} {len(table)}")
+        for column in table.dtype.names or ():
+            lines.append(f"property {_NAMES[table.dtype[column].str[1:]]} {column}")
+    rest_header, rest = ply.rest
+    header = "\n".join([*lines, *rest_header, "end_header\n"])
+    with writing(path) as target, target.open("wb") as file:
+        file.write(header.encode("utf-8"))
+        for table in ply.elements.values():
+            if ply.encoding == "ascii":
+                file.writelines(_ascii_lines(table))
+            else:
+                order = table.dtype.newbyteorder(_ORDERS[ply.encoding])
+                file.write(np.ascontiguousarray(table.astype(order, copy=False)).data)
+        file.write(rest)
+
+
+def columns_table(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Structured array of columns, in order; values keep their type."""
+    dtype = [(name, np.asarray(values).dtype) for name, values in columns.items()]
+    table = np.empty(len(next(iter(columns.values()))), dtype=dtype)
+    for name, values in columns.items():
+        table[name] = values
+    return table
+
+
+def _header(file: BinaryIO) -> list[str]:
+    lines = []
+    for _ in range(_HEADER_LINES):
+        line = file.readline(4096)
+        lines.append(line.decode("utf-8", errors="replace").strip("\r\n"))
+        if lines[0].strip() != "ply":
+            raise InputError(f"first line is {lines[0][:20]!r}, wanted 'ply'")
+        if lines[-1].strip() == "end_header":
+            return lines[1:-1]
+        if not line:
+            break
+    raise InputError("the header has no end_header line")
+
+
+def _parse(header: list[str]):
+    """Encoding, comments, elements (name, count, dtype) and the lines from a list element on."""
+    encoding, comments, declared = "", [], []
+    starts = [i for i, line in enumerate(header) if line.startswith("element ")]
+    lists = [i for i, line in enumerate(header) if line.startswith("property list ")]
+    first_list = max((i for i in starts if lists and i < lists[0]), default=len(header))
+    for line in header[:first_list]:
+        words = line.split()
+        if not words or words[0] == "obj_info":
+            continue
+        if words[0] == "comment":
+            comments.append(line[8:])
+        elif words[0] == "format" and len(words) > 1 and words[1] in _ORDERS:
+            encoding = words[1]
+        elif words[0] == "element" and len(words) == 3:
+            declared.append((words[1], int(words[2]), []))
+        elif words[0] == "property" and len(words) == 3 and words[1] in _TYPES and declared:
+            declared[-1][2].append((words[2], _TYPES[words[1]]))
+        else:
+            raise InputError(f"header line {line[:60]!r} is not PLY")
+    if not encoding:
+        raise InputError("the header names no known format")
+    elements = [(name, count, np.dtype(fields)) for name, count, fields in declared]
+    return encoding, tuple(comments), elements, tuple(header[first_list:])
+
+
+def _binary_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
+    left = os.fstat(file.fileno()).st_size - file.tell()
+    if not 0 <= count * dtype.itemsize <= left:
+        raise InputError(
+            f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} bytes more"
+        )
+    rows = np.fromfile(file, dtype=dtype, count=count)
+    return rows.astype(dtype.newbyteorder("="), copy=False)
+
+
+def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
+    if count > os.fstat(file.fileno()).st_size:
+        raise InputError(f"{count} rows were announced in a file of fewer bytes")
+    rows = [tuple(file.readline().split()) for _ in range(count)]
+    if rows and {len(row) for row in rows} != {len(dtype.names or ())}:
+        raise InputError(f"a row has not the {len(dtype.names or ())} values that were announced")
+    table = np.empty(count, dtype=dtype)
+    for name, values in zip(dtype.names or (), zip(*rows, strict=True), strict=False):
+        table[name] = np.array(values, dtype="S").astype(dtype[name])
+    return table
+
+
+def _ascii_lines(table: np.ndarray) -> Iterator[bytes]:
+    """Rows as text that reads back exactly."""
+    return (f"{' '.join(map(repr, row))}\n".encode() for row in table.tolist())

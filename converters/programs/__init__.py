@@ -1,0 +1,1 @@
+"""Programs that we export to, one file each."""

@@ -1,0 +1,161 @@
+"""Binned materials, for targets that know one material a group of tets; and names of arrays."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ...fem.errors import InputError
+from ...fem.scene.material import ElementMaterial
+from ...fem.scene.mesh import TetMesh
+
+log = logging.getLogger(__name__)
+
+UpAxis = Literal["x", "y", "z"]
+NameStyle = Literal["symbols", "usd", "vomp", "pixie", "newton"]
+
+# What E, nu, rho are called on export. Newton takes the Lame parameters instead.
+NAMES: dict[str, tuple[str, str, str]] = {
+    "symbols": ("E", "nu", "rho"),
+    "usd": ("youngsModulus", "poissonsRatio", "density"),
+    "vomp": ("youngs_modulus", "poisson_ratio", "density"),
+    "pixie": ("E", "nu", "density"),
+}
+_ITERATIONS = 30
+# Decimals of log10 E, nu and log10 rho that tell two materials apart: values of one part that went
+# through a field differ in the last bits of fp64, and are one material.
+_DIGITS = 9
+
+
+class BinError(NamedTuple):
+    """What binning changed: largest and volume-weighted mean |change|, for each of E, nu, rho.
+
+    E and rho in decades (log10), nu plainly.
+    """
+
+    largest: tuple[float, float, float]
+    mean: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """One material a bin: ``E`` [Pa], ``nu``, ``rho`` [kg/m^3] (bins,), ``label`` (tets,)."""
+
+    E: np.ndarray
+    nu: np.ndarray
+    rho: np.ndarray
+    label: np.ndarray
+    error: BinError
+
+    def __len__(self) -> int:
+        return len(self.E)
+
+    @property
+    def material(self) -> ElementMaterial:
+        """The binned material of every tet."""
+        return ElementMaterial(self.E[self.label], self.nu[self.label], self.rho[self.label])
+
+
+def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
+    """Group tets of like (log10 E, nu, log10 rho); exact where there are no more than ``bins``.
+
+    Otherwise by k-means. A bin has the mean log10 E, mean nu and mean rho of its volume, so that
+    the mass stays the same.
+    """
+    if bins < 1:
+        raise InputError(f"bins must be at least 1, got {bins}")
+    material = material_of(mesh)
+    exact = np.stack([material.E, material.nu, material.rho], axis=1)
+    plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
+    rounded = np.round(plain, _DIGITS)
+    rows, first, label = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    if len(rows) <= bins:
+        none = BinError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        return Bins(*exact[first].T, label=label.ravel(), error=none)
+    weight = mesh.volumes
+    label = _cluster(rounded, weight, bins)
+    share = np.bincount(label, weight)
+    logE, nu, rho = (
+        np.bincount(label, weight * values) / share
+        for values in (plain[:, 0], plain[:, 1], material.rho)
+    )
+    change = np.abs(np.stack([logE, nu, np.log10(rho)], axis=1)[label] - plain)
+    error = BinError(_three(change.max(axis=0)), _three(weight @ change / weight.sum()))
+    log.info("binned %d materials into %d: %s", len(rows), len(share), error)
+    return Bins(10**logE, nu, rho, label, error)
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    E, nu, rho = values.tolist()
+    return E, nu, rho
+
+
+def _cluster(values: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
+    """Label of every row by k-means on columns of equal spread, without empty bins.
+
+    It starts from halving, again and again, the bin of the largest weighted variance, so that the
+    answer depends on no seed.
+    """
+    from scipy.spatial import KDTree
+
+    spread = np.ptp(values, axis=0)
+    scaled = (values - values.min(axis=0)) / np.where(spread > 0, spread, 1)
+    label = _halve(scaled, weight, bins)
+    for _ in range(_ITERATIONS):
+        total = np.bincount(label, weight)
+        centres = [np.bincount(label, weight * column) / total for column in scaled.T]
+        nearest = np.unique(KDTree(np.stack(centres, 1)).query(scaled)[1], return_inverse=True)[1]
+        if np.array_equal(nearest, label):
+            break
+        label = nearest
+    return label
+
+
+def _halve(scaled: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
+    """Label of every row after halving the bin of largest weighted variance ``bins - 1`` times."""
+    label = np.zeros(len(scaled), dtype=np.int64)
+    waiting = [_variance(scaled, weight, np.arange(len(scaled)))]
+    for new in range(1, bins):
+        worst = max(range(len(waiting)), key=lambda i: waiting[i][0])
+        variance, axis, rows = waiting.pop(worst)
+        if variance == 0:
+            break
+        column = scaled[rows, axis]
+        upper = column > np.average(column, weights=weight[rows])
+        label[rows[upper]] = new
+        waiting += [_variance(scaled, weight, rows[part]) for part in (upper, ~upper)]
+    return label
+
+
+def _variance(scaled, weight, rows) -> tuple[float, int, np.ndarray]:
+    """Weighted sum of squares about the mean, the axis with most of it, and the rows."""
+    mean = np.average(scaled[rows], axis=0, weights=weight[rows])
+    squares = weight[rows] @ (scaled[rows] - mean) ** 2
+    return float(squares.sum()), int(squares.argmax()), rows
+
+
+def material_of(mesh: TetMesh) -> ElementMaterial:
+    """Return the material of a mesh, or say what to do where it has none."""
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    return mesh.material
+
+
+def named_arrays(mesh: TetMesh, names: str) -> dict[str, np.ndarray]:
+    """Per-tet arrays under the names of another program; ``newton``: k_mu, k_lambda [Pa], rho."""
+    material = material_of(mesh)
+    if names == "newton":
+        lam, mu = material.lame
+        return {"k_mu": mu, "k_lambda": lam, "rho": material.rho}
+    if names not in NAMES:
+        raise InputError(f"unknown names {names!r}; known are {[*NAMES, 'newton']}")
+    return dict(zip(NAMES[names], (material.E, material.nu, material.rho), strict=True))
+
+
+def vertex_masses(mesh: TetMesh) -> np.ndarray:
+    """Mass [kg] of every point: a quarter of rho V of each tet around it, shape (points,)."""
+    share = material_of(mesh).rho * mesh.volumes / 4
+    return np.bincount(mesh.tets.ravel(), np.repeat(share, 4), len(mesh.points))

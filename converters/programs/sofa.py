@@ -1,0 +1,65 @@
+"""SOFA: a .scn scene beside a .msh; E varies a tet through local stiffness factors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...fem.scenarios.static import rest
+from ...fem.scene.mesh import TetMesh
+from ..files import writing
+from ..mesh.msh import write_msh
+from .material_bins import material_of, vertex_masses
+
+if TYPE_CHECKING:
+    from .export import ExportOptions
+
+_SCENE = """<?xml version="1.0"?>
+<Node name="root" dt="0.01" gravity="{gravity}">
+  <RequiredPlugin name="Sofa.Component"/>
+  <DefaultAnimationLoop/>
+  <Node name="body">
+    <EulerImplicitSolver/>
+    <CGLinearSolver iterations="200" tolerance="1e-9" threshold="1e-9"/>
+    <MeshGmshLoader name="mesh" filename="{mesh}"/>
+    <TetrahedronSetTopologyContainer src="@mesh"/>
+    <TetrahedronSetGeometryAlgorithms template="Vec3"/>
+    <MechanicalObject template="Vec3" src="@mesh"/>
+    <DiagonalMass vertexMass="{masses}"/>
+    <TetrahedronFEMForceField method="large" youngModulus="{young}" poissonRatio="{poisson}"
+      localStiffnessFactor="{factors}"/>
+    <FixedProjectiveConstraint indices="{held}"/>
+  </Node>
+</Node>
+"""
+
+
+def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
+    """Write scene and mesh: largest E times a factor a tet, masses at the points.
+
+    SOFA knows one Poisson's ratio a force field: it is the mean over the volume.
+    """
+    material = material_of(mesh)
+    axis = "xyz".index(options.up)
+    supports = options.supports or rest(mesh, axis)[0]
+    mesh_path = path.with_suffix(".msh")
+    young = float(material.E.max())
+    scene = _SCENE.format(
+        gravity=_row(-options.gravity * np.eye(3)[axis]),
+        mesh=mesh_path.name.replace("&", "&amp;").replace('"', "&quot;"),
+        masses=_row(vertex_masses(mesh)),
+        young=repr(young),
+        poisson=repr(float(material.nu @ mesh.volumes / mesh.volume)),
+        factors=_row(material.E / young),
+        held=_row(np.flatnonzero(supports.fixed.all(axis=1))),
+    )
+    write_msh(mesh_path, mesh)
+    with writing(path) as target:
+        target.write_text(scene, encoding="utf-8")
+    return [path, mesh_path]
+
+
+def _row(values: np.ndarray) -> str:
+    return " ".join(map(repr, values.tolist()))

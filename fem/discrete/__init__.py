@@ -1,0 +1,1 @@
+"""The body in finitely many numbers: spaces, sparse matrices, mass, forces, strains."""

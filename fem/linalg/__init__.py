@@ -1,0 +1,1 @@
+"""Linear systems of 3 x 3 blocks: direct where small, preconditioned where large."""

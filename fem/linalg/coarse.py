@@ -1,0 +1,213 @@
+"""Coarse space of the two-level preconditioner: smoothed rigid motions of groups of nodes."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..device import start_warp
+from ..discrete.assembly import BlockMatrix
+from ..errors import ConvergenceError
+from .aggregation import STRENGTH, boxes, split_weak
+from .krylov import Recorder
+
+logger = logging.getLogger(__name__)
+
+# Boxes of the coarse space, six unknowns each. A dense factor of 1536 takes a CPU 50 ms; a GPU
+# inverts the matrix, for which fewer unknowns pay.
+BOXES = 256
+BOXES_GPU = 128
+NODES_PER_BOX = 100
+# Share by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent rigid
+# modes of small groups leave it singular to round-off.
+RAISE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Groups of nodes, arrays on a device.
+
+    ``label`` (nodes,) is the group of every node, ``centre`` (groups, 3) [m] its mean, ``extent``
+    (groups,) [m] the largest distance from it along an axis.
+    """
+
+    label: Any
+    centre: Any
+    extent: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """Prolongation P (block CSR of 3 x 6), and the coarse matrix factored (CPU) or inverted.
+
+    ``members`` lists P by columns on a GPU: where those of every aggregate start, entries, rows.
+    """
+
+    start: Any
+    aggregates: Any
+    transfer: Any
+    members: tuple[Any, Any, Any] | None
+    count: int
+    factor: tuple | None
+    inverse: Any
+
+
+# Boxes of the last meshes, by the identity of their points: materials come and go on one mesh.
+_RECENT: list[tuple[np.ndarray, Any, Groups]] = []
+_KEPT = 4
+
+
+def make_groups(points: np.ndarray, label: np.ndarray, device: Any) -> Groups:
+    """Groups of the nodes at ``points`` (nodes, 3) [m] with the same ``label`` (nodes,)."""
+    wp = start_warp()
+    size = np.bincount(label)
+    sums = [np.bincount(label, points[:, k]) for k in range(3)]
+    centre = np.stack(sums, axis=1) / size[:, None]
+    reach = np.abs(points - centre[label]).max(axis=1)
+    start = np.cumsum(size) - size
+    extent = np.maximum.reduceat(reach[np.argsort(label, kind="stable")], start)
+    extent[extent == 0] = 1.0
+    return Groups(
+        wp.array(label, dtype=wp.int32, device=device),
+        wp.array(centre, dtype=wp.vec3d, device=device),
+        wp.array(extent, dtype=wp.float64, device=device),
+    )
+
+
+def _boxes(points: np.ndarray, device: Any) -> Groups:
+    """Boxes of about equally many nodes."""
+    for known, where, groups in _RECENT:
+        if known is points and where == device:
+            return groups
+    most = BOXES_GPU if device.is_cuda else BOXES
+    count = min(most, max(1, len(points) // NODES_PER_BOX))
+    groups = make_groups(points, boxes(points, count), device)
+    _RECENT.insert(0, (points, device, groups))
+    del _RECENT[_KEPT:]
+    return groups
+
+
+def _groups(A: BlockMatrix, points: np.ndarray, free: Any) -> Groups:
+    """Boxes of nodes, split where the couplings of the scaled matrix ``A`` are weak."""
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    device = A.values.device
+    groups = _boxes(points, device)
+    weak = wp.zeros(1, dtype=wp.int32, device=device)
+    strength = wp.empty(len(A.columns), dtype=wp.float64, device=device)
+    inputs = [A.rows, A.columns, A.values, groups.label, free, STRENGTH, strength, weak]
+    Recorder(A.nodes, device)(k.couplings, inputs).launch()
+    if weak.numpy()[0] == 0:
+        return groups
+    rows = np.repeat(np.arange(A.nodes, dtype=np.int32), np.diff(A.rows.numpy()))
+    label = split_weak(groups.label.numpy(), rows, A.columns.numpy(), strength.numpy())
+    return make_groups(points, label, device)
+
+
+def _motions(groups: Groups, points: np.ndarray, lower: Any, free: Any) -> Any:
+    """Orthonormal rigid motions of every group in scaled unknowns, (nodes,) blocks of 3 x 6."""
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    device, count = lower.device, len(groups.extent)
+    launch = Recorder(len(points), device)
+    where = wp.array(points, dtype=wp.vec3d, device=device)
+    motion = wp.empty(len(points), dtype=k.mat36d, device=device)
+    gram, weight = (wp.zeros(count, dtype=k.mat66d, device=device) for _ in range(2))
+    of = [groups.label, groups.centre, groups.extent]
+    launch(k.rigid_motions, [where, *of, lower, free, motion, gram]).launch()
+    launch(k.orthonormalise, [gram, weight], size=count).launch()
+    launch(k.weigh, [groups.label, weight, motion]).launch()
+    return motion
+
+
+def coarsen(
+    A: BlockMatrix, lower: Any, points: np.ndarray, fixed: np.ndarray, largest: float
+) -> Coarse:
+    """Smoothed aggregation with rigid motions for the matrix ``A`` scaled by ``lower``.
+
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes, ``largest`` is the
+    largest eigenvalue of A.
+    """
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    device, pattern = A.values.device, [A.rows, A.columns]
+    free = wp.array(~fixed, dtype=wp.vec3d, device=device)
+    groups = _groups(A, points, free)
+    motion = _motions(groups, points, lower, free)
+    launch = Recorder(A.nodes, device)
+    start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
+    launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()
+    wp.utils.array_scan(start, start, inclusive=True)
+    total = int(start[A.nodes :].numpy()[0])
+    aggregates = wp.empty(total, dtype=wp.int32, device=device)
+    transfer = wp.empty(total, dtype=k.mat36d, device=device)
+    P = (start, aggregates, transfer)
+    omega = 4 / (3 * largest)
+    launch(k.smooth, [*pattern, A.values, groups.label, motion, omega, *P]).launch()
+    count = len(groups.extent)
+    matrix = wp.zeros((6 * count, 6 * count), dtype=wp.float64, device=device)
+    launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
+    raised = RAISE if device.is_cuda else 0.0
+    launch(k.mend, [raised, matrix], size=matrix.shape).launch()
+    if device.is_cuda:
+        return Coarse(*P, _members(start, aggregates, count), count, None, invert(matrix))
+    return Coarse(*P, None, count, _cholesky(matrix.numpy()), None)
+
+
+def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:
+    """Entries of a block CSR matrix by column: start of every column, entries, their rows."""
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    launch = Recorder(len(start) - 1, start.device)
+    first = wp.zeros(count + 1, dtype=wp.int32, device=start.device)
+    launch(k.count_members, [aggregates, first[1:]], size=len(aggregates)).launch()
+    wp.utils.array_scan(first, first, inclusive=True)
+    member, owner = wp.empty_like(aggregates), wp.empty_like(aggregates)
+    launch(k.list_members, [start, aggregates, wp.clone(first), member, owner]).launch()
+    return first, member, owner
+
+
+def invert(matrix: Any) -> Any:
+    """Invert a dense symmetric positive ``matrix`` of 6 x 6 blocks in place, on its device."""
+    from . import kernels_coarse as k
+
+    wp = start_warp()
+    size, device = len(matrix), matrix.device
+    row = wp.empty((6, size), dtype=wp.float64, device=device)
+    column = wp.empty((size, 6), dtype=wp.float64, device=device)
+    launch = Recorder(size, device)
+    pivot = launch(k.take_pivot, [matrix, 0, row, column])
+    step = launch(k.eliminate, [row, column, 0, matrix], size=(size, size))
+    for block in range(size // 6):
+        pivot.set_param_at_index(1, block)
+        step.set_param_at_index(2, block)
+        pivot.launch()
+        step.launch()
+    return matrix
+
+
+def _cholesky(matrix: np.ndarray):
+    """Cholesky factor of ``matrix``, in place, its diagonal raised as little as makes it positive.
+
+    Aggregates of one or two nodes have dependent rigid modes, so the matrix may be singular to
+    round-off; a preconditioner may be that much off.
+    """
+    from scipy.linalg import LinAlgError, cho_factor
+
+    diagonal = matrix.diagonal().copy()
+    matrix = matrix.T  # LAPACK's order: the lower triangle is factored in place, the upper one kept
+    for shift in (0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4):
+        np.fill_diagonal(matrix, (1 + shift) * diagonal)
+        try:
+            return cho_factor(matrix, lower=True, overwrite_a=True)
+        except LinAlgError:
+            logger.info("coarse matrix is not positive with a shift of %g", shift)
+            matrix[:] = np.triu(matrix) + np.triu(matrix, 1).T
+    raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")

@@ -1,0 +1,235 @@
+# type: ignore  (warp code: its types are warp's, not Python's)
+"""Warp kernels of the linear solver: block scaling, Chebyshev steps, transfer, CG updates."""
+
+import warp as wp
+
+from ..discrete.kernels_linear import row_times
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 6})
+
+vec6d = wp.types.vector(length=6, dtype=wp.float64)
+mat36d = wp.types.matrix(shape=(3, 6), dtype=wp.float64)
+
+
+@wp.func
+def cholesky3(a: wp.mat33d) -> wp.mat33d:
+    """Lower factor of a symmetric positive 3 x 3 matrix."""
+    z = wp.float64(0.0)
+    l00 = wp.sqrt(a[0, 0])
+    l10 = a[1, 0] / l00
+    l20 = a[2, 0] / l00
+    l11 = wp.sqrt(a[1, 1] - l10 * l10)
+    l21 = (a[2, 1] - l20 * l10) / l11
+    l22 = wp.sqrt(a[2, 2] - l20 * l20 - l21 * l21)
+    return wp.mat33d(l00, z, z, l10, l11, z, l20, l21, l22)
+
+
+@wp.func
+def invert_lower(m: wp.mat33d) -> wp.mat33d:
+    z = wp.float64(0.0)
+    i0 = wp.float64(1.0) / m[0, 0]
+    i1 = wp.float64(1.0) / m[1, 1]
+    i2 = wp.float64(1.0) / m[2, 2]
+    i10 = -m[1, 0] * i0 * i1
+    i21 = -m[2, 1] * i1 * i2
+    i20 = -(m[2, 0] * i0 + m[2, 1] * i10) * i2
+    return wp.mat33d(i0, z, z, i10, i1, z, i20, i21, i2)
+
+
+@wp.kernel
+def factor_diagonal(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    lower: wp.array(dtype=wp.mat33d),
+    inverse: wp.array(dtype=wp.mat33d),
+):
+    """Cholesky factor of every diagonal block, and its inverse."""
+    i = wp.tid()
+    for s in range(rows[i], rows[i + 1]):
+        if columns[s] == i:
+            factor = cholesky3(values[s])
+            lower[i] = factor
+            inverse[i] = invert_lower(factor)
+
+
+@wp.kernel
+def scale_blocks(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    inverse: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    """Two-sided scaling with the inverse factors: every diagonal block becomes I."""
+    i = wp.tid()
+    for s in range(rows[i], rows[i + 1]):
+        values[s] = inverse[i] * values[s] * wp.transpose(inverse[columns[s]])
+
+
+@wp.kernel
+def block_multiply(
+    blocks: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=wp.vec3d),
+    transposed: wp.bool,
+    y: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    if transposed:
+        y[i] = wp.transpose(blocks[i]) * x[i]
+    else:
+        y[i] = blocks[i] * x[i]
+
+
+@wp.kernel
+def chebyshev_start(
+    b: wp.array(dtype=wp.vec3d),
+    scale: wp.float64,
+    r: wp.array(dtype=wp.vec3d),
+    d: wp.array(dtype=wp.vec3d),
+    x: wp.array(dtype=wp.vec3d),
+):
+    """First step from x = 0."""
+    i = wp.tid()
+    r[i] = b[i]
+    d[i] = b[i] * scale
+    x[i] = b[i] * scale
+
+
+@wp.kernel
+def chebyshev_restart(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    b: wp.array(dtype=wp.vec3d),
+    x: wp.array(dtype=wp.vec3d),
+    scale: wp.float64,
+    r: wp.array(dtype=wp.vec3d),
+    d: wp.array(dtype=wp.vec3d),
+):
+    """First step from a given x; the x itself moves in `add`, after all rows have read it."""
+    i = wp.tid()
+    res = b[i] - row_times(rows, columns, values, x, i)
+    r[i] = res
+    d[i] = res * scale
+
+
+@wp.kernel
+def chebyshev_step(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    factor: wp.array(dtype=wp.vec3d),
+    old: wp.array(dtype=wp.vec3d),
+    keep: wp.float64,
+    scale: wp.float64,
+    r: wp.array(dtype=wp.vec3d),
+    d: wp.array(dtype=wp.vec3d),
+    x: wp.array(dtype=wp.vec3d),
+):
+    """Update r = r - A ``factor``, d = keep old + scale r, x = x + d; A old = A ``factor``."""
+    i = wp.tid()
+    res = r[i] - row_times(rows, columns, values, factor, i)
+    r[i] = res
+    step = keep * old[i] + scale * res
+    d[i] = step
+    x[i] = x[i] + step
+
+
+@wp.kernel
+def products(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    out: wp.array(dtype=wp.float64),
+):
+    """Row sums of A diag(x), 3 x 3 for every node: nine threads a row read what lies together."""
+    t = wp.tid()
+    i = t // 9
+    entry = t - 9 * i
+    component = entry % 3
+    total = wp.float64(0.0)
+    for s in range(rows[i], rows[i + 1]):
+        total += values[9 * s + entry] * x[3 * columns[s] + component]
+    out[t] = total
+
+
+@wp.kernel
+def add(x: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.vec3d)):
+    i = wp.tid()
+    x[i] = x[i] + d[i]
+
+
+@wp.kernel
+def subtract(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    d: wp.array(dtype=wp.vec3d),
+    r: wp.array(dtype=wp.vec3d),
+):
+    """Update r = r - A d."""
+    i = wp.tid()
+    r[i] = r[i] - row_times(rows, columns, values, d, i)
+
+
+@wp.kernel
+def restrict(
+    first: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+    r: wp.array(dtype=wp.vec3d),
+    coarse: wp.array(dtype=wp.float64),
+):
+    """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
+    a, lane = wp.tid()
+    total = vec6d()
+    for m in range(first[a] + lane, first[a + 1], wp.block_dim()):
+        total += wp.transpose(transfer[member[m]]) * r[owner[m]]
+    for c in range(6):
+        wp.tile_store(coarse, wp.tile_sum(wp.tile(total[c])), offset=6 * a + c)
+
+
+@wp.kernel
+def scatter(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+    r: wp.array(dtype=wp.vec3d),
+    coarse: wp.array(dtype=vec6d),
+):
+    """Add P^T r to ``coarse``, row by row: the faster way for one thread."""
+    i = wp.tid()
+    for s in range(start[i], start[i + 1]):
+        wp.atomic_add(coarse, aggregates[s], wp.transpose(transfer[s]) * r[i])
+
+
+@wp.kernel
+def prolong(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+    coarse: wp.array(dtype=vec6d),
+    x: wp.array(dtype=wp.vec3d),
+):
+    """Add P ``coarse`` to ``x``."""
+    i = wp.tid()
+    total = x[i]
+    for s in range(start[i], start[i + 1]):
+        total += transfer[s] * coarse[aggregates[s]]
+    x[i] = total
+
+
+@wp.kernel
+def dense_multiply(
+    matrix: wp.array2d(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    y: wp.array(dtype=wp.float64),
+):
+    """Product y = matrix x, one block of threads a row."""
+    i, lane = wp.tid()
+    total = wp.float64(0.0)
+    for k in range(lane, x.shape[0], wp.block_dim()):
+        total += matrix[i, k] * x[k]
+    wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)

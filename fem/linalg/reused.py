@@ -1,0 +1,123 @@
+"""Linear systems that change little from one to the next: the preconditioner is kept."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..device import start_warp
+from ..discrete.assembly import BlockMatrix
+from .krylov import ConjugateGradients, Recorder
+from .two_level import Scaled, TwoLevel, scale
+
+# Unknowns up to which the preconditioner is a direct factor.
+DIRECT = 4_000
+# Degree of the smoother: inertia makes the matrix better than that of statics, and a lower degree
+# costs less in all than the few iterations that it adds.
+DEGREE = 2
+# The preconditioner is made anew when CG takes so many more iterations than right after it was.
+STALE = 4
+# Iterations after which a system counts as not solvable: Newton then tries another Hessian.
+LIMIT = 600
+# Relative residuals of a linear system: never looser, so that Newton converges fast, nor tighter
+# than fp64 allows.
+LOOSEST, TIGHTEST = 1e-2, 1e-11
+
+
+class Factor:
+    """Sparse LU of a scaled matrix as the preconditioner z = M r, on the CPU."""
+
+    def __init__(self, scaled: Scaled) -> None:
+        from scipy.sparse.linalg import splu
+
+        wp = start_warp()
+        matrix = scaled.matrix.to_scipy().tocsc()
+        options = {"SymmetricMode": True}
+        self.lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        self.r, self.z = (
+            wp.zeros(scaled.matrix.nodes, dtype=wp.vec3d, device="cpu") for _ in range(2)
+        )
+
+    def apply(self) -> None:
+        """Compute ``z`` from ``r``."""
+        self.z.numpy()[:] = self.lu.solve(self.r.numpy().reshape(-1)).reshape(-1, 3)
+
+
+class _Kept(NamedTuple):
+    """What is expensive: scaling and preconditioner of ``system``, CG of the ``current`` matrix."""
+
+    system: Scaled
+    current: BlockMatrix
+    cg: ConjugateGradients
+    r: Any
+
+
+class RepeatedSolver:
+    """Solves A x = b to the accuracy that Newton needs, keeping what is expensive.
+
+    Parameters
+    ----------
+    points
+        Node positions [m], shape (nodes, 3).
+    fixed
+        Prescribed components, shape (nodes, 3).
+    """
+
+    def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:
+        self.points, self.fixed = points, fixed
+        self._kept: _Kept | None = None
+        self._usual = 0
+
+    def __call__(self, matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
+        """Return x with |b - A x| <= ``goal`` [N], within the limits; NaN if A is not positive."""
+        share = 0.3 * goal / max(float(np.linalg.norm(b)), 1e-300)
+        target = float(np.clip(share, TIGHTEST, LOOSEST) * np.linalg.norm(b))
+        if self._kept is not None:
+            x, iterations = self._iterate(self._kept, matrix, b, target, self._usual + STALE)
+            if x is not None:
+                return x
+            self._kept = None
+            if iterations == 0:  # not positive: another preconditioner will not help
+                return np.full_like(b, np.nan)
+        self._kept = self._fresh(matrix)
+        if self._kept is None:
+            return np.full_like(b, np.nan)
+        x, self._usual = self._iterate(self._kept, matrix, b, target, LIMIT)
+        return np.full_like(b, np.nan) if x is None else x
+
+    def _fresh(self, matrix: BlockMatrix) -> _Kept | None:
+        """Preconditioner of ``matrix``; none if a diagonal block is not positive."""
+        wp = start_warp()
+        system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
+        if np.isnan(system.largest):
+            return None
+        if 3 * matrix.nodes <= DIRECT and not matrix.values.device.is_cuda:
+            cycle = Factor(system)  # a graph of a GPU could not call it
+        else:
+            cycle = TwoLevel(system, self.points, self.fixed, DEGREE)
+        # CG has a matrix of its own, whose values are those of every new system in turn.
+        current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
+        cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
+        return _Kept(system, current, cg, cycle.r)
+
+    @staticmethod
+    def _iterate(
+        kept: _Kept, matrix: BlockMatrix, b: np.ndarray, target: float, limit: int
+    ) -> tuple[np.ndarray | None, int]:
+        from . import kernels_solver as k
+
+        wp = start_warp()
+        system, current, cg, r = kept
+        launch = Recorder(matrix.nodes, r.device)
+        wp.copy(current.values, matrix.values)
+        pattern = [matrix.rows, matrix.columns]
+        launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
+        r.assign(b)
+        launch(k.block_multiply, [system.inverse, r, False, r]).launch()
+        iterations = cg.run(target, limit)
+        if not cg.reached:
+            return None, 0 if cg.indefinite else iterations
+        x = wp.empty_like(cg.x)
+        launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
+        return x.numpy(), iterations

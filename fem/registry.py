@@ -1,0 +1,79 @@
+"""A family of interchangeable members by name: predictors, laws, methods, formats, encoders.
+
+A seam of this house is a protocol and a registry of it. What there is can be listed (choices of
+the command line, tables of the docs, parametrised tests) without importing any of it, and a new
+member is one file and one line, or a call of ``register`` from outside.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Generic, TypeVar
+
+from .errors import UsageError
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Members of one ``kind`` by name, each imported on first use.
+
+    Parameters
+    ----------
+    kind
+        What a member is called in messages: "predictor".
+    package
+        Package that the modules of ``members`` are relative to.
+    members
+        Name -> "module:attribute".
+    """
+
+    def __init__(self, kind: str, package: str, members: Mapping[str, str]) -> None:
+        self.kind, self._package = kind, package
+        self._homes = dict(members)
+        self._loaded: dict[str, T] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names, in the order in which they were added."""
+        return tuple(dict.fromkeys([*self._homes, *self._loaded]))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._homes or name in self._loaded
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> T:
+        """Return a member; ``UsageError`` with the known names where there is none."""
+        if name not in self._loaded:
+            if name not in self._homes:
+                raise UsageError(self.unknown(name))
+            module, _, attribute = self._homes[name].partition(":")
+            home = import_module(f".{module}", self._package)
+            self._loaded[name] = getattr(home, attribute)
+        return self._loaded[name]
+
+    def register(self, name: str, member: T) -> T:
+        """Add a member under a free ``name`` and return it; ``UsageError`` where it is taken."""
+        if name in self:
+            raise UsageError(f"there is a {self.kind} {name!r} already: choose another name")
+        self._loaded[name] = member
+        return member
+
+    def unregister(self, name: str) -> None:
+        """Take out a member that ``register`` added."""
+        if name in self._homes:
+            raise UsageError(f"{self.kind} {name!r} belongs to the package: it stays")
+        self._loaded.pop(name, None)
+
+    def unknown(self, name: str) -> str:
+        """Sentence for a name that is not here: what is, and the nearest."""
+        near = difflib.get_close_matches(name, self.names, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        return f"unknown {self.kind} {name!r}: known are {', '.join(self.names)}{hint}"

@@ -1,0 +1,1 @@
+"""Scenarios: what happens to a body, told by its name alone."""

@@ -1,0 +1,1 @@
+"""The scene: a body of tets with its material, what holds it, what it meets."""

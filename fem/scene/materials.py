@@ -1,0 +1,243 @@
+"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import InputError, UsageError
+
+TABLE_PATH = Path(__file__).parents[1] / "data" / "materials.csv"
+# A displacement-based element locks as nu -> .5, where lam is infinite; .495 keeps lam < 100 mu.
+NU_CAP = 0.495
+FIELDS = ("E", "nu", "rho")
+_COLUMNS = {
+    "E": ("E_min_Pa", "E_max_Pa"),
+    "nu": ("nu_min", "nu_max"),
+    "rho": ("rho_min", "rho_max"),
+}
+
+
+class MaterialValue(NamedTuple):
+    """One value of E [Pa], nu [1] and rho [kg/m^3]."""
+
+    E: float
+    nu: float
+    rho: float
+
+
+class Span(NamedTuple):
+    """Lowest and highest value of a quantity, in its SI unit."""
+
+    min: float
+    max: float
+
+
+class Band(NamedTuple):
+    """What is physically possible in a category: E [Pa], nu [1], rho [kg/m^3]."""
+
+    E: Span
+    nu: Span
+    rho: Span
+
+
+def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
+    return Band(Span(*E), Span(*nu), Span(*rho))
+
+
+# Set by hand from what such matter can be, not from the rows, and so narrow that no row survives a
+# slip of a factor 1000 (GPa for MPa, g/cm^3 for kg/m^3): one global band would let rubber at 1 GPa
+# through.
+# Examples: lead to tungsten, fat to cheese, wood across its grain to ebony along it.
+CATEGORIES: Mapping[str, Band] = {
+    "metal": _band((1e10, 5e11), (0.15, 0.46), (1500, 23000)),
+    "glass-ceramic": _band((5e9, 6e11), (0.05, 0.35), (1000, 6500)),
+    "stone": _band((1e9, 1.5e11), (0.05, 0.42), (800, 3300)),
+    "composite": _band((5e9, 5e11), (0.1, 0.45), (1200, 2500)),
+    "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
+    "elastomer": _band((1e5, 1e8), (0.4, 0.5), (800, 1800)),
+    "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),
+    "wood": _band((2e8, 3e10), (0.1, 0.5), (50, 1300)),
+    "cork": _band((5e6, 1e8), (0.0, 0.45), (80, 400)),
+    "plant": _band((1e6, 1.5e10), (0.1, 0.5), (50, 1200)),
+    "fruit and vegetable": _band((1e5, 2e7), (0.05, 0.5), (300, 1200)),
+    "soft food": _band((1e3, 5e6), (0.0, 0.5), (40, 1300)),
+    "hard food": _band((2e7, 1e10), (0.1, 0.45), (300, 1800)),
+    "bone and shell": _band((5e9, 1e11), (0.15, 0.42), (1200, 3000)),
+    "soft foam": _band((1e3, 5e5), (-0.1, 0.5), (8, 150)),
+    "rigid foam": _band((5e5, 2e8), (-0.1, 0.5), (8, 400)),
+    "fabric and leather": _band((5e5, 3e9), (0.0, 0.5), (60, 1300)),
+    "paper": _band((2e7, 1e10), (0.0, 0.45), (80, 1300)),
+    "wax": _band((1e7, 5e8), (0.33, 0.48), (800, 1300)),
+    "soil": _band((1e5, 5e8), (0.05, 0.5), (90, 2400)),
+}
+
+
+@dataclass(frozen=True)
+class Material:
+    """A row of the table.
+
+    Parameters
+    ----------
+    name, category
+        Its unique name and the key of its band in ``CATEGORIES``.
+    E, nu, rho
+        [min, max] of Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3].
+    source, note
+        Where the numbers come from, and what to know about them.
+    aliases
+        Everyday words that mean this row ("steel" is carbon steel).
+    estimated
+        Those of E, nu, rho that are engineering estimates, without a source.
+    """
+
+    name: str
+    category: str
+    E: Span
+    nu: Span
+    rho: Span
+    source: str
+    note: str = ""
+    aliases: tuple[str, ...] = ()
+    estimated: tuple[str, ...] = ()
+
+    def value(self, alpha: float = 0.5) -> MaterialValue:
+        """Return E [Pa], nu [1], rho [kg/m^3]; ``alpha`` moves E from soft (0) to stiff (1).
+
+        E is taken within [min, max] in log space (.5 is the geometric mean), rho is the geometric
+        mean of its range and nu the arithmetic mean, capped at ``NU_CAP``.
+        """
+        if not 0 <= alpha <= 1:
+            raise UsageError(f"alpha must be between 0 (soft) and 1 (stiff), got {alpha}")
+        E = self.E.min ** (1 - alpha) * self.E.max**alpha
+        nu = min((self.nu.min + self.nu.max) / 2, NU_CAP)
+        return MaterialValue(E, nu, (self.rho.min * self.rho.max) ** 0.5)
+
+
+def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
+    """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
+    if category not in CATEGORIES:
+        raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
+    complaints = []
+    for field, value in zip(FIELDS, (E, nu, rho), strict=True):
+        low, high = getattr(CATEGORIES[category], field)
+        limit = "nu < 0.5 and " if field == "nu" and value >= 0.5 else ""
+        if limit or not low <= value <= high:  # a NaN is outside too
+            unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]
+            complaints.append(
+                f"{field} = {value:g} [{unit}] is outside {category}: wanted {limit}"
+                f"{low:g} .. {high:g} (a unit slip?)"
+            )
+    return complaints
+
+
+def key(name: str) -> str:
+    """Return a name as it is compared: lower case, one space, hyphens as spaces."""
+    return re.sub(r"[\s\-_]+", " ", name).strip().lower()
+
+
+class MaterialTable:
+    """The rows of a table, found by name or alias whatever the case and the spaces."""
+
+    def __init__(self, rows: tuple[Material, ...]) -> None:
+        self.rows = rows
+        self.phrases: dict[str, Material] = {}
+        for row in rows:
+            _validate(row)
+            for name in (row.name, *row.aliases):
+                if key(name) in self.phrases:
+                    other = self.phrases[key(name)].name
+                    raise InputError(f"{name!r} names two materials: {other!r} and {row.name!r}")
+                self.phrases[key(name)] = row
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Material]:
+        return iter(self.rows)
+
+    @property
+    def categories(self) -> Mapping[str, Band]:
+        """Bands of E [Pa], nu [1], rho [kg/m^3] by category."""
+        return CATEGORIES
+
+    def exact(self, name: str) -> Material:
+        """Return the row of a name or alias; an unknown one is a ``UsageError`` with a hint."""
+        if key(name) in self.phrases:
+            return self.phrases[key(name)]
+        near = difflib.get_close_matches(key(name), self.phrases, n=3, cutoff=0.6)
+        hint = f"did you mean {', '.join(map(repr, near))}?" if near else "try a simpler word"
+        raise UsageError(
+            f"no material {name!r} in the table: {hint} (`autophyx-tet materials` lists all)"
+        )
+
+    def search(self, query: str = "") -> list[Material]:
+        """Rows whose name, aliases or category hold every word of the query, best match first."""
+        wanted = key(query)
+
+        def rank(row: Material) -> tuple[int, int]:
+            names = [key(row.name), *map(key, row.aliases)]
+            return (0 if wanted in names else 1 if wanted in names[0] else 2, self.rows.index(row))
+
+        def text(row: Material) -> str:
+            return key(" ".join([row.name, row.category, *row.aliases]))
+
+        found = [row for row in self.rows if all(word in text(row) for word in wanted.split())]
+        return sorted(found, key=rank)
+
+
+def _validate(row: Material) -> None:
+    """Reject swapped limits and values outside the category's band."""
+    for field in FIELDS:
+        low, high = getattr(row, field)
+        if not low <= high:
+            raise InputError(f"material {row.name!r}: {field} has min {low:g} > max {high:g}")
+    # Rubber's nu range may touch .5, the incompressible limit; the value taken is capped below it.
+    nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
+    for end in ((row.E.min, row.nu.min, row.rho.min), (row.E.max, nu_max, row.rho.max)):
+        complaints = outside_band(row.category, *end)
+        if complaints:
+            raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
+
+
+def _read(record: Mapping[str, str], line: int) -> Material:
+    def span(field: str) -> Span:
+        try:
+            low, high = (float(record[column]) for column in _COLUMNS[field])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"material table, line {line}: wanted a number in {_COLUMNS[field]}, got {error}"
+            ) from error
+        return Span(low, high)
+
+    return Material(
+        name=record["name"],
+        category=record["category"],
+        E=span("E"),
+        nu=span("nu"),
+        rho=span("rho"),
+        source=record["source"],
+        note=record.get("note") or "",
+        aliases=tuple(filter(None, (record.get("aliases") or "").split(";"))),
+        estimated=tuple((record.get("estimated") or "").split()),
+    )
+
+
+@lru_cache(maxsize=4)
+def load_table(path: Path | None = None) -> MaterialTable:
+    """Return the validated table at ``path`` (a CSV as the packaged one), or the packaged table."""
+    try:
+        with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:
+            records = list(csv.DictReader(file))
+    except OSError as error:
+        raise InputError(f"cannot read the material table: {error}") from error
+    missing = {"name", "category", "source"} - set(records[0] if records else ())
+    if missing:
+        raise InputError(f"material table {path} has no column {', '.join(sorted(missing))}")
+    return MaterialTable(tuple(_read(record, line) for line, record in enumerate(records, 2)))

@@ -1,0 +1,186 @@
+"""The tetrahedral mesh: points, tets, named regions and, once assigned, their material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from .material import ElementMaterial
+
+# Outward faces of a positively oriented tet (vertex i is opposite to face i).
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+class Boundary(NamedTuple):
+    """Outward faces of the boundary: ``faces`` (faces, 3) point ids, ``tet`` (faces,) owners."""
+
+    faces: np.ndarray
+    tet: np.ndarray
+
+
+def signed_volumes(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets"]:
+    """Signed volume [m^3] of every tet, positive where (b-a, c-a, d-a) is right-handed."""
+    a, b, c, d = (points[tets[:, i]] for i in range(4))
+    return np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) / 6
+
+
+def area_vectors(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets 4 3"]:
+    """Outward area vector [m^2] of the face opposite to each vertex."""
+    a, b, c = (points[tets[:, FACES[:, i]]] for i in range(3))
+    return np.cross(b - a, c - a) / 2
+
+
+def altitudes(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets 4"]:
+    """Distance [m] of every vertex of every tet from the opposite face."""
+    area = np.linalg.norm(area_vectors(points, tets), axis=-1)
+    return 3 * signed_volumes(points, tets)[:, None] / area
+
+
+def boundary_faces(tets: Int[np.ndarray, "tets 4"]) -> Boundary:
+    """Faces that belong to one tet only, oriented outward for positively oriented tets."""
+    faces = tets[:, FACES].reshape(-1, 3)
+    key = np.sort(faces, axis=1)
+    order = np.lexsort(key.T[::-1])
+    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    single = np.ones(len(faces), dtype=bool)
+    single[order[1:][same]] = single[order[:-1][same]] = False
+    index = np.flatnonzero(single)
+    return Boundary(faces[index], index // 4)
+
+
+@dataclass(frozen=True, eq=False)
+class TetMesh:
+    """A tetrahedral mesh in metres.
+
+    Parameters
+    ----------
+    points
+        Vertex positions [m], shape (points, 3), float64.
+    tets
+        Point ids, shape (tets, 4), int32, positively oriented.
+    region
+        Index into ``region_names`` of every tet, shape (tets,).
+    region_names
+        Name of every region, unique.
+    material
+        E, nu, rho of every tet, or None before ``assign``.
+
+    Raises
+    ------
+    InputError
+        On wrong shapes, values that are not finite, ids out of range or a tet that is not positive.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    tets: Int[np.ndarray, "tets 4"]
+    region: Int[np.ndarray, "tets"]
+    region_names: tuple[str, ...] = ("body",)
+    material: ElementMaterial | None = None
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points, dtype=np.float64)
+        tets = np.ascontiguousarray(self.tets, dtype=np.int32)
+        region = np.ascontiguousarray(self.region, dtype=np.int32)
+        _check_arrays(points, tets, region, self.region_names)
+        volumes = signed_volumes(points, tets)
+        bad = np.flatnonzero(~(volumes > 0))
+        if bad.size:
+            raise InputError(
+                f"tet {bad[0]} has volume {volumes[bad[0]]:g} m^3 ({bad.size} of {len(tets)} tets "
+                "are flat or inverted): wanted > 0; TetMesh.oriented(...) flips mirrored tets"
+            )
+        if self.material is not None and self.material.E.size != len(tets):
+            raise InputError(f"material of {self.material.E.size} tets on a mesh of {len(tets)}")
+        for name, value in (("points", points), ("tets", tets), ("region", region)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "region_names", tuple(self.region_names))
+
+    @classmethod
+    def oriented(cls, points, tets, region=None, **fields) -> TetMesh:
+        """Build a mesh from tets of either winding: mirrored ones get two vertices swapped.
+
+        Without ``region`` all tets are in region 0.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        tets = np.array(tets, dtype=np.int32)
+        if tets.ndim == 2 and tets.shape[1:] == (4,) and tets.size and tets.max() < len(points):
+            mirrored = signed_volumes(points, tets) < 0
+            tets[mirrored] = tets[mirrored][:, [0, 1, 3, 2]]
+        if region is None:
+            region = np.zeros(len(tets), dtype=np.int32)
+        return cls(points, tets, region, **fields)
+
+    @property
+    def volumes(self) -> Float[np.ndarray, "tets"]:
+        """Volume [m^3] of every tet."""
+        return signed_volumes(self.points, self.tets)
+
+    @property
+    def volume(self) -> float:
+        """Total volume [m^3]."""
+        return float(self.volumes.sum())
+
+    @property
+    def centroids(self) -> Float[np.ndarray, "tets 3"]:
+        """Centroid [m] of every tet."""
+        return self.points[self.tets].mean(axis=1)
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner [m] of the axis-aligned box around the used points."""
+        used = self.points[np.unique(self.tets)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]: sum of rho V over the tets."""
+        if self.material is None:
+            raise InputError("the mesh has no material yet: run `assign` first")
+        return float(self.material.rho @ self.volumes)
+
+    @property
+    def boundary(self) -> Boundary:
+        """Outward boundary faces and the tets that own them."""
+        return boundary_faces(self.tets)
+
+    def region_volumes(self) -> Float[np.ndarray, "regions"]:
+        """Volume [m^3] of every region, in the order of ``region_names``."""
+        return np.bincount(self.region, weights=self.volumes, minlength=len(self.region_names))
+
+    def with_material(self, material: ElementMaterial | None) -> TetMesh:
+        """Return the same mesh with another material."""
+        return replace(self, material=material)
+
+
+def _check_arrays(points, tets, region, region_names) -> None:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points must have shape (points, 3), got {points.shape}")
+    if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
+        raise InputError(f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(
+            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+        )
+    if tets.min() < 0 or tets.max() >= len(points):
+        raise InputError(
+            f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
+        )
+    if region.shape != (len(tets),):
+        raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
+    if len(set(region_names)) != len(region_names):
+        raise InputError(f"region names must be unique, got {list(region_names)}")
+    if region.min() < 0 or region.max() >= len(region_names):
+        raise InputError(
+            f"region ids {region.min()}..{region.max()} but {len(region_names)} region names"
+        )

@@ -1,0 +1,90 @@
+"""What a body stands on or hangs from: supports found from its geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from .components import face_connected_pieces, spans_plane
+from .mesh import TetMesh
+from .supports import Supports
+
+AXES = {"x": 0, "y": 1, "z": 2}
+# Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
+# meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
+BASE_SHARE = 0.02
+
+
+def up_axis(up: str) -> int:
+    """Index of the axis ``up``."""
+    if up not in AXES:
+        raise InputError(f"up axis {up!r}: wanted one of x, y, z")
+    return AXES[up]
+
+
+def rest(
+    mesh: TetMesh, axis: int, *, three_point: bool = False, from_top: bool = False
+) -> tuple[Supports, list[str]]:
+    """Supports on which every piece of ``mesh`` stands, and what had to be assumed.
+
+    ``three_point``: on three points, free to expand; ``from_top``: it hangs instead.
+
+    A piece (tets joined through faces) that neither stands on the base nor shares three points
+    that span a plane with a held piece could move freely: it is held at its own lowest points.
+    """
+    pieces = face_connected_pieces(mesh)
+    used = np.unique(mesh.tets)
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    warnings: list[str] = []
+    place = _three_points if three_point else _clamp_lowest
+    points = mesh.points * np.where(np.arange(3) == axis, -1.0, 1.0) if from_top else mesh.points
+    place(points, used, axis, fixed)
+    members = [np.unique(mesh.tets[pieces == k]) for k in range(pieces.max() + 1)]
+    held = np.any(fixed, axis=1)
+    waiting = set(range(len(members)))
+    while waiting:
+        done = {k for k in waiting if spans_plane(mesh.points[members[k][held[members[k]]]])}
+        if not done:  # the biggest loose piece gets a support of its own
+            k = max(waiting, key=lambda k: len(members[k]))
+            _clamp_lowest(points, members[k], axis, fixed)
+            share = mesh.volumes[pieces == k].sum() / mesh.volume
+            warnings.append(_loose(k, len(members), share, "highest" if from_top else "lowest"))
+            done = {k}
+        for k in done:
+            held[members[k]] = True
+        waiting -= done
+    return Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape)), warnings
+
+
+def _loose(piece: int, pieces: int, share: float, where: str) -> str:
+    return (
+        f"piece {piece + 1} of {pieces} ({share:.1%} of the volume) is not attached to the base: "
+        f"held at its own {where} points"
+    )
+
+
+def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
+    """Ids near the lowest point that span a plane: the share of the height grows until they do."""
+    z = points[ids, axis] - points[ids, axis].min()
+    share = BASE_SHARE
+    while share < 1 and not spans_plane(points[ids[z <= share * z.max()]]):
+        share *= 1.5
+    return ids[z <= share * z.max()]
+
+
+def _clamp_lowest(points, ids, axis, fixed) -> None:
+    fixed[_lowest(points, ids, axis)] = True
+
+
+def _three_points(points, ids, axis, fixed) -> None:
+    """Fix six components at three points far apart: no stress from the support but its reaction."""
+    base = _lowest(points, ids, axis)
+    side = [a for a in range(3) if a != axis]
+    flat = points[base][:, side]
+    a = np.argmax(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
+    b = np.argmax(np.linalg.norm(flat - flat[a], axis=1))
+    line = flat[b] - flat[a]
+    c = np.argmax(np.abs((flat - flat[a]) @ [-line[1], line[0]]))
+    fixed[base[[a, b, c]], axis] = True
+    fixed[base[a]] = True
+    fixed[base[b], side[int(abs(line[0]) > abs(line[1]))]] = True  # the one across the line

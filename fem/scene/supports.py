@@ -1,0 +1,78 @@
+"""Supports of a body: fixed displacement components, rollers and springs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..discrete.space import Space
+from ..errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Supports:
+    """What holds a body, one row a mesh point (or a node of the P2 space), in x, y, z.
+
+    Parameters
+    ----------
+    fixed
+        True where the displacement component is prescribed, shape (points, 3).
+    values
+        Prescribed displacement [m] where ``fixed``, shape (points, 3).
+    springs
+        Stiffness [N/m] of springs to the ground, shape (points, 3).
+    """
+
+    fixed: Bool[np.ndarray, "points 3"]
+    values: Float[np.ndarray, "points 3"]
+    springs: Float[np.ndarray, "points 3"]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.values).all() and np.isfinite(self.springs).all()):
+            raise InputError("support values and springs must be finite numbers [m], [N/m]")
+        if (self.springs < 0).any():
+            raise InputError(f"spring stiffness {self.springs.min():g} N/m: wanted >= 0")
+
+    @classmethod
+    def none(cls, points: int) -> Supports:
+        """Return no support at all."""
+        return cls(np.zeros((points, 3), dtype=bool), np.zeros((points, 3)), np.zeros((points, 3)))
+
+    @classmethod
+    def clamp(cls, points: int, ids, values=0.0) -> Supports:
+        """All three components of the points ``ids`` (ids or mask) prescribed to ``values`` [m]."""
+        return cls.none(points).with_fixed(ids, (0, 1, 2), values)
+
+    def with_fixed(self, ids, axes, values=0.0) -> Supports:
+        """Prescribe components ``axes`` (0, 1, 2 or a tuple) to ``values`` [m] at ``ids``."""
+        fixed, prescribed = self.fixed.copy(), self.values.copy()
+        index = np.arange(len(fixed))[ids]
+        grid = np.ix_(index, np.atleast_1d(axes))
+        fixed[grid] = True
+        prescribed[grid] = values
+        return Supports(fixed, prescribed, self.springs)
+
+    def with_springs(self, ids, stiffness) -> Supports:
+        """Add springs of ``stiffness`` [N/m] (scalar, or a value for each axis) at ``ids``."""
+        springs = self.springs.copy()
+        springs[ids] += stiffness
+        return Supports(self.fixed, self.values, springs)
+
+    def on(self, space: Space) -> Supports:
+        """Continue to all nodes of ``space``: an edge is held where both its ends are."""
+        if len(self.fixed) == len(space.nodes):
+            return self
+        if len(self.fixed) != space.points:
+            raise InputError(
+                f"supports of {len(self.fixed)} points: wanted {space.points} (mesh points) "
+                f"or {len(space.nodes)} (nodes of the order-{space.order} space)"
+            )
+        edges = space.edges
+        zeros = np.zeros((len(edges), 3))
+        return Supports(
+            np.concatenate([self.fixed, self.fixed[edges].all(axis=1)]),
+            np.concatenate([self.values, self.values[edges].mean(axis=1)]),
+            np.concatenate([self.springs, zeros]),
+        )

@@ -1,0 +1,1 @@
+"""Methods: from a body with loads to its rest, motion, vibrations or gradients."""

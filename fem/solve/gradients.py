@@ -1,0 +1,166 @@
+"""Gradients of displacements with respect to E, nu and rho, by the adjoint method, for torch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..device import checked_device
+from ..discrete.assembly import Discretisation, discretise, displacement_gradients, stiffness
+from ..discrete.elastic import Law
+from ..discrete.mass import mass_shares
+from ..discrete.space import TET_POINTS, shape_functions
+from ..discrete.strain import first_piola
+from ..linalg.solver import solve
+from ..scene.material import ElementMaterial, LameParameters
+from ..scene.mesh import TetMesh
+from ..scene.supports import Supports
+from .dynamics import Dynamics
+from .statics import TOLERANCE, check_solution, reduced_load, solve_static
+
+if TYPE_CHECKING:
+    import torch
+
+
+class MaterialGradient(NamedTuple):
+    """Derivatives of a loss by ``E`` [1/Pa], ``nu`` [1] and ``rho`` [m^3/kg] of every tet."""
+
+    E: np.ndarray
+    nu: np.ndarray
+    rho: np.ndarray
+
+
+def _by_moduli(
+    grid: Discretisation,
+    mesh: TetMesh,
+    material: ElementMaterial,
+    law: Law,
+    u: np.ndarray,
+    adjoint: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives by E and nu of -adjoint . internal force; P is linear in (lam, mu)."""
+    where = TET_POINTS if grid.space.order == 2 else np.full((1, 4), 0.25)
+    F = displacement_gradients(grid, u, where) + np.eye(3)
+    along = displacement_gradients(grid, adjoint, where)
+    weight = mesh.volumes / len(where)
+
+    def work(lame: LameParameters) -> np.ndarray:
+        return -weight * np.einsum("tqij,tqij->t", along, first_piola(law, F, lame))
+
+    zero, one = np.zeros(()), np.ones(())
+    by_lam, by_mu = work(LameParameters(one, zero)), work(LameParameters(zero, one))
+    E, nu = material.E, material.nu
+    lam, mu = material.lame
+    # lam = E nu / ((1 + nu)(1 - 2 nu)), mu = E / 2 (1 + nu)
+    lam_nu = E * (1 + 2 * nu**2) / ((1 + nu) * (1 - 2 * nu)) ** 2
+    mu_nu = -mu / (1 + nu)
+    return (by_lam * lam + by_mu * mu) / E, by_lam * lam_nu + by_mu * mu_nu
+
+
+def _function(
+    forward: Callable[[ElementMaterial], np.ndarray],
+    backward: Callable[[np.ndarray], MaterialGradient],
+    tensors: tuple[torch.Tensor, ...],
+) -> torch.Tensor:
+    """Wrap a solve and its adjoint, both in numpy, as one differentiable torch operation."""
+    import torch
+
+    class Displacement(torch.autograd.Function):
+        @staticmethod
+        def forward(context: Any, *fields: torch.Tensor) -> torch.Tensor:
+            arrays = [f.detach().cpu().double().numpy() for f in fields]
+            return torch.from_numpy(forward(ElementMaterial(*arrays))).to(fields[0])
+
+        @staticmethod
+        def backward(context: Any, *outer: torch.Tensor) -> tuple[torch.Tensor, ...]:
+            given = outer[0].detach().cpu().double().numpy()
+            return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(given))
+
+    result = Displacement.apply(*tensors)
+    assert isinstance(result, torch.Tensor)
+    return result
+
+
+def static_displacement(
+    mesh: TetMesh,
+    supports: Supports,
+    E: torch.Tensor,
+    nu: torch.Tensor,
+    rho: torch.Tensor,
+    *,
+    gravity=(0.0, 0.0, 0.0),
+    order: int = 1,
+    tolerance: float = TOLERANCE,
+    device: str = "cpu",
+    **loads: Any,
+) -> torch.Tensor:
+    """Displacement [m] (nodes, 3) of the linear static solve, differentiable by E, nu and rho.
+
+    ``E`` [Pa], ``nu`` [1] and ``rho`` [kg/m^3] have shape (tets,); the other arguments are those of
+    ``solve_static``. The backward pass is one more solve with the same matrix.
+    """
+    grid = discretise(mesh, order, checked_device(device))
+    held = supports.on(grid.space)
+    kept: dict[str, Any] = {}
+
+    def forward(material: ElementMaterial) -> np.ndarray:
+        body = mesh.with_material(material)
+        options = {"gravity": gravity, "order": order, "tolerance": tolerance, "device": device}
+        u = solve_static(body, held, **options, **loads).node_displacement
+        kept.update(material=material, u=u)
+        return u
+
+    def backward(outer: np.ndarray) -> MaterialGradient:
+        material, u = kept["material"], kept["u"]
+        matrix = stiffness(grid, *material.lame)
+        rhs = reduced_load(matrix, outer.copy(), held, np.zeros_like(outer))
+        nodes = grid.space.nodes
+        solution = solve(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
+        check_solution(mesh, held, solution, tolerance)
+        adjoint = np.where(held.fixed, 0.0, solution.x)
+        by_E, by_nu = _by_moduli(grid, mesh, material, Law.LINEAR, u, adjoint)
+        share = shape_functions(order, TET_POINTS).mean(axis=0)
+        lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
+        return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity)))
+
+    return _function(forward, backward, (E, nu, rho))
+
+
+def implicit_step(
+    make: Callable[[TetMesh], Dynamics],
+    mesh: TetMesh,
+    E: torch.Tensor,
+    nu: torch.Tensor,
+    rho: torch.Tensor,
+    *,
+    gravity=(0.0, 0.0, 0.0),
+    dt: float,
+) -> torch.Tensor:
+    """Displacement [m] (nodes, 3) after one implicit Euler step, differentiable by E, nu and rho.
+
+    ``make`` builds the ``Dynamics`` of a mesh with material, with this ``gravity`` [m/s^2], and a
+    tight tolerance; the barrier of obstacles counts as independent of E. ``dt`` [s] is the step.
+    """
+    kept: dict[str, Any] = {}
+
+    def forward(material: ElementMaterial) -> np.ndarray:
+        body = make(mesh.with_material(material))
+        start = body.state
+        kept.update(body=body, material=material, target=start.u + dt * start.v)
+        return body.step(dt).u
+
+    def backward(outer: np.ndarray) -> MaterialGradient:
+        body, material = kept["body"], kept["material"]
+        grid, u, held = body.body.grid, body.state.u, body.held
+        given = np.where(held.fixed, 0.0, outer)
+        adjoint = body.solve_adjoint(1 / dt**2, u, given)
+        adjoint = np.where(held.fixed, 0.0, adjoint)
+        by_E, by_nu = _by_moduli(grid, mesh, material, body.body.law, u, adjoint)
+        pull = np.asarray(gravity) - (u - kept["target"]) / dt**2
+        work = (adjoint * pull).sum(axis=1)[grid.space.elements]
+        by_rho = mesh.volumes * (work @ mass_shares(grid.space.order))
+        return MaterialGradient(by_E, by_nu, by_rho)
+
+    return _function(forward, backward, (E, nu, rho))

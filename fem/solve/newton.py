@@ -1,0 +1,119 @@
+"""Newton's method with backtracking for the minimum of a nodal energy."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..discrete.assembly import BlockMatrix
+from ..errors import ConvergenceError
+
+logger = logging.getLogger(__name__)
+
+MAX_ITERATIONS = 100
+# The step is halved until the energy falls by this share of the slope (Armijo).
+SUFFICIENT = 1e-4
+HALVINGS = 30
+# An energy is known to this share of its terms: below it, a step is judged by its residual.
+ENERGY_NOISE = 1e-12
+
+
+class Point(NamedTuple):
+    """What an objective is at a place.
+
+    ``energy`` [J], infinite where the place is not allowed; ``gradient`` [N] (nodes, 3), zero at
+    prescribed components; ``scale``, the size of the forces [N] that the gradient is a balance of.
+    """
+
+    energy: float
+    gradient: np.ndarray
+    scale: float
+
+    @property
+    def residual(self) -> float:
+        """Size of the unbalanced force [N]."""
+        return float(np.linalg.norm(self.gradient))
+
+
+@runtime_checkable
+class Objective(Protocol):
+    """An energy of nodal displacements (nodes, 3)."""
+
+    def evaluate(self, u: np.ndarray) -> Point:
+        """Energy, gradient and scale."""
+        ...
+
+    def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
+        """Hessian [N/m] with prescribed rows dropped; ``projected``: positive semi-definite."""
+        ...
+
+    def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
+        """Largest share of ``step`` that stays allowed."""
+        ...
+
+
+# Solves H step = b so that |b - H step| is well below the goal [N] of Newton.
+LinearSolve = Callable[[BlockMatrix, np.ndarray, float], np.ndarray]
+
+
+class Minimum(NamedTuple):
+    """Where Newton ended: ``u`` (nodes, 3) [m], ``residual`` |gradient| [N], ``iterations``."""
+
+    u: np.ndarray
+    residual: float
+    iterations: int
+
+
+def minimise(
+    objective: Objective,
+    u: np.ndarray,
+    *,
+    solve: LinearSolve,
+    tolerance: float,
+    limit: int = MAX_ITERATIONS,
+) -> Minimum:
+    """Minimise ``objective`` from ``u`` until |gradient| <= ``tolerance`` times its scale.
+
+    The exact Hessian is used where it gives a descent direction, the projected one elsewhere.
+    """
+    here = objective.evaluate(u)
+    projected = False
+    for iteration in range(limit):
+        size, goal = here.residual, tolerance * here.scale
+        if size <= goal:
+            return Minimum(u, size, iteration)
+        step = solve(objective.hessian(u, projected=projected), -here.gradient, goal)
+        moved = _backtrack(objective, u, step, here)
+        if moved is not None:
+            (u, here), projected = moved, False
+            logger.debug("Newton %d: residual %.3e N", iteration, size)
+        elif projected:
+            raise ConvergenceError(f"Newton's line search failed at residual {size:.3g} N")
+        else:
+            projected = True
+    raise ConvergenceError(
+        f"Newton ended with residual {here.residual:.3g} N after {limit} iterations: wanted "
+        f"<= {tolerance * here.scale:.3g} N; use a smaller load or time step"
+    )
+
+
+def _backtrack(
+    objective: Objective, u: np.ndarray, step: np.ndarray, here: Point
+) -> tuple[np.ndarray, Point] | None:
+    """First of the halved steps that lowers the energy; none if the step does not descend."""
+    slope = float((here.gradient * step).sum())
+    if not (np.isfinite(step).all() and slope < 0):
+        return None
+    share = min(1.0, objective.longest_step(u, step))
+    for _ in range(HALVINGS):
+        trial = u + share * step
+        there = objective.evaluate(trial)
+        change = there.energy - here.energy
+        unclear = abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
+        if change <= SUFFICIENT * share * slope or (unclear and there.residual < here.residual):
+            return trial, there
+        share /= 2
+    return None

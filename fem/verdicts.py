@@ -1,0 +1,144 @@
+"""Verdicts on a simulated body, each with its number, threshold and sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .scenarios.motions import MotionResult
+from .scenarios.static import SagResult
+from .scene.material import wave_speed
+from .scene.materials import outside_band
+from .scene.mesh import TetMesh, altitudes
+from .solve.modal import Modes
+from .solve.statics import material_of
+
+# A body holds its shape if no point moves more than this share of its height.
+HOLDS = 0.05
+# A displacement is trusted to this discretisation error.
+TRUSTED = 0.1
+# Quadratic elements are far closer than linear ones: where those are off by .167, .41, .62 and .68
+# they are by .001 (the bench beam), .05, .20 (a chair of oak and foam) and .01 (the same in oak):
+# at most half the square, so that this gap means ``TRUSTED`` for them.
+TRUSTED_P2 = (2 * TRUSTED) ** 0.5
+# A first frequency below this is seen as wobbling.
+WOBBLES = 5.0
+# Two materials look different when their largest displacements differ by this factor, and the
+# larger one is seen at all: more than this share of the height.
+DIFFERENT = 2.0
+VISIBLE = 0.005
+
+
+@dataclass(frozen=True)
+class Check:
+    """One verdict: ``passed`` compares ``value`` with ``threshold``; ``sentence`` says it."""
+
+    name: str
+    passed: bool
+    value: float
+    threshold: float
+    sentence: str
+
+
+def holds_shape(result: SagResult) -> Check:
+    """Whether the body keeps its shape under its load."""
+    ratio = result.sag_ratio
+    passed = ratio <= HOLDS
+    does = "holds its shape" if passed else "does not hold its shape"
+    return Check(
+        "holds shape", passed, ratio, HOLDS,
+        f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}).",
+    )  # fmt: skip
+
+
+def discretisation(result: SagResult) -> Check:
+    """Whether the mesh is fine enough for the answer."""
+    value, kind = result.gap
+    quadratic = result.static.order == 2 and kind == "P1/P2"
+    limit = TRUSTED_P2 if quadratic else TRUSTED
+    passed = value <= limit
+    if not quadratic:
+        why = f"the {kind} gap of the displacement is {value:.1%} (limit {limit:.0%})"
+    else:
+        close = "by far less" if passed else f"by no more than about {value**2 / 2:.0%}"
+        why = (
+            f"linear elements would be off by {value:.1%} (limit {limit:.0%}), the quadratic ones "
+            f"used here {close}"
+        )
+    found = "fine enough" if passed else "coarse"
+    return Check("discretisation", passed, value, limit, f"The mesh is {found}: {why}.")
+
+
+def first_frequency(modes: Modes) -> Check:
+    """Whether the body rings rather than wobbles."""
+    value = float(modes.frequencies[0])
+    passed = value >= WOBBLES
+    does = "is stiff" if passed else "wobbles"
+    return Check(
+        "first frequency", passed, value, WOBBLES,
+        f"It {does}: its first natural frequency is {value:.3g} Hz (limit {WOBBLES:g} Hz).",
+    )  # fmt: skip
+
+
+def largest_explicit_step(mesh: TetMesh) -> float:
+    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less."""
+    material = material_of(mesh)
+    speed = wave_speed(material.E, material.nu, material.rho)
+    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
+
+
+def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:
+    """Whether an explicit simulator with the step ``wanted`` [s] would be stable."""
+    value = largest_explicit_step(mesh)
+    passed = value >= wanted
+    return Check(
+        "explicit step", passed, value, wanted,
+        f"An explicit simulator needs steps below {value:.2g} s "
+        f"({'within' if passed else 'far from'} the usual {wanted:g} s).",
+    )  # fmt: skip
+
+
+def inside_band(mesh: TetMesh, category: str, name: str = "body") -> Check:
+    """Whether E, nu and rho of every tet lie in the band of the material's ``category``."""
+    material = material_of(mesh)
+    rows = np.unique(np.stack([material.E, material.nu, material.rho], axis=1), axis=0)
+    bad = [(row, outside_band(category, *map(float, row))) for row in rows]
+    wrong = [text for _, texts in bad for text in texts]
+    share = sum(bool(texts) for _, texts in bad) / len(rows)
+    sentence = (
+        f"{name}: {wrong[0]}" if wrong else f"{name}: E, nu and rho are usual for {category}."
+    )
+    return Check("inside band", not wrong, share, 0.0, sentence)
+
+
+def distinguishable(one: SagResult, two: SagResult) -> Check:
+    """Whether two materials under one scenario can be told apart by eye."""
+    high = max(one.max_displacement, two.max_displacement)
+    low = min(one.max_displacement, two.max_displacement)
+    factor = float(high / low) if low > 0 else np.inf
+    seen = high >= VISIBLE * max(one.height, two.height)
+    passed = bool(factor >= DIFFERENT and seen)
+    do = "look different" if passed else "look alike"
+    return Check(
+        "distinguishable", passed, factor, DIFFERENT,
+        f"The two materials {do}: their displacements differ {factor:.3g}-fold, the larger is "
+        f"{high / max(one.height, two.height):.2%} of the height.",
+    )  # fmt: skip
+
+
+def no_penetration(motion: MotionResult) -> Check:
+    """Whether the body kept its distance from every obstacle."""
+    gap = motion.smallest_gap
+    passed = gap > 0
+    return Check(
+        "no penetration", passed, gap, 0.0,
+        f"It {'never goes into' if passed else 'goes into'} an obstacle: the smallest distance is "
+        f"{gap:.2g} m.",
+    )  # fmt: skip
+
+
+def static_checks(result: SagResult) -> tuple[Check, ...]:
+    """Verdicts that a static result alone allows."""
+    mesh = result.static.mesh
+    return holds_shape(result), discretisation(result), explicit_step(mesh)

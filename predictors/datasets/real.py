@@ -1,0 +1,196 @@
+"""Real objects as voxels: slots of one material each, with their names, colours and known kinds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ...fem.errors import InputError
+from ...fem.scene.materials import Material, load_table
+from ..asset import Asset, Part
+from ..images.appearance import material_name, skin_of
+from ..images.surface_voxels import random_points
+from ..language.kinds import KINDS, kind_of
+from ..language.vocabulary import Vocabulary
+from .shapes import EMPTY, MAX_PARTS
+
+CELLS = 64
+_PAD = 1
+# Samples a cell face on the surface: a hole of one cell is left with probability exp(-6).
+_SAMPLES_PER_CELL = 6
+_MAX_SAMPLES = 400_000
+
+
+@dataclass(frozen=True, eq=False)
+class RealObject:
+    """One object on a cube of ``CELLS``^3 voxels, z up.
+
+    Parameters
+    ----------
+    name, source
+        What it is ("Kitchen chair") and the collection it comes from.
+    label
+        Slot of every voxel, ``EMPTY`` outside, uint8.
+    slots
+        Names of the slots as the file has them.
+    colours
+        Mean colour of each slot in [0, 1].
+    """
+
+    name: str
+    source: str
+    label: UInt8[np.ndarray, "cells cells cells"]
+    slots: tuple[str, ...]
+    colours: Float[np.ndarray, "slots 3"]
+
+    def materials(self) -> list[Material | None]:
+        """Row of the table for each slot, where its name tells."""
+        return [slot_material(slot) for slot in self.slots]
+
+
+def slot_material(name: str) -> Material | None:
+    """Row of the table that a slot's name speaks of: a material word, else a kind of material."""
+    table = load_table()
+    kind = kind_of(name)
+    if kind is None:
+        return None
+    phrase = Vocabulary(table.phrases).in_name(name)
+    if phrase and kind_of(phrase) == kind:
+        return table.exact(phrase)
+    return table.exact("leaf" if kind == "plant" else kind)
+
+
+def kind_index(name: str) -> int:
+    """Index into ``KINDS`` of a slot's name, -1 where it does not tell."""
+    kind = kind_of(name)
+    return -1 if kind is None else KINDS.index(kind)
+
+
+def voxelise(asset: Asset, name: str, source: str) -> RealObject:
+    """Return the asset filled with voxels; cavities are filled, labels come from the surface."""
+    from scipy.ndimage import binary_fill_holes, distance_transform_edt
+
+    lo, h = cube(asset)
+    label = np.full((CELLS,) * 3, EMPTY, dtype=np.uint8)
+    slots, colours = [], []
+    for slot, parts in _slots(asset.parts).items():
+        index = len(slots)
+        if index == MAX_PARTS:
+            break
+        points, colour = _surface(parts, h)
+        cells = np.floor((upright(points, asset.up) - lo) / h).astype(int).clip(0, CELLS - 1)
+        label[tuple(cells.T)] = index
+        slots.append(slot)
+        colours.append(colour)
+    shell = label != EMPTY
+    inside = np.asarray(binary_fill_holes(shell))
+    nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
+    label = np.where(inside, label[tuple(nearest)], EMPTY).astype(np.uint8)
+    return RealObject(name, source, label, tuple(slots), np.array(colours))
+
+
+def cube(asset: Asset) -> tuple[Float[np.ndarray, "3"], float]:
+    """Lower corner and cell [m] of the cube that holds an asset, upright."""
+    lo, hi = np.sort(upright(asset.bounds, asset.up), axis=0)
+    h = float((hi - lo).max()) / (CELLS - 2 * _PAD)
+    return (lo + hi) / 2 - CELLS * h / 2, h
+
+
+def upright(points: np.ndarray, up: str) -> np.ndarray:
+    """Return points with z up."""
+    x, y, z = np.asarray(points, dtype=np.float64).T
+    return {
+        "z": np.stack([x, y, z], 1),
+        "y": np.stack([x, -z, y], 1),
+        "x": np.stack([-z, y, x], 1),
+    }[up]
+
+
+def _slots(parts: Sequence[Part]) -> dict[str, list[Part]]:
+    """Parts by the name of their material, the largest surface first."""
+    groups: dict[str, list[Part]] = {}
+    for part in parts:
+        groups.setdefault(material_name(part.mesh) or part.name, []).append(part)
+
+    def area(group: Sequence[Part]) -> float:
+        return -sum(float(part.mesh.area) for part in group)
+
+    return dict(sorted(groups.items(), key=lambda item: area(item[1])))
+
+
+def _surface(parts: Sequence[Part], h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points on a slot's surface, dense enough for cells of ``h`` [m], and its mean colour."""
+    points, colours = [], []
+    rng = np.random.default_rng(0)
+    for part in parts:
+        mesh = part.mesh
+        count = int(np.clip(_SAMPLES_PER_CELL * mesh.area / h**2, 50, _MAX_SAMPLES))
+        faces, weights = random_points(mesh, count, rng)
+        points.append(np.einsum("nc,nck->nk", weights, mesh.triangles[faces]))
+        colours.append(skin_of(mesh)(faces, weights)[:, :3])
+    return np.concatenate(points), np.concatenate(colours).mean(axis=0)
+
+
+def save_real(path: Path, objects: Iterable[RealObject]) -> None:
+    """Write objects to one compact safetensors file: their labels are run-length coded."""
+    from safetensors.numpy import save_file
+
+    objects = list(objects)
+    runs = [_encode(o.label) for o in objects]
+    described = [
+        {
+            "name": o.name,
+            "source": o.source,
+            "slots": o.slots,
+            "colours": o.colours.round(3).tolist(),
+        }
+        for o in objects
+    ]
+    save_file(
+        {
+            "values": np.concatenate([value for value, _ in runs]),
+            "lengths": np.concatenate([length for _, length in runs]),
+            "counts": np.array([len(value) for value, _ in runs], dtype=np.int32),
+        },
+        path,
+        metadata={"objects": json.dumps(described)},
+    )
+
+
+def load_real(path: Path) -> list[RealObject]:
+    """Read what ``save_real`` wrote."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="np") as file:
+            described = json.loads(file.metadata()["objects"])
+            values, lengths, counts = (file.get_tensor(k) for k in ("values", "lengths", "counts"))
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is not a file of voxelised objects: {error}") from error
+    ends = np.cumsum(counts)
+    return [
+        RealObject(
+            data["name"],
+            data["source"],
+            np.repeat(values[end - n : end], lengths[end - n : end]).reshape((CELLS,) * 3),
+            tuple(data["slots"]),
+            np.array(data["colours"], dtype=np.float64).reshape(-1, 3),
+        )
+        for data, n, end in zip(described, counts, ends, strict=True)
+    ]
+
+
+def _encode(label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values and lengths of the runs of equal labels; a run ends at the end of a plane."""
+    flat = label.ravel()
+    change = np.concatenate([[True], flat[1:] != flat[:-1]])
+    change[:: CELLS * CELLS] = True  # so that every length fits 16 bits
+    starts = np.flatnonzero(change)
+    lengths = np.diff(np.concatenate([starts, [flat.size]]))
+    return flat[starts], lengths.astype(np.uint16)

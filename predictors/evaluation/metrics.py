@@ -1,0 +1,161 @@
+"""Scores of one object, and the row of the table that they add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.errors import UsageError
+from .ssim import Likeness
+
+Interval = tuple[float, float]  # 95 % bootstrap over the objects
+
+_BOOTSTRAP = 1000  # resamples of the objects, for 95 % intervals
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; errors are mean squared errors of values normalised to [-1, 1].
+
+    ``interval`` is the 95 % bootstrap interval of ``mse_mean`` over the objects; ``boundary_ratio``
+    the error of voxels that touch another part over that of the others. ``difference`` is
+    ``mse_mean`` less that of ``best_baseline``, the best of the run, over the objects of both.
+    ``psnr`` [dB] and ``ssim`` compare the pictures of the first ``rendered`` objects under load.
+    """
+
+    predictor: str
+    split: str
+    mse_E: float
+    mse_nu: float
+    mse_rho: float
+    mse_mean: float
+    clause_accuracy: float | None
+    boundary_ratio: float
+    objects: int
+    texts: int
+    seconds_per_object: float
+    interval: Interval
+    by_clauses: dict[int, float]
+    best_baseline: str | None = None
+    difference: float | None = None
+    difference_interval: Interval | None = None
+    rendered: int = 0
+    psnr: float | None = None
+    psnr_interval: Interval | None = None
+    ssim: float | None = None
+    ssim_interval: Interval | None = None
+
+    def to_dict(self) -> dict:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+class Score(NamedTuple):
+    """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds.
+
+    ``seen`` is how alike it looks to the true one under load, if that was asked.
+    """
+
+    errors: np.ndarray
+    edge: float
+    inner: float
+    right: float
+    clauses: int
+    seconds: float
+    seen: Likeness | None = None
+
+
+def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
+    """Summarise one predictor's scores: those of every object, one for each text."""
+    if not objects:
+        raise UsageError(f"no object of the {split} split has a known value: give more objects")
+    errors = np.array([np.mean([score.errors for score in texts], axis=0) for texts in objects])
+    means = errors.mean(axis=1)
+    scores = [score for texts in objects for score in texts]
+    each = np.array([score.errors.mean() for score in scores])
+    clauses = np.array([score.clauses for score in scores])
+    sides = np.array([(score.edge, score.inner) for score in scores])
+    sides = sides[~np.isnan(sides).any(axis=1)]
+    edge, inner = sides.mean(axis=0) if len(sides) else (np.nan, np.nan)
+    right = [score.right for score in scores if not np.isnan(score.right)]
+    mse_E, mse_nu, mse_rho = errors.mean(axis=0).tolist()
+    row = Row(
+        predictor=name,
+        split=split,
+        mse_E=mse_E,
+        mse_nu=mse_nu,
+        mse_rho=mse_rho,
+        mse_mean=float(means.mean()),
+        clause_accuracy=float(np.mean(right)) if right else None,
+        boundary_ratio=float(edge / max(inner, 1e-9)),
+        objects=len(means),
+        texts=len(scores),
+        seconds_per_object=float(np.mean([score.seconds for score in scores])),
+        interval=_interval(means),
+        by_clauses={int(k): float(each[clauses == k].mean()) for k in np.unique(clauses)},
+    )
+    return _with_pictures(row, [score.seen for score in scores if score.seen is not None])
+
+
+def _with_pictures(row: Row, seen: Sequence[Likeness]) -> Row:
+    if not seen:
+        return row
+    psnr, ssim = np.array(seen).T
+    return replace(
+        row, rendered=len(seen), psnr=float(psnr.mean()), psnr_interval=_interval(psnr),
+        ssim=float(ssim.mean()), ssim_interval=_interval(ssim),
+    )  # fmt: skip
+
+
+def against_best(
+    rows: Sequence[Row],
+    scores: Mapping[str, Mapping[int, Sequence[Score]]],
+    baselines: Sequence[str],
+) -> list[Row]:
+    """Rows with their difference to the baseline of least error, object by object.
+
+    ``scores`` are those of every predictor by the number of the object, one for each text.
+    """
+    known = [row for row in rows if row.predictor in baselines]
+    if not known:
+        return list(rows)
+    best = min(known, key=lambda row: row.mse_mean).predictor
+    theirs = {i: _error(texts) for i, texts in scores[best].items()}
+    compared = []
+    for row in rows:
+        mine = scores[row.predictor]
+        paired = [_error(mine[i]) - theirs[i] for i in mine if i in theirs]
+        if row.predictor != best and paired:
+            row = replace(
+                row, best_baseline=best, difference=float(np.mean(paired)),
+                difference_interval=_interval(np.array(paired)),
+            )  # fmt: skip
+        compared.append(row)
+    return compared
+
+
+def _error(texts: Sequence[Score]) -> float:
+    return float(np.mean([score.errors for score in texts]))
+
+
+def _interval(values: Float[np.ndarray, "objects"]) -> Interval:
+    """95 % bootstrap interval of the mean."""
+    draws = np.random.default_rng(0).integers(len(values), size=(_BOOTSTRAP, len(values)))
+    low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def touches_another(part: np.ndarray) -> np.ndarray:
+    """Voxels with a neighbour of another part among the six."""
+    out = np.zeros(part.shape, dtype=bool)
+    for axis in range(3):
+        a, b = np.moveaxis(part, axis, 0)[:-1], np.moveaxis(part, axis, 0)[1:]
+        differ = (a != b) & (a >= 0) & (b >= 0)
+        moved = np.moveaxis(out, axis, 0)
+        moved[:-1] |= differ
+        moved[1:] |= differ
+    return out

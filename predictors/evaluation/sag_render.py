@@ -1,0 +1,109 @@
+"""Bodies that sag: how a predicted field and the true one look under the same load.
+
+The occupied voxels are the finite elements (six tets each). The load is the body's own weight on a
+slope, held where it stands, so strong that the true body moves by ``SAG`` of its longest side; the
+predicted one, with stiffness *and* weight of its own, bears the same acceleration. Nothing is drawn
+larger than it was computed, but small displacements are assumed: bodies far too soft are drawn as
+``LOST``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...fem.scene.box import box_mesh
+from ...fem.scene.material import ElementMaterial
+from ...fem.scene.mesh import TetMesh
+from ...fem.scene.support_finder import rest
+from ...fem.solve.statics import solve_static
+from ..asset import Asset, Part
+from ..images.cameras import hemisphere
+from ..images.views import render_views
+from ..normalisation import DEFAULT
+from .ssim import Likeness, likeness
+
+CELLS = 32  # elements along a side, at most
+SLOPE = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)  # sag and bend alike, the ground is below
+SAG = 0.1  # largest displacement of the true body, of its longest side
+LOST = 0.5  # and the largest that is drawn
+VIEWS, PIXELS = 3, 128
+_PER_CELL = 6  # tets
+_HUES = np.random.default_rng(3).uniform(0.25, 0.95, (64, 3))  # of the parts
+
+Values = Float[np.ndarray, "x y z 3"]
+
+
+class Stage:
+    """The true body under its load and its pictures, to hold others against.
+
+    Parameters
+    ----------
+    part
+        Part of every voxel, shape (x, y, z), -1 outside; z is up.
+    truth
+        Normalised (log E, nu, log rho) of every voxel.
+    """
+
+    def __init__(self, part: Int[np.ndarray, "x y z"], truth: Values) -> None:
+        self._inside = _blocks(part >= 0)
+        self._occupied = np.asarray(self._inside.any(axis=3))
+        self._mesh = voxel_mesh(self._occupied)
+        self._colours = _HUES[_blocks(part + 1).max(axis=3)[self._occupied] % len(_HUES)]
+        self._supports, _ = rest(self._mesh, 2)
+        self._cameras = hemisphere(self._mesh.bounds, count=VIEWS, pixels=PIXELS)
+        moved = self._moved(truth)
+        self._size = float(np.ptp(self._mesh.bounds, axis=0).max())
+        self._load = SAG * self._size / float(np.linalg.norm(moved, axis=1).max())
+        self._frames = self._seen(moved)
+
+    def likeness(self, found: Values) -> Likeness:
+        """Mean likeness over the cameras of a body of other values (normalised) to the true one."""
+        frames = self._seen(self._moved(found))
+        each = [likeness(a, b) for a, b in zip(frames, self._frames, strict=True)]
+        return Likeness(*map(float, np.mean(each, axis=0)))
+
+    def _moved(self, values: Values) -> Float[np.ndarray, "points 3"]:
+        """Displacement under 1 m/s^2 along the slope."""
+        total = np.einsum("abdnc,abdn->abdc", _blocks(values), self._inside)[self._occupied]
+        at = total / self._inside.sum(axis=3)[self._occupied][:, None]
+        material = ElementMaterial(*(np.repeat(v, _PER_CELL) for v in DEFAULT.physical(at)))
+        body = self._mesh.with_material(material)
+        return solve_static(body, self._supports, gravity=SLOPE).displacement
+
+    def _seen(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
+        import trimesh
+
+        shift = moved * self._load
+        farthest = float(np.linalg.norm(shift, axis=1).max())
+        shift *= min(1.0, LOST * self._size / max(farthest, np.finfo(float).tiny))
+        boundary = self._mesh.boundary
+        surface = trimesh.Trimesh(
+            self._mesh.points + shift, boundary.faces, process=False,
+            face_colors=self._colours[boundary.tet // _PER_CELL],
+        )  # fmt: skip
+        views = render_views(Asset("body", (Part("body", surface),)), self._cameras)
+        return views.images()[..., :3]
+
+
+def voxel_mesh(occupied: Bool[np.ndarray, "x y z"]) -> TetMesh:
+    """Six tets in every occupied cell, in C order; the grid's longest side is 1 m."""
+    shape = np.array(occupied.shape)
+    box = box_mesh((shape / shape.max()).tolist(), occupied.shape)
+    tets = box.tets[np.repeat(occupied.ravel(), _PER_CELL)]
+    used, corner = np.unique(tets, return_inverse=True)
+    return TetMesh.oriented(box.points[used], corner.reshape(-1, 4))
+
+
+def _blocks(values: np.ndarray) -> np.ndarray:
+    """Voxels (x, y, z, ...) by element (a, b, d, voxels, ...), at most ``CELLS`` a side.
+
+    Zeros, which are outside, fill what is missing to whole blocks.
+    """
+    size = -(-max(values.shape[:3]) // CELLS)
+    rest_of = values.shape[3:]
+    pad = [(0, -n % size) for n in values.shape[:3]] + [(0, 0)] * len(rest_of)
+    values = np.pad(values, pad)
+    a, b, d = (n // size for n in values.shape[:3])
+    split = values.reshape(a, size, b, size, d, size, *rest_of)
+    return np.moveaxis(split, (1, 3, 5), (3, 4, 5)).reshape(a, b, d, size**3, *rest_of)

@@ -1,0 +1,1 @@
+"""FiLM: the text-conditioned 3D U-Net of AutoPhyX."""

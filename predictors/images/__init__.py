@@ -1,0 +1,1 @@
+"""Images: pictures of an asset, and what is seen lifted onto voxels."""

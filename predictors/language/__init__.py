@@ -1,0 +1,1 @@
+"""Language: a sentence as clauses, and which part each one speaks of."""

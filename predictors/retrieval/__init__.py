@@ -1,0 +1,1 @@
+"""Retrieval: the material of every part from the table, nothing trained."""

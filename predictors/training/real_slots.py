@@ -1,0 +1,68 @@
+"""Slots of real objects as clothes: other shapes wear them, and real objects change them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ..datasets.grammar import Role, spoken_names
+from ..datasets.parts import part_kinds
+from ..datasets.real import RealObject, kind_index
+from ..datasets.text_table import TextTable
+from ..language.kinds import KINDS
+from .sentences import Phrasebook
+from .stores import Store, slot_columns
+
+
+class Wardrobe:
+    """Slots of real objects by kind of matter: colour, value and name of each belong together."""
+
+    def __init__(self, objects: list[RealObject], table: TextTable) -> None:
+        kinds, self._value, self._colour = (
+            a.reshape(-1, *a.shape[2:]) for a in slot_columns(objects)
+        )
+        self._name = table.real_names[:, 1:].reshape(-1)
+        self._of_kind = [np.flatnonzero(kinds == k) for k in range(len(KINDS))]
+
+    def dress(self, store: Store, matter: np.ndarray, rng: np.random.Generator) -> Store:
+        """Give every part whose ``matter`` (n, 6) is known a slot of that kind."""
+        value, colour = store.value.cpu().numpy().copy(), store.colour.cpu().numpy().copy()
+        text = store.text.cpu().numpy().copy()
+        for kind, slots in enumerate(self._of_kind):
+            i, j = np.nonzero(matter == kind)
+            if slots.size and i.size:
+                chosen = rng.choice(slots, size=i.size)
+                value[i, j], colour[i, j] = self._value[chosen], self._colour[chosen]
+                text[i, 1 + j] = self._name[chosen]
+        # A kind without a slot is unknown matter.
+        empty = [k for k, slots in enumerate(self._of_kind) if not slots.size]
+        kinds = np.where(np.isin(matter, empty), -1, matter)
+        columns = (kinds, np.full(len(kinds), -1), value, colour, text)
+        return Store(store.label, *(torch.tensor(c, device=store.label.device) for c in columns))
+
+
+def dressed_store(shapes: Store, wardrobe: Wardrobe, book: Phrasebook, seed: int) -> Store:
+    """Procedural shapes in plausible slots of real objects: kinds of matter without end."""
+    rng = np.random.default_rng(seed)
+    plausible = [
+        [k for m in kind.materials if (k := kind_index(spoken_names(m)[0])) >= 0] or [-1]
+        for kind in part_kinds().values()
+    ]
+    matter = np.array(
+        [[rng.choice(plausible[k]) if k >= 0 else -1 for k in row] for row in shapes.kinds.tolist()]
+    )
+    text = torch.full_like(shapes.text, -1)
+    text[:, 0] = book.first(Role.OBJECT, shapes.category)
+    nothing = torch.full_like(shapes.value, torch.nan)
+    return wardrobe.dress(shapes._replace(text=text, value=nothing), matter, rng)
+
+
+def with_changes_of_dress(
+    store: Store, wardrobe: Wardrobe, rng: np.random.Generator, *, changes: int = 3
+) -> Store:
+    """Real objects as they are, and again with each slot from another object of its kind."""
+    stores = [store]
+    for _ in range(changes):
+        dressed = wardrobe.dress(store, store.kinds.cpu().numpy(), rng)
+        stores.append(dressed)
+    return Store(*(torch.cat(columns) for columns in zip(*stores, strict=True)))

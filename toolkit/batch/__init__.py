@@ -1,0 +1,1 @@
+"""Many assets: a manifest in, a folder and a table out."""

@@ -1,0 +1,97 @@
+"""Options outside the command line: a TOML file and the cells of a manifest, as arguments.
+
+Both become ordinary arguments, so that there is one parser and one set of messages. What stands in
+the file comes first: the command line has the last word.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from ...fem.errors import InputError, UsageError
+
+# What belongs to one call, not to a configuration.
+_OF_THE_CALL = ("common", "output", "dry_run")
+_SHORT = {"field_output": "field", "target": "for"}  # names that the command line changes
+
+
+def arguments(options: Mapping[str, Any]) -> list[str]:
+    """Options by name as arguments: true is a flag, a list repeats its option."""
+    found = []
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        for item in value if isinstance(value, list | tuple) else [value]:
+            if isinstance(item, dict):
+                raise UsageError(f"{name}: wanted a value or a list, got a table")
+            if item is True:
+                found.append(flag)
+            elif item is not False and item is not None:
+                found.append(f"{flag}={item}")
+    return found
+
+
+def read_config(path: Path) -> list[str]:
+    """Arguments of a TOML file; tables only group.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or is no TOML.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the configuration {path}: {error}") from error
+    flat: dict[str, Any] = {}
+    for name, value in document.items():
+        flat |= value if isinstance(value, dict) else {name: value}
+    return arguments(flat)
+
+
+def with_config(command: list[str]) -> list[str]:
+    """Put what the file of ``--config`` says behind the verb, before all other arguments."""
+    path = None
+    for i, word in enumerate(command):
+        if word == "--config" and i + 1 < len(command):
+            path = command[i + 1]
+        elif word.startswith("--config="):
+            path = word.partition("=")[2]
+    return command if path is None else [command[0], *read_config(Path(path)), *command[1:]]
+
+
+def config_text(command: Any) -> str:
+    """The options of a command as TOML; one that has no value yet is a comment."""
+    return "\n".join(_lines(command)) + "\n"
+
+
+def _lines(options: Any) -> Iterator[str]:
+    for item in fields(options):
+        value = getattr(options, item.name)
+        if item.name in _OF_THE_CALL:
+            continue
+        if is_dataclass(value):
+            yield from ("", f"# {type(value).__name__}", *_lines(value))
+        elif "Positional" not in str(item.type):
+            name = _SHORT.get(item.name, item.name)
+            yield f"# {name} =" if value is None else f"{name} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    escaped = "".join(_escape(letter) for letter in str(value))
+    return f'"{escaped}"'
+
+
+def _escape(letter: str) -> str:
+    if letter in '"\\':
+        return "\\" + letter
+    return letter if ord(letter) >= 32 and ord(letter) != 127 else f"\\u{ord(letter):04x}"

@@ -1,0 +1,134 @@
+"""Commands about learning: build and show the data, train, evaluate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from ..options import Common, FeatureOptions
+from .progress import progress
+
+Flat = tyro.conf.OmitArgPrefixes
+Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Build the training data, or draw samples of it.
+
+    Examples: autophyx-tet dataset build -o data; autophyx-tet dataset show -o samples.png
+    """
+
+    action: tyro.conf.Positional[Literal["build", "show"]]
+    """What to do."""
+    output: Output
+    """Folder of the data (build), or .png of six samples (show)."""
+    per_part: int = 300
+    """Clauses for every kind of part; the shipped network heard 3,600."""
+    device: str = "cpu"
+    """Where clauses are embedded: cpu or cuda."""
+    no_real: bool = False
+    """Leave real furniture out: nothing is downloaded."""
+    seed: int = 0
+    """Seed of everything random."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..learning import build_dataset, show_dataset
+
+        if self.action == "show":
+            return show_dataset(self.output, seed=self.seed)
+        return build_dataset(
+            self.output,
+            per_part=self.per_part,
+            seed=self.seed,
+            device=self.device,
+            real=not self.no_real,
+        )
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train the voxel network; the same command goes on where it was interrupted.
+
+    Example: autophyx-tet train cpu --data data -o run
+    """
+
+    config: tyro.conf.Positional[str]
+    """TOML file of a training run, `cpu` for one that takes a minute, or a shipped preset."""
+    output: Output
+    """Folder of the state and of film.safetensors."""
+    data: Path = Path("data")
+    """Folder that `dataset build` wrote."""
+    start: Path | None = None
+    """Weights to begin with."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..learning import train
+
+        return train(self.config, data=self.data, output=self.output, start=self.start)
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score predictors on objects, wordings and pairs that training never saw.
+
+    Examples: autophyx-tet evaluate --split procedural --objects 16 --json;
+    autophyx-tet evaluate --split validation --encoder embedded --renders 16
+    """
+
+    split: str = "procedural"
+    """procedural, validation (real furniture), or a folder of objects with texts and values."""
+    predictors: tuple[str, ...] = ()
+    """Rows of the table: film, film-names, film-nofeatures, constant, table-mean, pixie ..."""
+    data: Path | None = None
+    """Folder that `dataset build` wrote; without it the validation objects are fetched."""
+    weights: Path | None = None
+    """Weights of the network; the shipped ones by default."""
+    objects: int = 64
+    """How many objects."""
+    cells: int = 64
+    """Cells along the longest side."""
+    seed: int = 0
+    """Seed of the objects and of what is said of them."""
+    texts: int = 1
+    """How often something is said of each object; its score is the mean."""
+    encoder: str | None = None
+    """Encoder of images that looks at the furniture first: embedded, or openclip."""
+    renders: int = 0
+    """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
+    cache: Path | None = None
+    """Folder that remembers what the encoder saw; by default the user's cache folder."""
+    no_cache: bool = False
+    """Look again and remember nothing."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..learning import evaluate
+
+        folder = FeatureOptions(cache=self.cache, no_cache=self.no_cache).memory
+        with progress(quiet=self.common.quiet) as tell:
+            return evaluate(
+                self.split,
+                predictors=self.predictors,
+                data=self.data,
+                weights=self.weights,
+                objects=self.objects,
+                cells=self.cells,
+                seed=self.seed,
+                texts=self.texts,
+                encoder=self.encoder,
+                renders=self.renders,
+                memory=folder and folder / "sight",
+                progress=tell,
+            )
+
+
+COMMANDS = {"dataset": Dataset, "train": Train, "evaluate": Evaluate}

@@ -1,0 +1,87 @@
+"""Commands that only look: an asset from all sides, the material table, a mesh, this machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ..options import Common, FeatureOptions, Flat, Output
+
+
+@dataclass(frozen=True)
+class Features:
+    """See an asset from all sides and lift what an encoder sees onto its voxels.
+
+    Example: autophyx-tet features chair.glb -o chair.npz
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
+    """Surface (obj, glb ...), Gaussian splats, point cloud or density grid to look at."""
+    output: Output
+    """File to write: .npz with cells, values, part and grid."""
+    options: Flat[FeatureOptions] = field(default_factory=FeatureOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..features import features
+
+        return features(self.asset, output=self.output, options=self.options).document()
+
+
+@dataclass(frozen=True)
+class Materials:
+    """List the material table, or the rows that match a query.
+
+    Example: autophyx-tet materials oak
+    """
+
+    query: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="QUERY")]] = ""
+    """Words to look for in names, aliases and categories."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..listing import materials
+
+        return materials(self.query)
+
+
+@dataclass(frozen=True)
+class Info:
+    """Say what a mesh file holds: size, regions, volume, mass, quality.
+
+    Example: autophyx-tet info chair.msh
+    """
+
+    file: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
+    """Mesh to look at: .msh, .vtu or .vtk."""
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..listing import info
+
+        return info(self.file)
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what is installed and what is missing: versions, extras, devices, weights, caches.
+
+    Example: autophyx-tet doctor --json
+    """
+
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..doctor import doctor
+
+        return doctor()
+
+
+COMMANDS = {"features": Features, "materials": Materials, "info": Info, "doctor": Doctor}

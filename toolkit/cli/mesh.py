@@ -1,0 +1,183 @@
+"""Commands that make a mesh with E, nu and rho and load it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ..options import (
+    AssignOptions,
+    Common,
+    ConvertOptions,
+    Flat,
+    Output,
+    Repeated,
+    SimulateOptions,
+    UpAxis,
+)
+
+
+@dataclass(frozen=True)
+class Convert:
+    """Make a watertight tetrahedral mesh of an asset, one region per part.
+
+    Example: autophyx-tet convert chair.glb -o chair.msh --size 0.9
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
+    output: Output
+    """Mesh to write: .msh, .vtu or .vtk."""
+    dry_run: bool = False
+    """Say what would be done and estimate tets, time and memory; write nothing."""
+    quality: bool = False
+    """Print a table of the tets' angles, ratios, altitudes and explicit time step."""
+    options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..pipeline import convert
+        from .progress import progress
+
+        if self.dry_run:
+            from ..estimate import plan
+
+            return plan(self.asset, self.options, output=self.output)
+        with progress(quiet=self.common.quiet) as tell:
+            made = convert(self.asset, output=self.output, options=self.options, progress=tell)
+        rows = {"quality_rows": made.report.quality.rows()} if self.quality else {}
+        return made.document() | rows
+
+
+@dataclass(frozen=True)
+class Assign:
+    """Give every tet E, nu and rho from a sentence.
+
+    Example: autophyx-tet assign chair.msh --text "the legs are oak, the seat is soft foam" -o m.msh
+    """
+
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
+    """Mesh made by `convert`: .msh, .vtu or .vtk."""
+    output: Output
+    """Mesh to write: .msh, .vtu or .vtk."""
+    text: str = ""
+    """What the object is made of, in plain words; at most 4,000 characters."""
+    asset: Path | None = None
+    """The asset the mesh came from: its node and material names are read again."""
+    field_output: Annotated[Path | None, tyro.conf.arg(name="field")] = None
+    """Also write the voxel field, as .npz."""
+    options: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..pipeline import assign
+
+        result = assign(
+            self.mesh,
+            self.text,
+            asset=self.asset,
+            output=self.output,
+            field_output=self.field_output,
+            options=self.options,
+        )
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Load the mesh and solve: displacement, stress, motion, vibrations, verdicts.
+
+    Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
+    autophyx-tet simulate chair.msh --scenario drop -o drop.pvd
+    """
+
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
+    """Mesh with E, nu and rho, made by `assign`."""
+    output: Output
+    """Result to write: .vtu or .vtk (the last state), or .pvd (the whole motion)."""
+    report: Path | None = None
+    """Page to write too: .html."""
+    picture: Path | None = None
+    """Picture to write too: .png (the last state), .gif or .webp (the motion)."""
+    up: UpAxis | None = None
+    """Axis that points up; by default what the mesh's sidecar says, else z."""
+    options: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..pipeline import simulate
+        from .progress import progress
+
+        with progress(quiet=self.common.quiet) as tell:
+            return simulate(
+                self.mesh,
+                up=self.up,
+                output=self.output,
+                report=self.report,
+                picture=self.picture,
+                options=self.options,
+                progress=tell,
+            ).document()
+
+
+@dataclass(frozen=True)
+class Run:
+    """Convert, assign, simulate and report, in one go.
+
+    Example: autophyx-tet run bonsai.glb --text "the pot is ceramic, the trunk is oak" -o out/bonsai
+    """
+
+    asset: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="ASSET")]]
+    """Surface (obj, ply, stl, glb ...), Gaussian splats, point cloud or density grid."""
+    output: Output
+    """Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json."""
+    text: Annotated[tuple[str, ...], Repeated] = ()
+    """What the object is made of; repeat it to compare two sentences under the same loads."""
+    picture: Path | None = None
+    """One more picture, outside the folder: .png, or the motion as .gif or .webp."""
+    features: bool = False
+    """Show in the report what the image encoder sees, as colours; some seconds more."""
+    dry_run: bool = False
+    """Say what would be done and estimate tets, time and memory; write nothing."""
+    convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    assign: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    simulate: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..pipeline import run
+        from .progress import progress
+
+        if self.dry_run:
+            from ..estimate import plan
+
+            return plan(
+                self.asset,
+                self.convert,
+                output=self.output,
+                texts=self.text or ("",),
+                simulate=self.simulate,
+            )
+        with progress(quiet=self.common.quiet) as tell:
+            result = run(
+                self.asset,
+                self.text or ("",),
+                output=self.output,
+                picture=self.picture,
+                convert_options=self.convert,
+                assign_options=self.assign,
+                simulate_options=self.simulate,
+                features=self.features,
+                progress=tell,
+            )
+        return result.document()
+
+
+COMMANDS = {"convert": Convert, "assign": Assign, "simulate": Simulate, "run": Run}

@@ -1,0 +1,62 @@
+"""Commands that take E, nu and rho elsewhere: to other carriers, to other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ..options import Common, ExportOptions, Flat, Output, Target, TransferOptions
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Carry E, nu and rho over to Gaussian splats, a point cloud or a NeRF density grid.
+
+    Example: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply
+    """
+
+    source: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="SOURCE")]]
+    """Field (.npz), mesh with E, nu and rho (.msh, .vtu, .vtk), or points that have them."""
+    target: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="TARGET")]]
+    """Carrier to write again: ply, splat, spz, ksplat, pcd, las, xyz, npz, nvdb ..."""
+    output: Output
+    """File to write, every property of TARGET kept; STEM.npz beside it where it has no room."""
+    options: Flat[TransferOptions] = field(default_factory=TransferOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..transfer import transfer
+
+        result = transfer(self.source, self.target, output=self.output, options=self.options)
+        return result.document()
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a mesh with E, nu and rho as the files of another program.
+
+    Example: autophyx-tet export chair.msh --for calculix -o chair.inp
+    """
+
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
+    """Mesh with E, nu and rho, made by `assign`."""
+    target: Annotated[Target, tyro.conf.arg(name="for")]
+    """Program that shall read it."""
+    output: Output
+    """Main file to write; without a suffix it is a stem."""
+    options: Flat[ExportOptions] = field(default_factory=ExportOptions)
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..transfer import export
+
+        result = export(self.mesh, self.target, output=self.output, options=self.options)
+        return result.document()
+
+
+COMMANDS = {"transfer": Transfer, "export": Export}

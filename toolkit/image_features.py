@@ -1,0 +1,60 @@
+"""What an image encoder sees of the furniture that predictors are scored on, kept in a cache."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from ..fem.errors import AutophyxError
+from ..predictors.asset import Asset
+from ..predictors.datasets.real import CELLS, RealObject, cube, upright
+from ..predictors.datasets.shapes import EMPTY
+from ..predictors.encoders import Encoder
+from ..predictors.evaluation.evaluate import Seen
+from ..predictors.images.features import VoxelFeatures
+from ..predictors.images.features import features as features_of
+from .appearance import VIEWS
+from .native.cache import digest, recalled, remember
+
+log = logging.getLogger(__name__)
+
+MAX_FILES = 256  # of the cache, up to 2 MB each; what was not used for longest goes first
+
+
+def sight(
+    asset: Asset, voxels: RealObject, encoder: Encoder, *, cells: int, memory: Path | None
+) -> Seen | None:
+    """Features on the cells of an object at half the resolution of ``cells``.
+
+    None where nothing could be seen; ``memory`` is the folder of what was seen before.
+    """
+    options = {"encoder": encoder.name, "cells": cells, "views": VIEWS, "asset": asset.source_hash}
+    key = digest("sight", {"label": voxels.label, "bounds": asset.bounds}, options)
+    path = memory / f"{key}.npz" if memory and asset.source_hash else None
+    if path is not None and (known := recalled(path)) is not None:
+        return Seen(known["cells"].astype(int), known["values"])
+    try:
+        features = features_of(asset, encoder=encoder, cells=cells // 2, views=VIEWS)
+    except AutophyxError as error:
+        log.warning("%s is judged unseen: %s", voxels.name, error)
+        return None
+    seen = _on_cube(features, asset, voxels, cells // 2)
+    if path is not None:
+        made = {"cells": seen.cells.astype(np.uint8), "values": seen.values}
+        remember(path, made, most_files=MAX_FILES)
+    return seen
+
+
+def _on_cube(features: VoxelFeatures, asset: Asset, voxels: RealObject, half: int) -> Seen:
+    """Features of the nearest cell, on the cells of the cube."""
+    from scipy.spatial import KDTree
+
+    lo, h = cube(asset)
+    size = CELLS // half
+    occupied = (voxels.label != EMPTY).reshape(half, size, half, size, half, size)
+    cells = np.argwhere(occupied.any(axis=(1, 3, 5)))
+    places = upright(features.grid.to_world(features.cells), asset.up)
+    _, nearest = KDTree(places).query(lo + (cells + 0.5) * size * h)
+    return Seen(cells, features.values[nearest].astype(np.float16))

@@ -1,0 +1,1 @@
+"""Files in and out: assets loaded, sidecars and documents written."""

@@ -1,0 +1,260 @@
+"""Load an asset file: named surface parts in metres, with all that the file says about them."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...fem.errors import InputError, UsageError
+from ...predictors.asset import Asset, Part, UpAxis
+from ..options import METRES, Unit
+from .clouds import reconstructed
+from .readers import READERS, Surface, read
+from .references import References
+
+if TYPE_CHECKING:
+    import trimesh
+
+log = logging.getLogger(__name__)
+
+MAX_FILE_BYTES = 2 * 2**30  # more than this is not an asset but a scan archive
+MAX_TRIANGLES = 20_000_000  # about 2 GB of arrays on the way: the limit of a 24 GB machine
+MAX_PARTS = 256  # beyond it parts are merged by material: nobody names 300 materials in a sentence
+COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
+SMALLEST, LARGEST = 1e-3, 100.0  # longest side [m] outside which a forgotten unit is likely
+# Names that exporters and loaders make up for things that have none.
+MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
+
+
+def load_asset(
+    path: str | Path,
+    *,
+    size: float | None = None,
+    units: Unit | None = None,
+    up: UpAxis | None = None,
+) -> Asset:
+    """Load a surface or a point cloud; every named node, group or material becomes a part [m].
+
+    Parameters
+    ----------
+    path
+        File of one of the suffixes in ``READERS``.
+    size
+        Longest side of the bounding box [m]; the file's own numbers only give the shape then.
+    units
+        Unit of the file's numbers. Without ``size`` and ``units`` glTF is metres, others are taken
+        as metres with a warning.
+    up
+        Axis that points up: by default y for glTF and OBJ, z with a warning for others.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, unreadable, invalid or holds no triangle.
+    UsageError
+        Where both ``size`` and ``units`` are given, or ``size`` is not positive.
+    """
+    path = Path(path)
+    _check_scale(size, units)
+    _check_path(path)
+    data = path.read_bytes()
+    references = References(path.parent)
+    content = read(path, data, references)
+    if not content.surfaces and content.cloud is not None:
+        content = reconstructed(path, content)
+    surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
+    warnings = [*references.warnings, *content.warnings, *warnings]
+    parts = _parts(surfaces, path.stem, warnings)
+    asset = Asset(
+        name=path.stem,
+        parts=parts,
+        up=content.up or content.up_guess,
+        source=str(path),
+        source_hash=references.digest(data),
+        warnings=tuple(warnings),
+    )
+    stated = Stated(content.metres, content.up is not None)
+    return scaled(asset, size=size, units=units, up=up, stated=stated)
+
+
+class Stated(NamedTuple):
+    """What a file says about itself: metres per unit, and whether its up axis is known."""
+
+    metres: float | None = None
+    up: bool = False
+
+
+def scaled(
+    asset: Asset,
+    *,
+    size: float | None = None,
+    units: Unit | None = None,
+    up: UpAxis | None = None,
+    stated: Stated = Stated(),  # noqa: B008 - a tuple does not change
+) -> Asset:
+    """Return an asset in metres that so far is in the units of its file, and warn of guesses."""
+    _check_scale(size, units)
+    warnings = list(asset.warnings)
+    if up is None and not stated.up:
+        warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
+    factor = _metres(asset, size, units, stated.metres, warnings)
+    return _in_metres(replace(asset, up=up or asset.up), factor, warnings)
+
+
+def _check_scale(size: float | None, units: Unit | None) -> None:
+    if size is not None and units is not None:
+        raise UsageError(f"got both --size {size:g} and --units {units}: give one of them")
+    if size is not None and not (np.isfinite(size) and size > 0):
+        raise UsageError(f"--size must be a length > 0 m, got {size:g}")
+    if units is not None and units not in METRES:
+        raise UsageError(f"--units must be one of {', '.join(METRES)}, got {units!r}")
+
+
+def _check_path(path: Path) -> None:
+    """Make sure of a readable, non-empty file that there is a reader for."""
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, wanted one file of {', '.join(READERS)}")
+    if suffix not in READERS:
+        raise InputError(f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(READERS)}")
+    bytes_ = path.stat().st_size
+    if bytes_ == 0:
+        raise InputError(f"{path}: is empty (0 bytes): export it again")
+    if bytes_ > MAX_FILE_BYTES:
+        raise InputError(
+            f"{path}: {bytes_} bytes, the limit is {MAX_FILE_BYTES}: simplify it first"
+        )
+
+
+def _checked(path: Path, surface: Surface) -> Surface:
+    """Refuse what no later step could make sense of: indices, numbers, counts."""
+    points, faces = surface.mesh.vertices, surface.mesh.faces
+    if points.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(
+            f"{path}: has points of {points.shape[-1]} coordinates and faces of {faces.shape[-1]} "
+            "corners, wanted 3 and 3: export it again"
+        )
+    if len(faces) > MAX_TRIANGLES:
+        raise InputError(
+            f"{path}: {len(faces)} triangles, the limit is {MAX_TRIANGLES}: simplify it"
+        )
+    out = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(points)).any(axis=1))
+    if out.size:
+        raise InputError(
+            f"{path}: face {out[0]} names vertices {faces[out[0]].tolist()} of {len(points)} "
+            f"({out.size} such faces): export it again"
+        )
+    bad = np.flatnonzero(~(np.abs(points) < COORDINATE_LIMIT).all(axis=1))  # also catches NaN
+    if bad.size:
+        raise InputError(
+            f"{path}: vertex {bad[0]} is {points[bad[0]].tolist()} ({bad.size} such vertices), "
+            f"wanted finite numbers below {COORDINATE_LIMIT:g}: export it again"
+        )
+    return surface
+
+
+def _with_extent(path: Path, surfaces: list[Surface]) -> tuple[list[Surface], list[str]]:
+    """Surfaces that are more than one point, and a sentence about the others."""
+    if not surfaces:
+        raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
+    kept = [s for s in surfaces if np.ptp(s.mesh.vertices[s.mesh.faces], axis=(0, 1)).max() > 0]
+    if not kept:
+        raise InputError(f"{path}: all {len(surfaces)} surfaces shrink to one point")
+    dropped = len(surfaces) - len(kept)
+    return kept, [f"{dropped} surfaces that shrink to one point were left out"] * bool(dropped)
+
+
+def _parts(surfaces: Sequence[Surface], stem: str, warnings: list[str]) -> tuple[Part, ...]:
+    """One part per (node, material); per material alone where that would be too many."""
+    groups = _grouped(surfaces, [(s.node[:1], s.material) for s in surfaces])
+    if len(groups) > MAX_PARTS:
+        groups = _grouped(surfaces, [s.material for s in surfaces])
+        warnings.append(f"more than {MAX_PARTS} named pieces: merged by material to {len(groups)}")
+    return tuple(
+        Part(name, _joined([s.mesh for s in group]), _labels(group))
+        for name, group in zip(_unique_names(groups, stem), groups, strict=True)
+    )
+
+
+def _grouped(surfaces: Sequence[Surface], keys: Sequence[Any]) -> list[list[Surface]]:
+    groups: dict[Any, list[Surface]] = {}
+    for surface, key in zip(surfaces, keys, strict=True):
+        groups.setdefault(key, []).append(surface)
+    return list(groups.values())
+
+
+def _joined(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    import trimesh
+
+    return meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes)  # type: ignore
+
+
+def _labels(group: Sequence[Surface]) -> tuple[str, ...]:
+    """All real names around a part, without repeats."""
+    names = [n for s in group for n in (*s.node, *([s.material] if s.material else []))]
+    return tuple(dict.fromkeys(n for n in names if _is_name(n)))
+
+
+def _is_name(name: str | None) -> bool:
+    return name is not None and MADE_UP_NAME.fullmatch(name) is None
+
+
+def _unique_names(groups: Sequence[Sequence[Surface]], stem: str) -> list[str]:
+    """The node's name where it has one part, else its material's, else both; counted if equal."""
+    nodes = [_first_name(group[0].node[:1]) for group in groups]
+    materials = [_first_name((group[0].material,)) for group in groups]
+    names: list[str] = []
+    for node, material in zip(nodes, materials, strict=True):
+        if node and nodes.count(node) == 1:
+            wanted = node
+        elif material and materials.count(material) == 1:
+            wanted = material
+        else:
+            wanted = "_".join(name for name in (node, material) if name) or stem
+        name, count = wanted, 1
+        while name in names:
+            name, count = f"{wanted}.{count}", count + 1
+        names.append(name)
+    return names
+
+
+def _first_name(names: Sequence[str | None]) -> str | None:
+    return next((name for name in names if _is_name(name)), None)
+
+
+def _metres(
+    asset: Asset, size: float | None, units: Unit | None, stated: float | None, warnings: list[str]
+) -> float:
+    """Metres per unit of the file: what the user says, what the file says, else one."""
+    longest = float(asset.size.max())
+    if size is not None:
+        return size / longest
+    if units is not None:
+        return METRES[units]
+    if stated is None:
+        warnings.append(
+            f"the file has no unit: taken as metres (longest side {longest:.4g} m); "
+            "--size or --units sets it"
+        )
+    return 1.0 if stated is None else stated
+
+
+def _in_metres(asset: Asset, factor: float, warnings: list[str]) -> Asset:
+    """Scale to metres and say what was assumed."""
+    longest = float(asset.size.max()) * factor
+    if not SMALLEST <= longest <= LARGEST:
+        warnings.append(f"a longest side of {longest:.4g} m is unusual: --size or --units sets it")
+    if factor != 1:
+        for part in asset.parts:
+            part.mesh.vertices = part.mesh.vertices * factor
+    for sentence in warnings:
+        log.info("%s: %s", asset.source, sentence)
+    return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))

@@ -1,0 +1,95 @@
+"""The sidecar ``NAME.json`` of a mesh: what the mesh format has no room for."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, get_args
+
+from ...fem.errors import InputError
+from ...predictors.asset import Asset, UpAxis
+from ...predictors.voxels import PartVoxels
+from .document import SCHEMA, versions, write_json
+
+UNITS = {"points": "m", "E": "Pa", "nu": "1", "rho": "kg/m^3"}
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """Where a mesh came from and what its regions are called.
+
+    ``labels`` maps a region to the words the asset has for it; ``source`` is the asset file, its
+    SHA-256 and the metres per unit that were applied, so that ``assign --asset`` can replay them.
+    """
+
+    up: UpAxis
+    labels: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    source: dict[str, Any] = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of_asset(cls, asset: Asset) -> Sidecar:
+        """Describe a mesh that was made of ``asset``."""
+        return cls(
+            up=asset.up,
+            labels={part.name: part.labels for part in asset.parts},
+            source={
+                "name": asset.name,
+                "path": asset.source,
+                "sha256": asset.source_hash,
+                "metres_per_unit": asset.metres_per_unit,
+            },
+        )
+
+    def divided(self, parts: PartVoxels) -> Sidecar:
+        """Return the sidecar of a mesh whose regions are the parts."""
+        return replace(self, labels=dict(zip(parts.part_names, parts.labels, strict=True)))
+
+    @staticmethod
+    def path(mesh: Path) -> Path:
+        """Return the sidecar's path of a mesh file."""
+        return mesh.with_suffix(".json")
+
+    @classmethod
+    def read(cls, mesh: Path) -> Sidecar | None:
+        """Read the sidecar of a mesh file, or None where it has none.
+
+        Raises
+        ------
+        InputError
+            Where the file is there but is not a sidecar.
+        """
+        path = cls.path(mesh)
+        if not path.exists():
+            return None
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            labels = {name: tuple(words) for name, words in found["labels"].items()}
+            sidecar = cls(found["up"], labels, dict(found["source"]), dict(found["record"]))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(
+                f"{path} is not a sidecar of ours ({error}): move it away, or run convert again"
+            ) from error
+        if sidecar.up not in get_args(UpAxis):
+            raise InputError(f"{path}: up is {sidecar.up!r}, wanted x, y or z")
+        return sidecar
+
+    def with_record(self, **record: Any) -> Sidecar:
+        """Add the documents of further stages to the record."""
+        return replace(self, record={**self.record, **record})
+
+    def write(self, mesh: Path) -> Path:
+        """Write beside a mesh file and return the sidecar's path."""
+        path = self.path(mesh)
+        document = {
+            "schema": SCHEMA,
+            "units": UNITS,
+            "up": self.up,
+            "labels": self.labels,
+            "source": self.source,
+            "record": self.record,
+            "versions": versions(),
+        }
+        write_json(path, document)
+        return path

@@ -1,0 +1,219 @@
+"""The ladder of attempts: as asked, repaired harder, coarser, wrapped; every rung is recorded."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ...fem.scene.mesh import TetMesh
+from ..native.cache import Runner
+from ..native.child import ChildFailure
+from ..surfaces.solids import Shell, Solids
+from ..surfaces.surface import Surface
+from ..surfaces.triangles import closest, edge_components
+from .conversion_report import BROKEN, ENVELOPE_SHARE, Attempt, Distances, Engine, Guarantee
+from .engine_run import Filling, NoFilling, Target, fill
+from .quality import Quality
+
+log = logging.getLogger(__name__)
+
+HARDER_WELD_REL = 1e-4  # a twentieth of the default epsilon: closes gaps that nobody can see
+COARSER = (2.0, 4.0)  # factors of edge length and epsilon
+TIGHTER = 2.0  # divides epsilon where the result misses parts of the input
+TIGHTER_TIME = 4.0  # times that of the first attempt: samples of an envelope go with its square
+TIGHTER_START = 10.0  # s that it may take in any case
+# Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
+# square of the edge, those of a thick one with the cube.
+BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
+NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
+WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
+WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
+
+
+class Made(NamedTuple):
+    """A filling as a mesh with regions, and what was measured about it at ``epsilon`` [m]."""
+
+    filling: Filling
+    mesh: TetMesh
+    gaps: Distances
+    quality: Quality
+    guarantees: tuple[Guarantee, ...]
+    epsilon: float
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Sentences about the guarantees that are not kept."""
+        return tuple(g.sentence for g in self.guarantees if not g.ok)
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """The lower, the better: broken guarantees, then the distance in epsilons."""
+        return len(self.broken), self.gaps.largest / self.epsilon
+
+
+class Climb(NamedTuple):
+    """How a climb ended: the best mesh, if any attempt gave one, and all attempts."""
+
+    made: Made | None
+    attempts: tuple[Attempt, ...]
+
+    @property
+    def kept(self) -> bool:
+        """Whether there is a mesh that keeps every guarantee."""
+        return self.made is not None and not self.made.broken
+
+
+Judge = Callable[[Filling, float], Made]
+
+
+class Job(NamedTuple):
+    """Solids that enclose ``enclosed`` [m^3], what is asked of their tets, and who makes them.
+
+    ``again`` prepares the solids anew with another welding distance, a share of the diagonal;
+    ``judge`` measures a filling and holds it against epsilon [m].
+    """
+
+    solids: Solids
+    target: Target
+    enclosed: float
+    again: Callable[[float], Solids]
+    runner: Runner
+    judge: Judge
+
+
+def climb_within(job: Job, max_tets: int | None) -> Climb:
+    """Climb, and again with a coarser target while the result has more than ``max_tets`` tets.
+
+    Layers of thin places are given up first: they cost the most.
+    """
+    found = climb(job, tightening=max_tets is None)
+    for _ in range(BUDGET_ROUNDS):
+        if found.made is None or max_tets is None or len(found.made.mesh.tets) <= max_tets:
+            break
+        target = found.made.filling.target
+        if target.layers > 1:
+            target = replace(target, layers=1)
+        else:
+            factor = BUDGET_MARGIN * (len(found.made.mesh.tets) / max_tets) ** 0.5
+            target = target.coarser(factor)
+        coarser = climb(job._replace(target=target), tightening=False)
+        made = coarser.made if coarser.kept or not found.kept else found.made
+        found = Climb(made or found.made, found.attempts + coarser.attempts)
+    return found
+
+
+def climb(job: Job, *, tightening: bool = True) -> Climb:
+    """Try one rung after the other until a mesh keeps its guarantees; all attempts are on record.
+
+    A mesh counts at the epsilon of its own rung, which is what the report states. After a time-out
+    or a broken guarantee it goes straight to the coarser rungs: more repair helps neither. Where
+    every mesh breaks a guarantee, the best one is returned as it is.
+    """
+    attempts: list[Attempt] = []
+    best: Made | None = None
+    for engine, aim, prepare in _rungs(job):
+        if attempts and attempts[-1].outcome.startswith(NO_REPAIR_HELPS) and aim is job.target:
+            continue
+        filling, attempt = _try(engine, aim, prepare, job.runner)
+        attempts.append(attempt)
+        if filling is None:
+            continue
+        made = _judged(job, filling, aim.epsilon)
+        if made.broken:
+            attempts[-1] = replace(attempt, outcome=_broken(made))
+        if tightening and (made.broken or not made.gaps.good(made.epsilon)):
+            made, more = _tightened(job._replace(target=aim), made, attempt)
+            attempts.append(more)
+        best = made if best is None else min(best, made, key=lambda one: one.rank)
+        if not made.broken:
+            break
+    return Climb(best, tuple(attempts))
+
+
+def _judged(job: Job, filling: Filling, epsilon: float) -> Made:
+    """Measure a filling, and where it breaks a guarantee also that by cells: the better one."""
+    made = job.judge(filling, epsilon)
+    if not made.broken or filling.by_cells is None:
+        return made
+    try:
+        other = job.judge(filling.by_cells(), epsilon)
+    except NoFilling as failure:
+        log.info("by cells: %s", failure)
+        return made
+    return min(made, other, key=lambda one: one.rank)
+
+
+def _broken(made: Made) -> str:
+    return f"{BROKEN}: {'; '.join(made.broken)}"
+
+
+def _tightened(job: Job, made: Made, first: Attempt) -> tuple[Made, Attempt]:
+    """One more try in a narrower envelope, for spikes and corners that the first cut off.
+
+    It may take a few times as long as the first: an improvement, not worth a long wait. What it
+    gives is held against the epsilon of the first.
+    """
+    aim = replace(job.target, epsilon_rel=job.target.epsilon_rel / TIGHTER)
+    limit = min(job.runner.time_limit, TIGHTER_START + TIGHTER_TIME * first.seconds)
+    runner = replace(job.runner, time_limit=limit)
+    filling, attempt = _try("tetwild", aim, lambda: job.solids, runner)
+    if filling is None:
+        return made, attempt
+    again = _judged(job, filling, made.epsilon)
+    if again.broken:
+        attempt = replace(attempt, outcome=_broken(again))
+    better = (len(again.broken), again.gaps.largest) <= (
+        len(made.broken),
+        max(made.gaps.largest, made.epsilon),
+    )
+    return again if better else made, attempt
+
+
+def _try(
+    engine: Engine, aim: Target, prepare: Callable[[], Solids], runner: Runner
+) -> tuple[Filling | None, Attempt]:
+    """One rung: a filling or None, and what to put on record."""
+    started, filling = time.monotonic(), None
+    try:
+        filling = fill(prepare(), aim, runner)
+        outcome = "ok"
+    except ChildFailure as failure:
+        outcome = f"{failure.kind}: {failure}"
+    except NoFilling as failure:
+        outcome = f"rejected: {failure}"
+    seconds = time.monotonic() - started
+    log.info("%s: %s after %.1f s", engine, outcome, seconds)
+    return filling, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
+
+
+def _rungs(job: Job) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
+    """What to try one after the other; solids are prepared only when their turn comes."""
+    yield "tetwild", job.target, lambda: job.solids
+    yield "tetwild", job.target, lambda: job.again(HARDER_WELD_REL)
+    for factor in COARSER:
+        yield "tetwild", job.target.coarser(factor), lambda: job.solids
+    coarsest = job._replace(target=job.target.coarser(COARSER[0]))
+    yield "alpha wrap + tetwild", coarsest.target, lambda: wrapped(coarsest)
+
+
+def wrapped(job: Job) -> Solids:
+    """One watertight shell around all solids, accepted by its volume, split by nearest part."""
+    surface = job.solids.surface
+    wrap = job.runner.run(
+        "alpha_wrap",
+        {"points": surface.points, "faces": surface.faces},
+        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * job.target.epsilon_rel},
+    )
+    points, faces = wrap["points"], wrap["faces"]
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    volume = float(np.einsum("fi,fi->f", np.cross(a, b), c).sum() / 6)
+    if abs(volume - job.enclosed) > WRAP_VOLUME_TOLERANCE * job.enclosed:
+        raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {job.enclosed:.4g} m^3")
+    part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]
+    skin = Surface(points, faces, part, edge_components(faces))
+    return Solids((Shell(points, faces, part),), skin, job.solids.sheets)

@@ -1,0 +1,258 @@
+"""What a conversion promises and how it proves it: the report of a tet mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ...fem.scene.mesh import TetMesh
+from ..surfaces.repair import RepairReport
+from ..surfaces.samples import Samples, interface_faces, sample, stratified
+from ..surfaces.solids import Solids
+from ..surfaces.triangles import closest
+from .quality import Quality
+
+Engine = Literal["tetwild", "alpha wrap + tetwild"]
+BROKEN = "broken"  # begins the outcome of an attempt whose mesh breaks a guarantee
+# Of epsilon: the envelope that the engine gets. It keeps sampled points of its surface within that
+# distance of the input; between them the surface bulges, and where three faces meet in a right
+# angle the corner is sqrt(3) envelopes away.
+ENVELOPE_SHARE = 0.5
+SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
+CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
+KIND_SAMPLES = 4000  # of the input: its hidden and sheet-like shares to one per cent
+PROBE = 0.125  # epsilons off the surface at which each side is asked for: inside or outside
+# Of its radius: room that a ball of diameter epsilon needs on both sides of a point of the input.
+# Where it has less, a plate or gap is thinner than two envelopes, which may meet and close it.
+ROOM = 0.9
+
+
+@dataclass(frozen=True)
+class Guarantee:
+    """One promise: the measured ``value`` must not exceed ``threshold`` (both in ``unit``).
+
+    ``at`` names the part of the input where a distance is largest.
+    """
+
+    name: str
+    value: float
+    threshold: float
+    unit: str = "1"
+    at: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is kept."""
+        return bool(self.value <= self.threshold)
+
+    @property
+    def sentence(self) -> str:
+        """What was measured, and what was wanted."""
+        where = f" at {self.at!r}" if self.at else ""
+        value = f"{self.value:.3g} {self.unit}{where}"
+        return f"{self.name} is {value}, wanted at most {self.threshold:.3g}"
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One run of an engine: what it was asked [m], how long it took [s], how it ended."""
+
+    engine: Engine
+    edge_length: float
+    epsilon: float
+    seconds: float
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Region:
+    """One part in the mesh: tets and volume [m^3], and the volume its surface encloses [m^3]."""
+
+    name: str
+    tets: int
+    volume: float
+    input_volume: float
+
+
+@dataclass(frozen=True)
+class Distances:
+    """One-sided sampled Hausdorff distances [m].
+
+    ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
+    ``from_input`` that from the outer visible input to the boundary or an interface of regions.
+    The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid,
+    ``sheet_share``, which has no volume on either side, and where the solid or the gap beside it
+    is thinner than epsilon; ``missed_share`` of the area is of this last kind and farther than
+    epsilon from the mesh. ``part_to`` and ``part_from`` are the parts where the two are largest.
+    """
+
+    to_input: float
+    from_input: float
+    hidden_share: float = 0.0
+    sheet_share: float = 0.0
+    missed_share: float = 0.0
+    part_to: int = -1
+    part_from: int = -1
+
+    def good(self, epsilon: float) -> bool:
+        """Whether both distances are within ``epsilon`` [m] and next to nothing is missed."""
+        return self.largest <= epsilon and self.missed_share <= SHARE_TOLD
+
+    @property
+    def largest(self) -> float:
+        """Hausdorff distance [m], both ways."""
+        return max(self.to_input, self.from_input)
+
+
+@dataclass(frozen=True)
+class ConversionReport:
+    """Everything measured about one conversion; lengths [m], volumes [m^3].
+
+    ``layers`` of tets were asked of the engine through thin places.
+    ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
+    thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
+    volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell.
+    """
+
+    repair: RepairReport
+    attempts: tuple[Attempt, ...]
+    guarantees: tuple[Guarantee, ...]
+    quality: Quality
+    regions: tuple[Region, ...]
+    diagonal: float
+    edge_length: float
+    epsilon: float
+    input_volume: float
+    distances: Distances
+    split_edges: int
+    doubled_points: int
+    layers: int = 1
+    sheets: tuple[str, ...] = ()
+    thin: int = 0
+    hollow: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    seed: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether every guarantee is kept."""
+        return all(guarantee.ok for guarantee in self.guarantees)
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Sentences about the guarantees that are not kept."""
+        return tuple(g.sentence for g in self.guarantees if not g.ok)
+
+    @property
+    def asked_epsilon(self) -> float:
+        """Distance [m] that was asked for; ``epsilon`` is the one that the guarantees state."""
+        return self.attempts[0].epsilon if self.attempts else self.epsilon
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, with the verdict of every guarantee."""
+        return {
+            **asdict(self),
+            "ok": self.ok,
+            "asked_epsilon": self.asked_epsilon,
+            "guarantees": [{**asdict(g), "ok": g.ok} for g in self.guarantees],
+        }
+
+
+class InputVolume(NamedTuple):
+    """Sampled volume [m^3] that each part claims, and the standard error of their sum [m^3]."""
+
+    by_part: np.ndarray
+    error: float
+
+    @property
+    def total(self) -> float:
+        """Volume [m^3] of all parts."""
+        return float(self.by_part.sum())
+
+
+def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -> InputVolume:
+    """Volume that each part's surface encloses, overlaps counted once: stratified sampling."""
+    where, cell = stratified(solids.bounds, rng=rng)
+    label = solids.label(where, np.full(len(where), cell))
+    volume = cell * np.bincount(label[label >= 0], minlength=part_count)
+    share = (label >= 0).mean()
+    error = cell * np.sqrt(len(where) * share * (1 - share))  # an upper bound: strata vary less
+    return InputVolume(volume, float(error))
+
+
+def measure_distances(
+    mesh: TetMesh, solids: Solids, *, epsilon: float, rng: np.random.Generator
+) -> Distances:
+    """Sampled distances between the boundary of a mesh and the surfaces it was made from."""
+    boundary = mesh.boundary.faces.astype(np.int64)
+    points, faces = solids.surface.points, solids.surface.faces
+    there = sample(mesh.points, boundary, rng=rng).where
+    back = sample(points, faces, rng=rng)
+    target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
+    home = closest(back.where, mesh.points, target).distance
+    # Only what is far away needs to be looked at closely; the others are samples of the whole.
+    far = home > epsilon
+    usual = _kinds(solids, Samples(*(a[:KIND_SAMPLES] for a in back)), epsilon)
+    unusual = _kinds(solids, Samples(*(a[far] for a in back)), epsilon)
+    counts = ~far
+    counts[far] = unusual.thick
+    away, farthest = closest(there, points, faces), np.where(counts, home, 0).argmax()
+    own = closest(back.where[[farthest]], points, faces).face[0]
+    return Distances(
+        to_input=float(away.distance.max()),
+        from_input=float(home[farthest] if counts[farthest] else 0),
+        hidden_share=float(usual.hidden.mean()),
+        sheet_share=float(usual.sheet.mean()),
+        missed_share=float(unusual.thin.sum() / len(home)),
+        part_to=int(solids.surface.part[away.face[away.distance.argmax()]]),
+        part_from=int(solids.surface.part[own]),
+    )
+
+
+class Kinds(NamedTuple):
+    """What each sample of the input is part of: masks (n,)."""
+
+    hidden: np.ndarray
+    sheet: np.ndarray
+    thick: np.ndarray
+    thin: np.ndarray
+
+
+def _kinds(solids: Solids, samples: Samples, epsilon: float) -> Kinds:
+    """Ask on both sides of each sample for inside, and for room for a ball of ``epsilon`` [m]."""
+    both = np.array([-1, 1])[:, None, None] * samples.normal * epsilon
+    sides = (samples.where + PROBE * both).reshape(-1, 3)
+    below, above = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1)
+    visible = below != above
+    centres = (samples.where + both / 2).reshape(-1, 3)
+    room = closest(centres, solids.surface.points, solids.surface.faces).distance
+    roomy = (room >= ROOM * epsilon / 2).reshape(2, -1).all(axis=0)
+    return Kinds(~below & ~above, below & above, visible & roomy, visible & ~roomy)
+
+
+def guarantees(
+    mesh: TetMesh,
+    measured: Quality,
+    volume: InputVolume,
+    gaps: Distances,
+    epsilon: float,
+    names: Sequence[str] = (),
+) -> tuple[Guarantee, ...]:
+    """Every promise of a conversion with the number that shows it; ``names`` are the parts'."""
+    enclosed = volume.total
+    to_at, from_at = (names[i] if names else "" for i in (gaps.part_to, gaps.part_from))
+    a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    # A surface that moves by its envelope everywhere changes the volume by area times that.
+    slack = (area * ENVELOPE_SHARE * epsilon + CONFIDENCE * volume.error) / enclosed
+    return (
+        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
+        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m", to_at),
+        Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m", from_at),
+        Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
+    )

@@ -1,0 +1,195 @@
+"""A filling: the tets of the solids, as the engine makes them once for one target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...fem.errors import UsageError
+from ...fem.scene.mesh import boundary_faces, signed_volumes
+from ..native.cache import Runner
+from ..surfaces.samples import facets
+from ..surfaces.solids import Solids
+from ..surfaces.triangles import Triangles, closest
+from .conversion_report import ENVELOPE_SHARE
+from .manifold import Separated, separate
+from .sizing import edge_field
+
+COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
+MOST_LAYERS = 8  # more are 64 times the tets and more of a plate
+DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
+OUTSIDE, NEAR = -1, -2  # labels of points in no part, and of those near the input's surface
+CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or two tets wide
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the engine is asked for; lengths are shares of ``diagonal`` [m].
+
+    ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is.
+    """
+
+    diagonal: float
+    edge_length_rel: float
+    epsilon_rel: float
+    stop_energy: float
+    layers: int = 1
+
+    @property
+    def edge_length(self) -> float:
+        """Wanted edge [m]."""
+        return self.edge_length_rel * self.diagonal
+
+    @property
+    def epsilon(self) -> float:
+        """Largest distance from the input [m]."""
+        return self.epsilon_rel * self.diagonal
+
+    @property
+    def envelope(self) -> float:
+        """Distance [m] that the engine keeps; a plate thinner than that is swallowed whole."""
+        return ENVELOPE_SHARE * self.epsilon
+
+    def checked(self) -> Target:
+        """Return itself, or say what is out of range."""
+        for option, value, most in (
+            ("--edge-length-rel", self.edge_length_rel, 1.0),
+            ("--epsilon-rel", self.epsilon_rel, 0.1),
+        ):
+            if not 0 < value <= most:
+                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
+        if not 1 <= self.layers <= MOST_LAYERS:
+            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {self.layers}")
+        return self
+
+    def coarser(self, factor: float) -> Target:
+        """Return the same with longer edges and a wider envelope, within sense."""
+        return replace(
+            self,
+            edge_length_rel=min(self.edge_length_rel * factor, COARSEST_EDGE_REL),
+            epsilon_rel=min(self.epsilon_rel * factor, COARSEST_EPSILON_REL),
+        )
+
+
+class Filling(NamedTuple):
+    """Tets of the solids in metres, the part of each, and the target they meet.
+
+    ``by_cells`` fills them in another way, where the first breaks a guarantee.
+    """
+
+    mesh: Separated
+    part: np.ndarray
+    target: Target
+    by_cells: Callable[[], Filling] | None = None
+
+
+class NoFilling(RuntimeError):
+    """An attempt that gave no usable mesh, and why."""
+
+
+def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
+    """One run of the engine in a box of unit diagonal, and the tets that lie in a solid."""
+    points, faces = solids.clean_triangles()
+    lo, hi = points.min(axis=0), points.max(axis=0)
+    centre, scale = (lo + hi) / 2, float(np.linalg.norm(hi - lo))
+    unit = Triangles((points - centre) / scale, faces)
+    edge = min(target.edge_length / scale, 1.0)
+    field = edge_field(unit, edge=edge, layers=target.layers) if target.layers > 1 else {}
+    box = runner.run(
+        "tetwild",
+        {**unit._asdict(), **field},
+        {
+            "edge_length_rel": edge,
+            "epsilon_rel": target.envelope / scale,
+            "stop_energy": target.stop_energy,
+            "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,
+        },
+    )
+    where = box["points"] * scale + centre
+    part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
+
+    def kept(part: np.ndarray) -> Filling:
+        part = conforming(where, box["tets"], part, solids, target.epsilon)
+        if not (part >= 0).any():
+            raise NoFilling("no tet lies in a solid")
+        mesh = separate(where, box["tets"][part >= 0])
+        if (flat := int((signed_volumes(mesh.points, mesh.tets) <= 0).sum())) > 0:
+            raise NoFilling(f"{flat} tets are flat or inverted")
+        return Filling(mesh, part[part >= 0][mesh.origin], target)
+
+    return kept(part)._replace(
+        by_cells=lambda: kept(by_cells(where, box["tets"], part, solids, target.envelope))
+    )
+
+
+def by_cells(
+    points: Float[np.ndarray, "points 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    part: Int[np.ndarray, "tets"],
+    solids: Solids,
+    envelope: float,
+) -> Int[np.ndarray, "tets"]:
+    """Give all tets between the same walls of the input, within ``envelope`` [m], one label.
+
+    Where edges with three faces leave a surface unbalanced, winding numbers fade out between the
+    walls instead of at them. Not for surfaces with holes, through which inside and outside join.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    faces, left, right = facets(tets)
+    surface = solids.surface
+    at_wall = closest(points, surface.points, surface.faces).distance <= envelope
+    middle = closest(points[faces].mean(axis=1), surface.points, surface.faces).distance
+    free = ~(at_wall[faces].all(axis=1) & (middle <= envelope))
+    links = (np.ones(int(free.sum())), (left[free], right[free]))
+    _, cell = connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)
+    votes = coo_matrix((np.abs(signed_volumes(points, tets)), (cell, part + 1))).tocsr()
+    return (np.asarray(votes.argmax(axis=1)).reshape(-1) - 1)[cell]
+
+
+def conforming(
+    points: Float[np.ndarray, "points 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    part: Int[np.ndarray, "tets"],
+    solids: Solids,
+    epsilon: float,
+) -> Int[np.ndarray, "tets"]:
+    """Relabel tets where the boundary is farther than ``epsilon`` [m] from the input.
+
+    The engine swallows what is thinner than its envelope; tets that then cross the input are told
+    apart by their centroids, at random. A boundary vertex that far from the input lies inside or
+    outside, and so do all tets around it; a face whose middle is outside bounds no solid.
+    """
+    part = part.copy()
+    for _ in range(CONFORMING_ROUNDS):
+        if not (part >= 0).any():
+            break
+        boundary = boundary_faces(tets[part >= 0])
+        skin = np.unique(boundary.faces)
+        vertex = _labels_off(solids, points[skin], epsilon)
+        face = _labels_off(solids, points[boundary.faces].mean(axis=1), epsilon)
+        if (vertex == NEAR).all() and (face == NEAR).all():
+            break
+        wrong = np.flatnonzero(part >= 0)[boundary.tet[face == OUTSIDE]]
+        corner = np.full(len(points), NEAR)
+        corner[skin] = vertex
+        within = corner[tets].max(axis=1)
+        part = np.where((part == OUTSIDE) & (within >= 0), within, part)
+        part[(corner[tets] == OUTSIDE).any(axis=1)] = OUTSIDE
+        part[wrong] = OUTSIDE
+    return part
+
+
+def _labels_off(
+    solids: Solids, where: Float[np.ndarray, "n 3"], epsilon: float
+) -> Int[np.ndarray, "n"]:
+    """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
+    label = np.full(len(where), NEAR)
+    far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
+    label[far] = solids.label(where[far], np.ones(int(far.sum())))
+    return label

@@ -1,0 +1,109 @@
+"""Tet meshes that exist already: taken as they are, scaled, checked and reported."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...converters.mesh.table import read_mesh
+from ...fem.scene.mesh import TetMesh, boundary_faces
+from ...predictors.asset import Asset, Part, UpAxis
+from ..io.load import scaled
+from ..options import Unit
+from ..surfaces.repair import RepairReport
+from .conversion_report import ConversionReport, Distances, Guarantee, Region
+from .manifold import separate
+from .quality import quality
+
+SUFFIXES = (".msh", ".vtk", ".vtu", ".mesh")
+
+
+class Adopted(NamedTuple):
+    """A tet mesh [m] from a file, its outer surfaces as an asset, and what was measured."""
+
+    asset: Asset
+    mesh: TetMesh
+    report: ConversionReport
+
+
+def adopt(
+    path: str | Path,
+    *,
+    size: float | None = None,
+    units: Unit | None = None,
+    up: UpAxis | None = None,
+) -> Adopted:
+    """Take over a tet mesh: its regions become parts, only its boundary is made manifold.
+
+    Parameters
+    ----------
+    path
+        File of one of ``SUFFIXES``.
+    size, units, up
+        As for ``load_asset``.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, holds no tet, or a tet is flat.
+    """
+    path = Path(path)
+    given = read_mesh(path)
+    asset = scaled(_asset(path, given), size=size, units=units, up=up)
+    apart = separate(given.points * asset.metres_per_unit, given.tets)
+    mesh = TetMesh(
+        apart.points, apart.tets, given.region[apart.origin], region_names=given.region_names
+    )
+    if given.material is not None and not apart.split_edges:
+        mesh = mesh.with_material(given.material)
+    return Adopted(asset, mesh, _report(mesh, apart.split_edges, apart.doubled_points))
+
+
+def _asset(path: Path, mesh: TetMesh) -> Asset:
+    """The closed surface of every region, in the units of the file."""
+    import trimesh
+
+    parts = []
+    for number, name in enumerate(mesh.region_names):
+        faces = boundary_faces(mesh.tets[mesh.region == number]).faces
+        if len(faces):
+            used, index = np.unique(faces, return_inverse=True)
+            surface = trimesh.Trimesh(mesh.points[used], index.reshape(-1, 3), process=False)
+            parts.append(Part(name, surface, (name,)))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Asset(path.stem, tuple(parts), source=str(path), source_hash=digest)
+
+
+def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionReport:
+    """What can be measured without a surface to compare with."""
+    measured, volumes = quality(mesh), mesh.region_volumes()
+    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
+    return ConversionReport(
+        repair=RepairReport(),
+        attempts=(),
+        guarantees=(
+            Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
+            Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        ),
+        quality=measured,
+        regions=tuple(
+            Region(name, int(n), float(v), float(v))
+            for name, n, v in zip(mesh.region_names, tets, volumes, strict=True)
+        ),
+        diagonal=float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))),
+        edge_length=_median_edge(mesh),
+        epsilon=0.0,
+        input_volume=mesh.volume,
+        distances=Distances(0.0, 0.0),
+        split_edges=split_edges,
+        doubled_points=doubled_points,
+    )
+
+
+def _median_edge(mesh: TetMesh) -> float:
+    """Median length [m] of the edges between the first two vertices of the tets."""
+    a, b = mesh.points[mesh.tets[:, 0]], mesh.points[mesh.tets[:, 1]]
+    return float(np.median(np.linalg.norm(b - a, axis=1)))

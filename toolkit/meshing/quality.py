@@ -1,0 +1,188 @@
+"""Quality of a tet mesh: angles, radius ratios, altitudes, and what kind of surface bounds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...fem.scene.material import wave_speed
+from ...fem.scene.mesh import TetMesh, altitudes, area_vectors, boundary_faces, signed_volumes
+from ...fem.verdicts import largest_explicit_step
+
+# Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
+FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+
+ROWS = ("measure", "unit", "min", "5 %", "median")
+STEEL = 2.1e11, 0.3, 7850.0  # E [Pa], nu [1], rho [kg/m^3]: 6.0 km/s
+
+
+@dataclass(frozen=True)
+class BoundaryKind:
+    """What the boundary is: closed 2-manifold when both counts are 0.
+
+    Parameters
+    ----------
+    faces
+        Boundary triangles.
+    bad_edges
+        Edges that do not lie on exactly two of them.
+    pinched_vertices
+        Vertices where several fans of them meet.
+    """
+
+    faces: int
+    bad_edges: int
+    pinched_vertices: int
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Numbers about the tets of a mesh, and its boundary.
+
+    Dihedral angles are those of the sharpest edge of each tet [degrees]; the radius ratio is three
+    inradii by one circumradius [1], 1 for a regular tet; altitudes are in [m], volumes in [m^3].
+    ``time_step`` [s] is the largest that explicit integration may take, smallest altitude by wave
+    speed: that of E, nu and rho, and without them that of steel, which few solids exceed.
+    """
+
+    points: int
+    tets: int
+    volume: float
+    volume_min: float
+    dihedral_min: float
+    dihedral_p05: float
+    dihedral_median: float
+    radius_ratio_min: float
+    radius_ratio_p05: float
+    radius_ratio_median: float
+    altitude_min: float
+    time_step: float
+    components: int
+    boundary: BoundaryKind
+
+    def rows(self) -> list[dict[str, str | float | None]]:
+        """Return what `convert --quality` prints: a measure, its unit, and three numbers."""
+        numbers = (
+            ("sharpest dihedral angle", "°", self.dihedral_min, self.dihedral_p05,
+             self.dihedral_median),
+            ("radius ratio", "1", self.radius_ratio_min, self.radius_ratio_p05,
+             self.radius_ratio_median),
+            ("altitude", "m", self.altitude_min, None, None),
+            ("explicit time step", "s", self.time_step, None, None),
+        )  # fmt: skip
+        return [dict(zip(ROWS, row, strict=True)) for row in numbers]
+
+
+def quality(mesh: TetMesh) -> Quality:
+    """Measure a mesh."""
+    volumes = mesh.volumes
+    sharpest = dihedral_angles(mesh.points, mesh.tets).min(axis=1)
+    ratio = radius_ratios(mesh.points, mesh.tets)
+    low, p05, median = np.percentile(sharpest, [0, 5, 50])
+    worst, ratio_p05, ratio_median = np.percentile(ratio, [0, 5, 50])
+    altitude = float(altitudes(mesh.points, mesh.tets).min())
+    steel = mesh.material is None
+    step = (
+        altitude / float(wave_speed(*np.atleast_2d(STEEL).T)[0])
+        if steel
+        else largest_explicit_step(mesh)
+    )
+    return Quality(
+        points=len(mesh.points),
+        tets=len(mesh.tets),
+        volume=float(volumes.sum()),
+        volume_min=float(volumes.min()),
+        dihedral_min=float(low),
+        dihedral_p05=float(p05),
+        dihedral_median=float(median),
+        radius_ratio_min=float(worst),
+        radius_ratio_p05=float(ratio_p05),
+        radius_ratio_median=float(ratio_median),
+        altitude_min=altitude,
+        time_step=step,
+        components=component_count(mesh.tets),
+        boundary=boundary_kind(boundary_faces(mesh.tets).faces),
+    )
+
+
+def dihedral_angles(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets 6"]:
+    """Inner dihedral angles [degrees] at the six edges of every tet."""
+    normal = area_vectors(points, tets)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    i, j = FACE_PAIRS.T
+    cosine = -np.einsum("tek,tek->te", normal[:, i], normal[:, j])
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def radius_ratios(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "tets"]:
+    """Return 3 r / R of every tet: inradius by circumradius, 1 for a regular one."""
+    volume = signed_volumes(points, tets)
+    area = np.linalg.norm(area_vectors(points, tets), axis=-1).sum(axis=1)
+    a, b, c = (points[tets[:, i]] - points[tets[:, 0]] for i in (1, 2, 3))
+    squares = [np.einsum("ti,ti->t", e, e)[:, None] for e in (a, b, c)]
+    center = squares[0] * np.cross(b, c) + squares[1] * np.cross(c, a) + squares[2] * np.cross(a, b)
+    circumradius = np.linalg.norm(center, axis=1) / (12 * volume)
+    return 3 * (3 * volume / area) / circumradius
+
+
+def component_count(tets: Int[np.ndarray, "tets 4"]) -> int:
+    """Number of pieces of a mesh that are connected through nodes."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = int(tets.max()) + 1
+    rows, columns = np.repeat(tets[:, 0], 3), tets[:, 1:].reshape(-1)
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+    _, label = connected_components(graph, directed=False)
+    return len(np.unique(label[tets[:, 0]]))
+
+
+def boundary_kind(faces: Int[np.ndarray, "faces 3"]) -> BoundaryKind:
+    """Count what keeps a triangle surface from being a closed 2-manifold."""
+    _, count = np.unique(_edges(faces), axis=0, return_counts=True)
+    return BoundaryKind(
+        faces=len(faces),
+        bad_edges=int((count != 2).sum()),
+        pinched_vertices=len(corner_nodes(faces)[1]) - len(np.unique(faces)),
+    )
+
+
+def _edges(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges 2"]:
+    """Sorted end points of the three edges of every face."""
+    return np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+
+
+def corner_nodes(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes such that cells share one exactly where they hang together through facets.
+
+    ``cells`` are triangles (facets: edges) or tets (facets: faces). Two cells at a vertex get the
+    same node when a chain of cells around that vertex, each sharing a facet with the next, links
+    them. Returns the cells on the new nodes, and the old vertex of every new node, ascending.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    size = cells.shape[1]
+    opposite = np.array([[j for j in range(size) if j != i] for i in range(size)])
+    facets = cells[:, opposite].reshape(-1, size - 1)
+    corners = (np.arange(len(cells))[:, None, None] * size + opposite).reshape(-1, size - 1)
+    order = np.argsort(facets, axis=1)
+    facets = np.take_along_axis(facets, order, axis=1)
+    corners = np.take_along_axis(corners, order, axis=1)
+    rank = np.lexsort(facets.T[::-1])
+    same = (facets[rank][1:] == facets[rank][:-1]).all(axis=1)
+    left, right = corners[rank[:-1][same]].reshape(-1), corners[rank[1:][same]].reshape(-1)
+    graph = coo_matrix((np.ones(len(left)), (left, right)), shape=(cells.size, cells.size))
+    _, label = connected_components(graph, directed=False)
+    _, first = np.unique(label, return_index=True)
+    vertex = cells.reshape(-1)[first]
+    ascending = np.argsort(vertex, kind="stable")
+    new = np.empty_like(ascending)
+    new[ascending] = np.arange(len(ascending))
+    return new[label].reshape(cells.shape), vertex[ascending]

@@ -1,0 +1,220 @@
+"""An asset's surfaces to one watertight tet mesh with a region for each part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...fem.errors import NoVolumeError, UsageError
+from ...fem.scene.mesh import TetMesh
+from ...predictors.asset import Asset, Part
+from ..native.cache import Runner
+from ..native.child import Progress
+from ..surfaces.offset import hollowed, thickened
+from ..surfaces.repair import WELD_REL, RepairReport, repair
+from ..surfaces.solids import Solids, sheet_faces
+from .attempts import Climb, Job, Made, climb_within
+from .conversion_report import (
+    Attempt,
+    ConversionReport,
+    InputVolume,
+    Region,
+    guarantees,
+    input_volume,
+    measure_distances,
+)
+from .engine_run import Filling, Target
+from .messages import likely_hollow, listed, no_mesh, no_volume, said
+from .quality import quality
+
+
+def tetrahedralize(
+    asset: Asset,
+    *,
+    edge_length_rel: float = 0.05,
+    epsilon_rel: float = 2e-3,
+    edge_length: float | None = None,
+    max_tets: int | None = None,
+    layers: int = 1,
+    thicken: float | None = None,
+    wall: float | None = None,
+    part_wall: Mapping[str, float] | None = None,
+    stop_energy: float = 20.0,
+    time_limit: float = 300.0,
+    memory_limit: int | None = None,
+    accept_broken: bool = False,
+    cache: Path | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[TetMesh, ConversionReport]:
+    """Fill an asset [m] with tets: each part that encloses a volume becomes a region of its name.
+
+    Returns the mesh [m] and the report that shows its guarantees.
+
+    Parameters
+    ----------
+    edge_length_rel, epsilon_rel
+        Wanted edge, and largest distance between the boundary and the input, as shares of the
+        diagonal of the bounding box; the engine works in an envelope of half that distance.
+    edge_length, max_tets
+        Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
+    layers
+        Layers of tets wanted through thin places, by shorter edges there, at most a quarter of the
+        wanted one; given up where ``max_tets`` does not allow them.
+    thicken, wall, part_wall
+        Thickness [m] given to sheets, which otherwise are left out; wall [m] that hollows all
+        closed parts, or the named ones, which otherwise are solid.
+    stop_energy
+        AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
+    time_limit, memory_limit
+        Seconds and bytes that one attempt of the engine may take.
+    accept_broken
+        Return the best mesh, with warnings, where no attempt gave one that keeps its guarantees.
+    cache, seed, progress
+        Folder in which results of the engine are remembered; seed of the samples that check the
+        result (the engine itself is not deterministic); called with (stage, seconds) meanwhile.
+
+    Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh that keeps its
+    guarantees, UsageError where an option is out of range or names an unknown part.
+    """
+    diagonal = float(np.linalg.norm(asset.size))
+    if edge_length is not None:
+        edge_length_rel = edge_length / diagonal
+    target = Target(diagonal, edge_length_rel, epsilon_rel, stop_energy, layers).checked()
+    walls = _walls(asset, wall, part_wall or {})
+    runner = Runner(time_limit, memory_limit, progress, cache).checked()
+    rng = np.random.default_rng(seed)
+    centre = asset.bounds.mean(axis=0)
+    prepared = partial(_solids, _moved(asset.parts, -centre), target.envelope, thicken, walls)
+    solids, repaired = prepared(WELD_REL)
+    if not solids.shells:
+        raise NoVolumeError(no_volume(asset, target.envelope))
+    volume = input_volume(solids, len(asset.parts), rng=rng)
+    judge = _judged(asset, solids, volume, rng)
+    job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner, judge)
+    found = climb_within(job, max_tets)
+    made = _kept(asset, found, accept_broken)
+    report = _report(asset, job, volume, made, found.attempts, repaired, walls, seed)
+    mesh = replace(made.mesh, points=made.mesh.points + centre)
+    return mesh, replace(report, warnings=said(report, layers=layers))
+
+
+def _moved(parts: Sequence[Part], by: np.ndarray) -> list[Part]:
+    """The bare parts near the origin: far from it, winding numbers and distances lose digits."""
+    from trimesh import Trimesh
+
+    return [
+        replace(part, mesh=Trimesh(part.mesh.vertices + by, part.mesh.faces, process=False))
+        for part in parts
+    ]
+
+
+def _solids(
+    parts: Sequence[Part],
+    thinnest: float,
+    thicken: float | None,
+    walls: Mapping[int, float],
+    weld_rel: float,
+) -> tuple[Solids, RepairReport]:
+    """Repair the parts and sort them into solids, thickened and hollowed as asked [m]."""
+    surface, repaired = repair(parts, weld_rel=weld_rel)
+    if thicken is not None:
+        surface = thickened(surface, sheet_faces(surface, thinnest=thinnest), thicken)
+    solids = Solids.of(surface, len(parts), thinnest=thinnest)
+    return hollowed(solids, walls), repaired
+
+
+def _judged(
+    asset: Asset, solids: Solids, volume: InputVolume, rng: np.random.Generator
+) -> Callable[[Filling, float], Made]:
+    """What measures a filling of the solids and holds it against epsilon [m]."""
+
+    def judge(filling: Filling, epsilon: float) -> Made:
+        mesh = _mesh(filling, asset.part_names)
+        measured = quality(mesh)
+        gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
+        promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
+        return Made(filling, mesh, gaps, measured, promised, epsilon)
+
+    return judge
+
+
+def _kept(asset: Asset, found: Climb, accept_broken: bool) -> Made:
+    """The mesh of a climb, unless it breaks what a conversion promises."""
+    if found.made is None or not (found.kept or accept_broken):
+        raise NoVolumeError(no_mesh(asset, found.attempts))
+    return found.made
+
+
+def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
+    """Wall [m] by number of the part."""
+    unknown = [name for name in part_wall if name not in asset.part_names]
+    if unknown:
+        raise UsageError(
+            f"--part-wall names {unknown[0]!r}, the asset has {listed(asset.part_names, most=20)}"
+        )
+    walls = {} if wall is None else dict.fromkeys(range(len(asset.parts)), wall)
+    walls |= {asset.part_names.index(name): value for name, value in part_wall.items()}
+    bad = [value for value in walls.values() if not 0 < value < np.inf]
+    if bad:
+        raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {bad[0]:g}")
+    return walls
+
+
+def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
+    """Tets with a region for each part that has any."""
+    present, region = np.unique(filling.part, return_inverse=True)
+    return TetMesh(
+        filling.mesh.points,
+        filling.mesh.tets,
+        region.reshape(-1).astype(np.int32),
+        region_names=tuple(names[i] for i in present),
+    )
+
+
+def _report(
+    asset: Asset,
+    job: Job,
+    volume: InputVolume,
+    made: Made,
+    attempts: tuple[Attempt, ...],
+    repaired: RepairReport,
+    walls: Mapping[int, float],
+    seed: int,
+) -> ConversionReport:
+    """Measure everything that the conversion promises."""
+    mesh, solids, filling, names = made.mesh, job.solids, made.filling, asset.part_names
+    missing = [name for name in names if name not in mesh.region_names]
+    sheets = tuple(names[i] for i in solids.sheets)
+    return ConversionReport(
+        repair=repaired,
+        attempts=attempts,
+        guarantees=made.guarantees,
+        quality=made.quality,
+        regions=_regions(mesh, names, volume),
+        diagonal=filling.target.diagonal,
+        edge_length=filling.target.edge_length,
+        epsilon=made.epsilon,
+        input_volume=volume.total,
+        distances=made.gaps,
+        split_edges=filling.mesh.split_edges,
+        doubled_points=filling.mesh.doubled_points,
+        layers=filling.target.layers,
+        sheets=sheets,
+        thin=solids.thin,
+        lost=tuple(name for name in missing if name not in sheets),
+        hollow=likely_hollow(asset, mesh, walls),
+        seed=seed,
+    )
+
+
+def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:
+    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
+    return tuple(
+        Region(name, int(count), float(filled), float(volume.by_part[list(names).index(name)]))
+        for name, count, filled in zip(mesh.region_names, tets, mesh.region_volumes(), strict=True)
+    )

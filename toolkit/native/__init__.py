@@ -1,0 +1,1 @@
+"""Native engines, each in a guarded process, their results in a cache."""

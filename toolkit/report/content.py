@@ -1,0 +1,160 @@
+"""What a report shows: the material cases of one asset, their motion, verdicts and provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.errors import InputError
+from ...fem.scene.mesh import TetMesh
+from ...predictors.asset import UpAxis
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
+
+Mark = Literal["good", "note", "warning", "bad"]
+
+
+class Band(NamedTuple):
+    """Smallest and largest value that the material may take."""
+
+    lo: float
+    hi: float
+
+
+@dataclass(frozen=True)
+class PartRow:
+    """One row of the material table; ``words`` of the text decided on ``material``.
+
+    Units: ``E`` [Pa], ``nu`` [1], ``rho`` [kg/m^3], ``volume`` [m^3], ``mass`` [kg].
+    """
+
+    name: str
+    material: str
+    words: str
+    E: float
+    nu: float
+    rho: float
+    volume: float
+    mass: float
+    source: str = ""
+    E_band: Band | None = None
+    nu_band: Band | None = None
+    rho_band: Band | None = None
+
+
+# What to do about a check that failed, by its name.
+ADVICE = {
+    "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
+    "size: --size is the longest side in metres.",
+    "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel 0.03 or less.",
+    "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
+    "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
+    "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
+    "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
+}
+# Checks whose failure changes what the body can be used for.
+SERIOUS = ("holds shape", "no penetration")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One finding in plain words; ``detail`` is its short name, ``advice`` what to do about it."""
+
+    mark: Mark
+    sentence: str
+    detail: str = ""
+    advice: str = ""
+
+    @classmethod
+    def of(cls, check: Check) -> Verdict:
+        """Word a check of the solver."""
+        if check.passed:
+            return cls("good", check.sentence, check.name)
+        mark = "warning" if check.name in SERIOUS else "note"
+        return cls(mark, check.sentence, check.name, ADVICE.get(check.name, ""))
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One text and what follows from it; several cases are shown side by side.
+
+    Parameters
+    ----------
+    text
+        The sentence that chose the materials.
+    mesh
+        The tets with their material.
+    parts
+        The material table.
+    displacement
+        Static displacement [m], shape (points, 3).
+    von_mises
+        Von Mises stress of the static state [Pa], shape (tets,).
+    motion
+        Displacement [m] of every frame, shape (frames, points, 3).
+    times
+        Time [s] of every frame, increasing, shape (frames,).
+    frequencies
+        First natural frequencies [Hz].
+    """
+
+    text: str
+    mesh: TetMesh
+    parts: tuple[PartRow, ...] = ()
+    displacement: Float[np.ndarray, "points 3"] | None = None
+    von_mises: Float[np.ndarray, "tets"] | None = None
+    motion: Float[np.ndarray, "frames points 3"] | None = None
+    times: Float[np.ndarray, "frames"] | None = None
+    frequencies: tuple[float, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+
+    def __post_init__(self) -> None:
+        points, tets = len(self.mesh.points), len(self.mesh.tets)
+        if self.mesh.material is None:
+            raise InputError("the report needs a mesh with E, nu and rho: run `assign` first")
+        frames = 0 if self.motion is None else len(self.motion)
+        wanted = {
+            "displacement": (points, 3),
+            "von_mises": (tets,),
+            "motion": (frames, points, 3),
+            "times": (frames,),
+        }
+        for name, shape in wanted.items():
+            array = getattr(self, name)
+            if array is None:
+                continue
+            if array.shape != shape:
+                raise InputError(f"{name} of the report must have shape {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                bad = int((~np.isfinite(array)).sum())
+                raise InputError(f"{name} has {bad} values that are not finite: cannot be drawn")
+        if frames and self.times is None:
+            raise InputError(f"motion of {frames} frames needs the time [s] of every frame")
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Everything the report shows.
+
+    ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
+    ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
+    ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG file's
+    bytes.
+    """
+
+    title: str
+    cases: tuple[Case, ...]
+    up: UpAxis = "z"
+    quality: Mapping[str, object] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.cases:
+            raise InputError("a report needs at least one case, got none")

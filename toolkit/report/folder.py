@@ -1,0 +1,58 @@
+"""The folder that `run` leaves: mesh, field, motion, report, and run.json written last."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ...converters import npz
+from ...converters.mesh.table import write_mesh
+from ..io.document import SCHEMA, write_json
+from ..results.results import RunCase, RunResult
+from .pages import run_page
+from .picture import render_png, story
+from .report import write_report
+
+PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
+
+
+def write_folder(folder: Path, result: RunResult) -> RunResult:
+    """Write everything and return the result with its files; further texts go to ``text2/`` ..."""
+    files = list(result.files)
+    for number, case in enumerate(result.cases, 1):
+        home = folder if number == 1 else folder / f"text{number}"
+        home.mkdir(parents=True, exist_ok=True)
+        files += _write_case(home, case, bare_mesh=number == 1)
+    pictures = {}
+    if result.features is not None:
+        from .feature_picture import CAPTION, feature_png
+
+        asset = result.conversion.asset
+        files.append(feature_png(folder / "features.png", result.features, asset))
+        pictures[CAPTION] = files[-1].read_bytes()
+    report = write_report(folder / "report.html", run_page(result, pictures=pictures))
+    files.append(_write_picture(folder / "picture.png", result))
+    record = folder / "run.json"
+    result = replace(result, files=(*files, report, record))
+    write_json(record, {"schema": SCHEMA, **result.document()})
+    return result
+
+
+def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:
+    mesh, solved = case.assignment.mesh, case.simulation
+    files = []
+    if bare_mesh:
+        write_mesh(home / "mesh.msh", mesh)
+        files += [home / "mesh.msh", case.assignment.described().write(home / "mesh.msh")]
+    write_mesh(home / "mesh.vtu", mesh, point_data=solved.point_data, cell_data=solved.cell_data)
+    npz.save(home / "field.npz", case.assignment.field)
+    return [*files, home / "mesh.vtu", home / "field.npz", *solved.write(home / "motion.pvd")]
+
+
+def _write_picture(path: Path, result: RunResult) -> Path:
+    """Asset, stiffness and sag of the first sentence, side by side."""
+    case, asset = result.cases[0], result.conversion.asset
+    simulation = case.simulation
+    panels = story(asset, simulation.mesh, simulation.displacement, title=simulation.title)
+    render_png(path, panels, up=asset.up, pixels=PICTURE, samples=SAMPLES)
+    return path

@@ -1,0 +1,121 @@
+"""Pages: what the report shows of a run, and of a single simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..io.document import plain, versions
+from ..io.sidecar import Sidecar
+from ..meshing.quality import dihedral_angles, quality
+from ..results.results import Conversion, RunResult
+from ..results.simulation import Settled, Simulation
+from .content import Band, Case, PartRow, ReportContent, Verdict
+
+
+def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) -> ReportContent:
+    """Gather what the report shows of a run, one case a sentence; PNG files by their captions."""
+    conversion, document = result.conversion, result.document()
+    asset = conversion.asset
+    cases = (
+        _case(c.assignment.text, c.simulation, c.assignment.part_rows(), verdicts)
+        for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
+    )
+    return ReportContent(
+        title=asset.name,
+        cases=tuple(cases),
+        up=asset.up,
+        quality=_quality(conversion),
+        warnings=tuple(document["warnings"]),
+        provenance={
+            "asset": asset.source or asset.name,
+            "SHA-256": asset.source_hash or "",
+            "metres per unit": asset.metres_per_unit,
+            "versions": versions(),
+            "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
+        },
+        pictures=pictures or {},
+    )
+
+
+def simulation_page(name: str, simulation: Simulation, sidecar: Sidecar) -> ReportContent:
+    """Gather what the report shows of one simulation of the mesh called ``name``."""
+    mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
+    found = quality(mesh)
+    return ReportContent(
+        title=name,
+        cases=(_case(chosen.get("text", ""), simulation, chosen.get("parts", [])),),
+        up=sidecar.up,
+        quality={
+            "tets": found.tets,
+            "points": found.points,
+            "volume [m³]": found.volume,
+            "smallest altitude [m]": found.altitude_min,
+            "connected components": found.components,
+            "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(
+                1
+            ),
+        },
+        warnings=simulation.warnings,
+        provenance={
+            **{key: value for key, value in sidecar.source.items() if value},
+            "scenario": simulation.scenario,
+            "versions": versions(),
+            "seconds": {"simulate": round(simulation.seconds, 2)},
+        },
+    )
+
+
+def _quality(conversion: Conversion) -> dict[str, object]:
+    mesh, quality = conversion.mesh, conversion.report.quality
+    kept = sum(guarantee.ok for guarantee in conversion.report.guarantees)
+    return {
+        "tets": quality.tets,
+        "points": quality.points,
+        "volume [m³]": quality.volume,
+        "guarantees kept": f"{kept} of {len(conversion.report.guarantees)}",
+        "distance to the input [m]": conversion.report.distances.to_input,
+        "distance from the input [m]": conversion.report.distances.from_input,
+        "smallest altitude [m]": quality.altitude_min,
+        "connected components": quality.components,
+        "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(1),
+    }
+
+
+def _case(
+    text: str,
+    simulation: Simulation,
+    parts: list[dict[str, Any]],
+    verdicts: list[Verdict] | None = None,
+) -> Case:
+    film = simulation.film
+    return Case(
+        text=text,
+        mesh=simulation.mesh,
+        parts=tuple(map(_part_row, parts)),
+        displacement=simulation.displacement,
+        von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
+        motion=film.displacement,
+        times=film.times,
+        frequencies=simulation.frequencies,
+        verdicts=(*simulation.verdicts(), *(verdicts or ())),
+    )
+
+
+def _part_row(row: dict[str, Any]) -> PartRow:
+    ranges = plain(row["ranges"])
+    E, nu, rho = (Band(ranges[name]["min"], ranges[name]["max"]) for name in ("E", "nu", "rho"))
+    return PartRow(
+        name=row["name"],
+        material=row["material"],
+        words=row["why"],
+        E=row["E"],
+        nu=row["nu"],
+        rho=row["rho"],
+        volume=row["volume"],
+        mass=row["mass"],
+        source=row["source"],
+        E_band=E,
+        nu_band=nu,
+        rho_band=rho,
+    )

@@ -1,0 +1,68 @@
+"""The report: one self-contained, offline HTML page about one mesh and its material cases."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import logging
+import os
+from pathlib import Path
+from string import Template
+
+from ...converters.files import writing
+from .content import Band, Case, PartRow, ReportContent, Verdict
+from .data import payload
+from .html import sections
+
+__all__ = ["Band", "Case", "PartRow", "ReportContent", "Verdict", "report_page", "write_report"]
+
+log = logging.getLogger(__name__)
+
+# The viewer, in the order of its parts.
+SCRIPTS = ("report_tets.js", "report_scale.js", "report_view.js", "report_main.js")
+
+
+def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:
+    """Write the page to ``path`` in one step and return it."""
+    path = Path(path)
+    page = report_page(content)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path) as partial:
+        partial.write_text(page, encoding="utf-8", newline="\n")
+    log.info("wrote %s (%.1f MB)", path, path.stat().st_size / 1e6)
+    return path
+
+
+def report_page(content: ReportContent) -> str:
+    """The page as text: template, style, data, plotly and the viewer, no reference to outside."""
+    from plotly.offline import get_plotlyjs
+
+    scripts = [_inline(get_plotlyjs()), _inline("".join(map(_template, SCRIPTS)))]
+    return Template(_template("report.html")).substitute(
+        sections(content),
+        policy=_policy(scripts),
+        style=_template("report.css"),
+        data=payload(content),
+        plotly=scripts[0],
+        viewer=scripts[1],
+    )
+
+
+def _template(name: str) -> str:
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+
+
+def _inline(script: str) -> str:
+    """Script text that cannot end its own element and hashes alike here and in a browser."""
+    script = script.replace("\r\n", "\n").replace("\r", "\n").replace("\0", "�")
+    return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+
+
+def _policy(scripts: list[str]) -> str:
+    """Content security policy: only these scripts run, and nothing is fetched from anywhere."""
+    digests = (hashlib.sha256(text.encode()).digest() for text in scripts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )

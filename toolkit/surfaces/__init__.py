@@ -1,0 +1,1 @@
+"""Surfaces: triangle soups made fit for tetrahedra."""

@@ -1,0 +1,263 @@
+"""The verbs transfer and export: the material carried over to other carriers and programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from ..fem.errors import InputError, UsageError
+from ..fem.scene.mesh import TetMesh
+from ..predictors.field import MaterialField
+from ..predictors.grid import Grid
+from .io.document import mesh_document
+from .io.outputs import check_file, mesh_suffixes
+from .io.references import References
+from .io.sidecar import Sidecar
+from .options import ExportOptions, Target, TransferOptions
+
+if TYPE_CHECKING:
+    from ..converters.programs.export import Exported
+    from ..converters.transfer import Transferred
+
+AWAY = 0.05  # of the field's diagonal: a carrier this far out is not that of the same body
+NU_MOST = 0.49  # Poisson's ratio above which linear tets of most programs lock
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """What a transfer did, in metres, and the metres per unit of the target."""
+
+    done: Transferred
+    scale: float
+    files: tuple[Path, ...]
+    warnings: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``transfer --json`` prints; a splat's volume is weighted by opacity."""
+        done, scale = self.done, self.scale
+        return {
+            "files": self.files,
+            "values": done.points,
+            "outside": done.n_fallback,
+            "farthest": done.max_fallback_distance * scale,
+            "invalid": done.n_invalid,
+            "metres_per_unit": scale,
+            "volume": None if done.volume is None else done.volume * scale**3,
+            "mass": None if done.mass is None else done.mass * scale**3,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What an export wrote, and what binning changed."""
+
+    mesh: TetMesh
+    target: str
+    done: Exported
+    files: tuple[Path, ...]
+    warnings: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``export --json`` prints; ``bins`` is null where every tet has its own."""
+        return {
+            "files": self.files,
+            "for": self.target,
+            **mesh_document(self.mesh),
+            "bins": self.done.bins,
+            "quantisation": self.quantisation(),
+            "warnings": self.warnings,
+        }
+
+    def quantisation(self) -> dict[str, dict[str, float]] | None:
+        """Return the largest and mean relative change of E and rho, and change of nu, by binning.
+
+        The mean is weighted by volume; None where the program takes exact values.
+        """
+        if self.done.error is None:
+            return None
+        return {
+            kind: {"E": 10**E - 1, "nu": nu, "rho": 10**rho - 1}
+            for kind, (E, nu, rho) in self.done.error._asdict().items()
+        }
+
+
+def transfer(
+    source: str | Path | MaterialField | TetMesh,
+    target: str | Path,
+    *,
+    output: Path,
+    options: TransferOptions | None = None,
+) -> Transfer:
+    """Write splats, a point cloud or a density grid again with E, nu, rho appended.
+
+    Parameters
+    ----------
+    source
+        Field (.npz), mesh with materials, or labelled points of another predictor.
+    target
+        Carrier to write again, every property kept.
+    output
+        File to write; a format without room for more columns gets STEM.npz beside it.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read or written, or the source has no material.
+    """
+    from ..converters.fields import field_from_tets
+    from ..converters.transfer import transfer as carry
+
+    options, target = options or TransferOptions(), Path(target)
+    check_file(output, _room(target))
+    scale = options.scale if options.scale is not None else _known_scale(source, target)
+    if not (np.isfinite(scale) and scale > 0):
+        raise UsageError(f"--scale must be a number > 0 of metres per unit, got {scale:g}")
+    given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
+    if isinstance(given, TetMesh):
+        given = field_from_tets(given, cells=options.cells)
+    grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
+    with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
+        done = carry(replace(given, grid=grid), target, Path(scratch) / output.name)
+        files = _publish(done.files, output.parent, source)
+    return Transfer(done, scale, files, tuple(_misfit(done, grid)))
+
+
+def export(
+    mesh: str | Path | TetMesh,
+    target: str,
+    *,
+    output: Path,
+    options: ExportOptions | None = None,
+) -> Export:
+    """Write a mesh with materials as the files of another program.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with E [Pa], nu, rho [kg/m^3] on its tets.
+    target
+        gmsh, calculix, newton, mujoco, usd, sofa or fenics.
+    output
+        Main file; without a suffix it is a stem.
+
+    Raises
+    ------
+    UsageError
+        For an unknown target, or an option that it cannot follow.
+    InputError
+        Where the mesh has no material or the output cannot be written.
+    """
+    from ..converters.mesh.table import read_mesh
+    from ..converters.programs.export import TARGETS, export_mesh
+
+    options = options or ExportOptions()
+    if target not in get_args(Target):
+        raise UsageError(f"unknown program {target!r}, wanted {', '.join(get_args(Target))}")
+    if options.bins < 1:
+        raise UsageError(f"--bins must be at least 1, got {options.bins}")
+    if options.names != "symbols" and target != "gmsh":
+        raise UsageError(f"--names {options.names} is for gmsh: {target} has names of its own")
+    suffixes = TARGETS[target].suffixes
+    output = output if output.suffix else output.with_name(output.name + suffixes[0])
+    check_file(output, suffixes)
+    body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
+    known = None if isinstance(mesh, TetMesh) else Sidecar.read(Path(mesh))
+    with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
+        done = export_mesh(
+            body,
+            target,
+            Path(scratch) / output.name,
+            bins=options.bins,
+            names=options.names,
+            up=options.up or (known.up if known else "z"),
+            gravity=options.gravity,
+        )
+        files = _publish(done.files, output.parent, mesh)
+    result = Export(body, target, done, files)
+    return replace(result, warnings=tuple(_losses(result)))
+
+
+def read_source(path: Path) -> MaterialField | TetMesh:
+    """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
+    from ..converters import npz
+    from ..converters.fields import read_field_points
+    from ..converters.mesh import table
+    from ..converters.points import table as points
+
+    suffix = path.suffix.lower()
+    if suffix == ".npz" and "meta" in npz.load_npz(path):
+        return npz.load(path)
+    if suffix in points.FORMATS:
+        return read_field_points(path)
+    if suffix in table.FORMATS:
+        return table.read_mesh(path)
+    known = ", ".join(sorted({*table.FORMATS, *points.FORMATS}))
+    raise InputError(f"{path}: no field or mesh is read from {suffix!r}; known are {known}")
+
+
+def _room(target: Path) -> tuple[str, ...]:
+    """Suffixes a carrier may be written as: those with room, and its own."""
+    from ..converters.points import table as points
+    from ..converters.transfer import is_density
+
+    if is_density(target):
+        return (".npz", ".nvdb")
+    room = [suffix for suffix, form in points.FORMATS.items() if form.write]
+    return tuple(dict.fromkeys([target.suffix.lower(), *room]))
+
+
+def _known_scale(source: str | Path | MaterialField | TetMesh, target: Path) -> float:
+    """Metres per unit of the target where it is the asset that the mesh was made of, else 1."""
+    if isinstance(source, MaterialField | TetMesh):
+        return 1.0
+    is_mesh = Path(source).suffix.lower() in mesh_suffixes()
+    sidecar = Sidecar.read(Path(source)) if is_mesh else None
+    if sidecar is None or not target.is_file():
+        return 1.0
+    same = References(target.parent).digest(target.read_bytes()) == sidecar.source.get("sha256")
+    return float(sidecar.source.get("metres_per_unit", 1.0)) if same else 1.0
+
+
+def _publish(written: Sequence[Path], folder: Path, source: object) -> tuple[Path, ...]:
+    """Move finished files to their place, all of them, but never over the source."""
+    files = tuple(folder / path.name for path in written)
+    for file in files:
+        if isinstance(source, str | Path) and file.exists() and file.samefile(source):
+            raise InputError(f"{file} is the input and would be overwritten: give another -o")
+    for path, file in zip(written, files, strict=True):
+        path.replace(file)
+    return files
+
+
+def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
+    """Say where the carrier does not lie in the field, or has no place at all."""
+    diagonal = float(np.linalg.norm(grid.hi - grid.lo))
+    if done.max_fallback_distance > AWAY * diagonal:
+        yield (
+            f"{done.n_fallback} of {done.points} places lie outside the field, up to "
+            f"{done.max_fallback_distance / diagonal:.2g} of its diagonal: has the target the axes "
+            "and the metres of the mesh? --scale sets its metres per unit"
+        )
+    if done.n_invalid:
+        yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
+
+
+def _losses(result: Export) -> Iterator[str]:
+    """Say what the program will not see as it is in the mesh."""
+    change = result.quantisation()
+    if change and max(change["largest"].values()) > 0:
+        worst = change["largest"]
+        yield (
+            f"materials were grouped into {result.done.bins}: E changes by at most "
+            f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
+            "(E and rho relative); --bins allows more"
+        )
+    material = result.mesh.material
+    if material is not None and (soft := int((material.nu > NU_MOST).sum())):
+        yield f"{soft} tets have nu > {NU_MOST}: linear tets of most programs lock there"
