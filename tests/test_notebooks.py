@@ -23,7 +23,7 @@ def test_there_are_notebooks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("source", map(_with_marks, SOURCES))
+@pytest.mark.parametrize("source", [*map(_with_marks, SOURCES)])
 def test_a_notebook_keeps_its_promises(source, tmp_path, monkeypatch):
     """It needs no file but those it makes, and each asserts at least one number."""
     assert "\nassert " in source.read_text()
