@@ -331,12 +331,15 @@ def test_ray_loses_a_worker_and_no_row(tmp_path):
     all_done_once(document, output, 2)
 
 
+GUARD = b"autophyx_tet.toolkit.native.guard"  # its first argument is the process that asked
+
+
 def ray_workers(output):
     """The Ray worker above a process that works for ``output``, or 0."""
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             words = path.read_bytes().split(b"\0")
-            at_work = b"autophyx_tet.toolkit.batch.task" in words
+            at_work = GUARD in words
             if at_work and os.readlink(path.parent / "cwd").startswith(str(output)):
-                return int(words[words.index(b"autophyx_tet.toolkit.batch.task") + 1])
+                return int(words[words.index(GUARD) + 1])
     return 0

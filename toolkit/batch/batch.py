@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ...fem.errors import InputError, UsageError
-from ..cli.config import read_config
+from ..config import read_config
 from ..io.outputs import check_folder
 from ..options import BatchOptions
 from .manifest import read_manifest

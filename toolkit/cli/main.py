@@ -13,8 +13,8 @@ import tyro
 
 from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
+from ..config import config_text, with_config
 from .batch import Batch
-from .config import config_text, with_config
 from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
