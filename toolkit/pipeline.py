@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,7 +14,9 @@ from ..predictors.asset import Asset, UpAxis
 from .io.outputs import check_file, check_folder, mesh_suffixes
 from .io.sidecar import Sidecar
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
-from .results.results import Assignment, Conversion, RunCase, RunResult
+from .results.assignment import Assignment
+from .results.conversion import Conversion
+from .results.run import RunCase, RunResult, Stopwatch
 from .results.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -239,20 +240,6 @@ def run(
         drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
         result = replace(result, files=(drawn,))
     return write_folder(output, result)
-
-
-class Stopwatch:
-    """Seconds of every stage, by name; laps of one name add up."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        """Add the time since the last lap to ``name``."""
-        now = time.perf_counter()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
-        self._last = now
 
 
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):

@@ -10,17 +10,11 @@ import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.report.content import Band, Case, PartRow, ReportContent
 from autophyx_tet.toolkit.report.data import payload
 from autophyx_tet.toolkit.report.html import mass_words, si, volume_words
-from autophyx_tet.toolkit.report.report import (
-    Band,
-    Case,
-    PartRow,
-    ReportContent,
-    Verdict,
-    report_page,
-    write_report,
-)
+from autophyx_tet.toolkit.report.report import report_page, write_report
+from autophyx_tet.toolkit.results.verdict import Verdict
 
 HOSTILE = (
     "<script>alert(1)</script>",

@@ -3,7 +3,7 @@
 import pytest
 from autophyx_tet.fem.verdicts import Check
 from autophyx_tet.toolkit.cli.terminal import show
-from autophyx_tet.toolkit.report.content import ADVICE, Verdict
+from autophyx_tet.toolkit.results.verdict import ADVICE, Verdict
 
 
 def shown(capsys, document):

@@ -8,11 +8,11 @@ from html import escape
 
 import numpy as np
 
-from .content import Band, Case, PartRow, ReportContent, Verdict
+from ..results.verdict import MARKS, Verdict
+from .content import Band, Case, PartRow, ReportContent
 from .data import frames_shown
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
-MARKS = {"good": "✓", "note": "i", "warning": "!", "bad": "✕"}
 
 
 def si(value: float, unit: str, *, digits: int = 3) -> str:

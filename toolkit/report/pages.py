@@ -8,9 +8,11 @@ from typing import Any
 from ..io.document import plain, versions
 from ..io.sidecar import Sidecar
 from ..meshing.quality import dihedral_angles, quality
-from ..results.results import Conversion, RunResult
+from ..results.conversion import Conversion
+from ..results.run import RunResult
 from ..results.simulation import Settled, Simulation
-from .content import Band, Case, PartRow, ReportContent, Verdict
+from ..results.verdict import Verdict
+from .content import Band, Case, PartRow, ReportContent
 
 
 def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) -> ReportContent:
@@ -88,15 +90,15 @@ def _case(
     parts: list[dict[str, Any]],
     verdicts: list[Verdict] | None = None,
 ) -> Case:
-    film = simulation.film
+    animation = simulation.animation
     return Case(
         text=text,
         mesh=simulation.mesh,
         parts=tuple(map(_part_row, parts)),
         displacement=simulation.displacement,
         von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
-        motion=film.displacement,
-        times=film.times,
+        motion=animation.displacement,
+        times=animation.times,
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
     )

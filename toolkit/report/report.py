@@ -10,11 +10,9 @@ from pathlib import Path
 from string import Template
 
 from ...converters.files import writing
-from .content import Band, Case, PartRow, ReportContent, Verdict
+from .content import ReportContent
 from .data import payload
 from .html import sections
-
-__all__ = ["Band", "Case", "PartRow", "ReportContent", "Verdict", "report_page", "write_report"]
 
 log = logging.getLogger(__name__)
 
