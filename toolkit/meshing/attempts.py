@@ -15,7 +15,7 @@ from ..native.cache import Runner
 from ..native.child import ChildFailure
 from ..surfaces.solids import Shell, Solids
 from ..surfaces.surface import Surface
-from ..surfaces.triangles import closest, edge_components
+from ..surfaces.triangles import Triangles, closest, edge_components, enclosed_volume
 from .conversion_report import BROKEN, ENVELOPE_SHARE, Attempt, Distances, Engine, Guarantee
 from .engine_run import Filling, NoFilling, Target, fill
 from .quality import Quality
@@ -211,7 +211,7 @@ def wrapped(job: Job) -> Solids:
     )
     points, faces = wrap["points"], wrap["faces"]
     a, b, c = (points[faces[:, i]] for i in range(3))
-    volume = float(np.einsum("fi,fi->f", np.cross(a, b), c).sum() / 6)
+    volume = enclosed_volume(Triangles(points, faces))
     if abs(volume - job.enclosed) > WRAP_VOLUME_TOLERANCE * job.enclosed:
         raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {job.enclosed:.4g} m^3")
     part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]

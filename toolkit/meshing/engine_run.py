@@ -110,7 +110,7 @@ def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
         },
     )
     where = box["points"] * scale + centre
-    part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
+    part = solids.label(where[box["tets"]].mean(axis=1))
 
     def kept(part: np.ndarray) -> Filling:
         part = conforming(where, box["tets"], part, solids, target.epsilon)
@@ -191,5 +191,5 @@ def _labels_off(
     """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
     label = np.full(len(where), NEAR)
     far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
-    label[far] = solids.label(where[far], np.ones(int(far.sum())))
+    label[far] = solids.label(where[far])
     return label
