@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from ...fem.scene.mesh import TetMesh
 from ..native.cache import Runner
 from ..native.child import ChildFailure
