@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..predictors.asset import Asset
-from .io.outputs import check_file, check_folder, mesh_suffixes
+from .io.outputs import check_mesh, check_run
 from .options import ConvertOptions, SimulateOptions
 from .scenario import STATIC
 
@@ -61,9 +61,9 @@ def plan(
     from .meshing.import_tets import SUFFIXES, adopt
 
     if texts:
-        check_folder(output)
+        check_run(output)
     else:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
     cost: dict[str, dict[str, float]]
     if path.suffix.lower() in SUFFIXES:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
-from .io.outputs import check_file, check_folder, mesh_suffixes
+from .io.outputs import check_file, check_mesh, check_run
 from .io.sidecar import Sidecar
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
@@ -60,7 +60,7 @@ def convert(
 
     options = options or ConvertOptions()
     if output is not None:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
     if not isinstance(asset, Asset) and Path(asset).suffix.lower() in SUFFIXES:
         asset, mesh, report = adopt(asset, **scale)  # it is a tet mesh already
@@ -103,7 +103,7 @@ def assign(
 
     options = options or AssignOptions()
     if output is not None:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     if field_output is not None:
         check_file(field_output, (".npz",))
     mesh, sidecar, seen, warnings = _read(mesh, asset)
@@ -217,7 +217,7 @@ def run(
     from .report.folder import write_folder
     from .report.snapshot import SUFFIXES, write_picture
 
-    check_folder(output)
+    check_run(output)
     if picture is not None:
         check_file(picture, SUFFIXES)
     clock = Stopwatch()

@@ -1,4 +1,4 @@
-"""The cache on disk: unfinished files are their writer's, the oldest go first, races are no errors."""
+"""The cache on disk: unfinished files are left alone, the oldest go first, races are no errors."""
 
 import os
 import threading

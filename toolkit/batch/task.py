@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -185,7 +184,7 @@ def _last_words(log: Path) -> str:
 def _move_in(made: Path, target: Path) -> None:
     """Put a whole result where it belongs, in place of one of another request."""
     if target.exists():
-        shutil.rmtree(target)
+        target.rename(made.with_name(".replaced"))
     made.rename(target)
 
 
