@@ -55,7 +55,7 @@ def convert(
     """
     from ..converters.mesh.table import write_mesh
     from .io.load import load_asset
-    from .meshing.import_tets import SUFFIXES, adopt
+    from .meshing.import_tets import SUFFIXES, import_tets
     from .meshing.tetrahedralize import tetrahedralize
 
     options = options or ConvertOptions()
@@ -63,7 +63,7 @@ def convert(
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
     if not isinstance(asset, Asset) and Path(asset).suffix.lower() in SUFFIXES:
-        asset, mesh, report = adopt(asset, **scale)  # it is a tet mesh already
+        asset, mesh, report = import_tets(asset, **scale)  # it is a tet mesh already
     else:
         if not isinstance(asset, Asset):
             asset = load_asset(asset, **scale)

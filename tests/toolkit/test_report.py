@@ -10,7 +10,8 @@ import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.toolkit.report.content import Band, Case, PartRow, ReportContent
+from autophyx_tet.fem.scene.materials import Span
+from autophyx_tet.toolkit.report.content import Case, PartRow, ReportContent
 from autophyx_tet.toolkit.report.data import payload
 from autophyx_tet.toolkit.report.html import mass_words, si, volume_words
 from autophyx_tet.toolkit.report.report import report_page, write_report
@@ -48,7 +49,7 @@ def case(text="a rubber bar", *, names=("body",), cells=(4, 3, 5), frames=0):
     times = np.linspace(0, 1, frames) if frames else None
     motion = np.sin(2 * np.pi * times)[:, None, None] * u if frames else None
     rows = tuple(
-        PartRow(name, f"{name} matter", name, 1e6, 0.3, 900.0, 1e-3, 0.9, "a table", Band(5e5, 2e6))
+        PartRow(name, f"{name} matter", name, 1e6, 0.3, 900.0, 1e-3, 0.9, "a table", Span(5e5, 2e6))
         for name in names
     )
     verdicts = (Verdict("good", f"{text} holds its shape.", "sag 0.4 %"),)

@@ -176,8 +176,8 @@ def test_far_away_and_tiny_bodies_convert():
         assert mesh.volume == pytest.approx(size**3, rel=1e-2)
 
 
-def test_ladder_goes_coarser_after_a_time_out_and_records_it(monkeypatch):
-    """The first rung runs out of time: the next one doubles edge and epsilon, and says so."""
+def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
+    """The first attempt runs out of time: the next one doubles edge and epsilon, and says so."""
     real, calls = cache.run_guarded, []
 
     def slow_at_first(task, arrays, options, **limits):

@@ -29,7 +29,7 @@ GIGABYTE = 1e9
 CRASHED = 137  # what a shell returns for a process that was killed
 RAY_RETRIES = 2  # times that a cluster gives a row to another worker when one is lost
 
-Tell = Callable[[Outcome, int, int], None]
+RowProgress = Callable[[Outcome, int, int], None]
 
 
 def batch(
@@ -38,7 +38,7 @@ def batch(
     output: Path,
     options: BatchOptions | None = None,
     run_config: Path | None = None,
-    progress: Tell | None = None,
+    progress: RowProgress | None = None,
 ) -> BatchResult:
     """Run every row of a manifest and write results.csv, results.json and index.html.
 

@@ -23,11 +23,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .engines import TASKS, Arrays
 from .guard import guard
 
 log = logging.getLogger(__name__)
 
-Arrays = dict[str, np.ndarray]
 Progress = Callable[[str, float], None]
 
 POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
@@ -154,7 +154,6 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
 def main(folder: Path, parent: int) -> int:
     """Do the job that lies in ``folder``: the child's side."""
     from ...converters.npz import load_npz
-    from .engines import TASKS
 
     arrays = load_npz(folder / _JOB)
     job = json.loads(str(arrays.pop("__job__")))

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
+from ...fem.scene.materials import Span
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
 from ..results.verdict import Verdict
-
-
-class Band(NamedTuple):
-    """Smallest and largest value that the material may take."""
-
-    lo: float
-    hi: float
 
 
 @dataclass(frozen=True)
@@ -38,9 +31,9 @@ class PartRow:
     volume: float
     mass: float
     source: str = ""
-    E_band: Band | None = None
-    nu_band: Band | None = None
-    rho_band: Band | None = None
+    E_span: Span | None = None
+    nu_span: Span | None = None
+    rho_span: Span | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,9 @@ from html import escape
 
 import numpy as np
 
+from ...fem.scene.materials import Span
 from ..results.verdict import MARKS, Verdict
-from .content import Band, Case, PartRow, ReportContent
+from .content import Case, PartRow, ReportContent
 from .data import frames_shown
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
@@ -181,9 +182,9 @@ def _row(part: PartRow, sources: list[str]) -> str:
     cells = (
         ("", escape(part.material)),
         ("words", escape(part.words) or "–"),
-        ("number", si(part.E, "Pa") + _band(part.E_band, "Pa")),
-        ("number", f"{part.nu:.3g}" + _band(part.nu_band, "")),
-        ("number", f"{_rounded(part.rho, 4)} kg/m³" + _band(part.rho_band, "kg/m³")),
+        ("number", si(part.E, "Pa") + _band(part.E_span, "Pa")),
+        ("number", f"{part.nu:.3g}" + _band(part.nu_span, "")),
+        ("number", f"{_rounded(part.rho, 4)} kg/m³" + _band(part.rho_span, "kg/m³")),
         ("number", volume_words(part.volume)),
         ("number", mass_words(part.mass)),
         ("number", f"[{sources.index(part.source) + 1}]" if part.source else "–"),
@@ -192,13 +193,13 @@ def _row(part: PartRow, sources: list[str]) -> str:
     return f'<tr><th scope="row">{escape(part.name)}</th>{data}</tr>'
 
 
-def _band(band: Band | None, unit: str) -> str:
+def _band(band: Span | None, unit: str) -> str:
     if band is None:
         return ""
     if unit == "Pa":
-        text = _span(band.lo, band.hi, unit)
+        text = _span(band.min, band.max, unit)
     else:
-        text = f"{band.lo:.4g} – {band.hi:.4g}" if band.hi > band.lo else f"{band.lo:.4g}"
+        text = f"{band.min:.4g} – {band.max:.4g}" if band.max > band.min else f"{band.min:.4g}"
     return f"<small>{text}</small>"
 
 
