@@ -12,7 +12,7 @@ from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
 from .io.outputs import check_file, check_mesh, check_run
-from .io.sidecar import Sidecar
+from .io.sidecar import Sidecar, load_again
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
 from .results.conversion import Conversion
@@ -250,7 +250,7 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     if not isinstance(mesh, TetMesh):
         mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
     if asset is not None:
-        asset = asset if isinstance(asset, Asset) else _again(asset, found)
+        asset = asset if isinstance(asset, Asset) else load_again(asset, found)
         found = Sidecar.of_asset(asset)
     if found is None:
         found = Sidecar(up="z")
@@ -263,17 +263,6 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     lost = [name for name in mesh.region_names if name not in found.labels]
     warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
     return mesh, found, asset, warnings if lost else []
-
-
-def _again(path: str | Path, known: Sidecar | None) -> Asset:
-    """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
-    from .io.load import load_asset
-
-    asset = load_asset(path)
-    if known is None or known.source.get("sha256") != asset.source_hash:
-        return asset
-    factor = known.source["metres_per_unit"] / asset.metres_per_unit
-    return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
 
 
 def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
