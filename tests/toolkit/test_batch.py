@@ -4,6 +4,7 @@ The laws are here; the faults, with real runs, are in ``test_batch_faults.py``.
 """
 
 import csv
+import html
 import json
 import re
 import signal
@@ -16,8 +17,10 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.batch import task
 from autophyx_tet.toolkit.batch.batch import batch
 from autophyx_tet.toolkit.batch.manifest import read_manifest
+from autophyx_tet.toolkit.batch.table import index_page
 from autophyx_tet.toolkit.batch.task import Job, Limits, Stopped, perform, stored
 from autophyx_tet.toolkit.options import BatchOptions
+from PIL import Image
 
 LIMITS = Limits(seconds=120, memory=8 * 10**9, threads=1)
 
@@ -94,6 +97,19 @@ def test_bad_assets_stop_nothing_and_are_named(tmp_path):
     assert not re.search(r"(src|href)=.?https?:|<script", page)
     again = batch(manifest, output=output, options=BatchOptions(workers=2)).document()
     assert again["new"] == 2  # what may be mended outside (exit 3) is tried again, 2 and 4 are kept
+
+
+def test_hostile_words_of_a_result_stay_words(tmp_path):
+    """The card of the page shows text and materials as written, and no element of them."""
+    (tmp_path / "box").mkdir()
+    Image.new("RGB", (8, 8)).save(tmp_path / "box" / "picture.png")
+    words = "<script>alert(1)</script>\"' {{ 7 * 7 }}{% raw %} $count"
+    row = {"id": "box", "folder": "box", "code": 0, "text": words, "materials": words}
+    row |= {"tets": 6, "mass": 1.0, "seconds": 2.0, "warnings": 0}
+    page = index_page((row,), tmp_path)
+    assert "<script" not in page
+    assert html.unescape(page).count(words) == 2
+    assert "1 done, 0 failed" in page
 
 
 def job(tmp_path):
