@@ -1,8 +1,10 @@
-"""What the tests of several files share: a browser, and a folder for its pages."""
+"""What the tests of several files share: a browser and a folder for its pages, a cube."""
 
 import shutil
 
 import pytest
+import trimesh
+from autophyx_tet.toolkit.cli.main import main
 
 from .browser import FLAGS
 
@@ -22,3 +24,20 @@ def chromium():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("reports with spaces")
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "cube.obj"
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def cube_msh(tmp_path_factory):
+    """A converted cube, 10 cm, made once."""
+    folder = tmp_path_factory.mktemp("cube")
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(folder / "cube.obj")
+    target = folder / "cube.msh"
+    assert main(["convert", str(folder / "cube.obj"), "-o", str(target), "-q"]) == 0
+    return target
