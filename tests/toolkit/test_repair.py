@@ -63,10 +63,10 @@ def test_crossing_faces_are_counted_and_left():
     assert len(surface.faces) == 24
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_apart_nothing_crosses(axis):
-    _, report = repair([cube_part("a"), cube_part("b", lo=2 * np.eye(3)[axis])])
-    assert report.crossing_faces == 0
+def test_apart_nothing_crosses():
+    for axis in np.eye(3):
+        _, report = repair([cube_part("a"), cube_part("b", lo=2 * axis)])
+        assert report.crossing_faces == 0, axis
 
 
 def test_holes_are_closed():
