@@ -20,7 +20,7 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis, up_vector
 from ...predictors.images.appearance import skin_of
 from ...predictors.images.cameras import Camera, look_at
-from .html import si
+from .quantities import si
 from .scale import PALETTES, PARTS, Scale, rgb
 from .tracer import ColouredSurface, trace
 
