@@ -126,7 +126,7 @@ def run_one(path: Path, tool: str, args: argparse.Namespace) -> dict:
             "--edge-length-rel", str(args.edge_length_rel), "--epsilon-rel", str(args.epsilon_rel),
             "--stop-energy", str(args.stop_energy), "--time-limit", str(args.time_limit),
         ]  # fmt: skip
-        # Our ladder may use several attempts, each within the limit; a peer has one.
+        # We may use several attempts, each within the limit; a peer has one.
         limit = args.time_limit * (5 if tool == OURS else 1) + 60
         code, wall, cpu, rss = _timed(command, Path(work), limit)
         row = {"tool": tool, "exit": code}
@@ -209,7 +209,7 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
     row = {
         "guarantees": report.ok,
         "tets": len(mesh.tets),
-        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser rung keeps a wider one
+        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser attempt keeps a wider one
         "min_dihedral_deg": round(report.quality.dihedral_min, 2),
         "hausdorff_to_rel": report.distances.to_input / report.diagonal,
         "hausdorff_from_rel": report.distances.from_input / report.diagonal,

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from ..fem.errors import AutophyxError, InputError
 
+UNFINISHED = ".tmp-"  # begins the name of a file while it is being written
+
 
 @contextmanager
 def reading(path: str | os.PathLike, wanted: str) -> Iterator[Path]:
@@ -45,7 +47,7 @@ def writing(path: str | os.PathLike) -> Iterator[Path]:
     A failed or interrupted write leaves whatever was there before.
     """
     path = Path(path)
-    temporary = path.with_name(f".tmp-{secrets.token_hex(6)}{path.suffix}")
+    temporary = path.with_name(f"{UNFINISHED}{secrets.token_hex(6)}{path.suffix}")
     try:
         yield temporary
         temporary.replace(path)

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..predictors.asset import Asset
-from .io.outputs import check_file, check_folder, mesh_suffixes
+from .io.outputs import check_mesh, check_run
 from .options import ConvertOptions, SimulateOptions
 from .scenario import STATIC
 
 
-class Law(NamedTuple):
+class PowerLaw(NamedTuple):
     """``factor * (area / edge^2)^area * faces^faces``, and its 10 and 90 % quantiles as shares."""
 
     factor: float
@@ -34,8 +34,8 @@ class Law(NamedTuple):
         return {name: float(f"{share * value:.2g}") for name, share in shares.items()}
 
 
-TETS = Law(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
-CONVERT_SECONDS = Law(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
+TETS = PowerLaw(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
+CONVERT_SECONDS = PowerLaw(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
 # Of a core, for materials, sag, pictures and report of one sentence: start, and for each tet.
 SENTENCE_SECONDS, TET_SECONDS = 4.0, 1e-3
 # Of our process, which holds the solver and the report; the engine's own child takes .13 to .4 GB.
@@ -58,16 +58,16 @@ def plan(
         Where the asset cannot be read or the output not be written, as the command itself would.
     """
     from .io.load import load_asset
-    from .meshing.import_tets import SUFFIXES, adopt
+    from .meshing.import_tets import SUFFIXES, import_tets
 
     if texts:
-        check_folder(output)
+        check_run(output)
     else:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
     cost: dict[str, dict[str, float]]
     if path.suffix.lower() in SUFFIXES:
-        asset, mesh, _ = adopt(path, **scale)
+        asset, mesh, _ = import_tets(path, **scale)
         cost = {"tets": dict.fromkeys(("low", "likely", "high"), float(len(mesh.tets)))}
         first = f"take over the {len(mesh.tets):,} tets of {path}"
     else:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +15,11 @@ from ..predictors.images.features import features as features_of
 from ..predictors.images.segmentation import Segmentation, best_segmentation
 from .io.carriers import is_carrier, read_matter
 from .io.outputs import check_file
-from .native.cache import recalled, remember
+from .native.cache import digest, recalled, remember
 from .options import FeatureOptions
 
 log = logging.getLogger(__name__)
 
-MAX_FILES = 64  # of the cache, a few megabytes each; what was not used for longest goes first
 # The packages that compute the result: another version of one of them is another result.
 PACKAGES = ("autophyx-tet", "numpy", "scipy", "torch", "embreex")
 
@@ -147,18 +142,17 @@ def _remembered(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) ->
         asset, encoder=encoder, cells=options.cells, views=options.views, lower=options.lower
     ).arrays()
     if path is not None:
-        remember(path, made, most_files=MAX_FILES)
+        remember(path, made)
     return VoxelFeatures.of(made)  # in half precision, as from the cache
 
 
 def _key(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> str:
     """SHA-256 of all that the features depend on."""
-    seen: Mapping[str, Any] = {
+    seen = {
         "asset": asset.source_hash,
         "parts": asset.part_names,
-        "placed": [asset.metres_per_unit, asset.up, asset.bounds.tolist()],
+        "placed": [asset.metres_per_unit, asset.up],
         "encoder": encoder.name,
         "options": [options.cells, options.views, options.lower],
-        "packages": {name: version(name) for name in PACKAGES},
     }
-    return hashlib.sha256(json.dumps(seen, sort_keys=True, default=str).encode()).hexdigest()
+    return digest("features", {"bounds": asset.bounds}, seen, packages=PACKAGES)

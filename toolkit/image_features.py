@@ -20,8 +20,6 @@ from .native.cache import digest, recalled, remember
 
 log = logging.getLogger(__name__)
 
-MAX_FILES = 256  # of the cache, up to 2 MB each; what was not used for longest goes first
-
 
 def sight(
     asset: Asset, voxels: RealObject, encoder: Encoder, *, cells: int, memory: Path | None
@@ -43,7 +41,7 @@ def sight(
     seen = _on_cube(features, asset, voxels, cells // 2)
     if path is not None:
         made = {"cells": seen.cells.astype(np.uint8), "values": seen.values}
-        remember(path, made, most_files=MAX_FILES)
+        remember(path, made)
     return seen
 
 

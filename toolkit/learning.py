@@ -116,7 +116,7 @@ def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
     from ..predictors.grid import Grid
     from .report.feature_picture import voxel_shell
     from .report.picture import Panel, render_png
-    from .report.tracer import Surface
+    from .report.tracer import ColouredSurface
 
     hues = np.random.default_rng(3).uniform(0.25, 0.95, (MAX_PARTS, 3))
     panels = []
@@ -124,7 +124,7 @@ def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
         shell = voxel_shell(label != EMPTY, Grid(np.zeros(3), 1 / _SHOWN_CELLS, label.shape))
         colours = hues[label[tuple(shell.cell.T)]]
         corners = np.repeat(colours[:, None], 3, axis=1)
-        panels.append(Panel((Surface(shell.points, shell.faces, corners),), title))
+        panels.append(Panel((ColouredSurface(shell.points, shell.faces, corners),), title))
     render_png(output, panels)
 
 

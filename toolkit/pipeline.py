@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,10 +11,12 @@ from typing import TYPE_CHECKING
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
-from .io.outputs import check_file, check_folder, mesh_suffixes
-from .io.sidecar import Sidecar
+from .io.outputs import check_file, check_mesh, check_run
+from .io.sidecar import Sidecar, load_again
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
-from .results.results import Assignment, Conversion, RunCase, RunResult
+from .results.assignment import Assignment
+from .results.conversion import Conversion
+from .results.run import RunCase, RunResult, Stopwatch
 from .results.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -54,15 +55,15 @@ def convert(
     """
     from ..converters.mesh.table import write_mesh
     from .io.load import load_asset
-    from .meshing.import_tets import SUFFIXES, adopt
+    from .meshing.import_tets import SUFFIXES, import_tets
     from .meshing.tetrahedralize import tetrahedralize
 
     options = options or ConvertOptions()
     if output is not None:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
     if not isinstance(asset, Asset) and Path(asset).suffix.lower() in SUFFIXES:
-        asset, mesh, report = adopt(asset, **scale)  # it is a tet mesh already
+        asset, mesh, report = import_tets(asset, **scale)  # it is a tet mesh already
     else:
         if not isinstance(asset, Asset):
             asset = load_asset(asset, **scale)
@@ -102,7 +103,7 @@ def assign(
 
     options = options or AssignOptions()
     if output is not None:
-        check_file(output, mesh_suffixes())
+        check_mesh(output)
     if field_output is not None:
         check_file(field_output, (".npz",))
     mesh, sidecar, seen, warnings = _read(mesh, asset)
@@ -216,7 +217,7 @@ def run(
     from .report.folder import write_folder
     from .report.snapshot import SUFFIXES, write_picture
 
-    check_folder(output)
+    check_run(output)
     if picture is not None:
         check_file(picture, SUFFIXES)
     clock = Stopwatch()
@@ -241,20 +242,6 @@ def run(
     return write_folder(output, result)
 
 
-class Stopwatch:
-    """Seconds of every stage, by name; laps of one name add up."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        """Add the time since the last lap to ``name``."""
-        now = time.perf_counter()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
-        self._last = now
-
-
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     """Return the mesh, what is known of its regions, the asset, and what the user should know."""
     from ..converters.mesh.table import read_mesh
@@ -263,7 +250,7 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     if not isinstance(mesh, TetMesh):
         mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
     if asset is not None:
-        asset = asset if isinstance(asset, Asset) else _again(asset, found)
+        asset = asset if isinstance(asset, Asset) else load_again(asset, found)
         found = Sidecar.of_asset(asset)
     if found is None:
         found = Sidecar(up="z")
@@ -276,17 +263,6 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     lost = [name for name in mesh.region_names if name not in found.labels]
     warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
     return mesh, found, asset, warnings if lost else []
-
-
-def _again(path: str | Path, known: Sidecar | None) -> Asset:
-    """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
-    from .io.load import load_asset
-
-    asset = load_asset(path)
-    if known is None or known.source.get("sha256") != asset.source_hash:
-        return asset
-    factor = known.source["metres_per_unit"] / asset.metres_per_unit
-    return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
 
 
 def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:

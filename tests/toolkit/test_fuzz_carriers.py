@@ -19,7 +19,7 @@ from autophyx_tet.fem.errors import AutophyxError, InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.toolkit.io.readers import CARRIERS, read
 from autophyx_tet.toolkit.io.references import References
-from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, adopt
+from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, import_tets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -76,7 +76,7 @@ def _valid(suffix):
 def _read(path):
     """Read as `convert` does, short of the engine."""
     if path.suffix in SUFFIXES:
-        return adopt(path)
+        return import_tets(path)
     return read(path, path.read_bytes(), References(path.parent))
 
 

@@ -18,7 +18,7 @@ def _hollow_volume(mesh, wall):
     rng = np.random.default_rng(0)
     lo, hi = solids.bounds
     where = lo + (hi - lo) * rng.random((40_000, 3))
-    return (solids.label(where, np.ones(len(where))) >= 0).mean() * np.prod(hi - lo), solids
+    return (solids.label(where) >= 0).mean() * np.prod(hi - lo), solids
 
 
 def test_offset_of_a_box_is_mitred():
@@ -61,7 +61,7 @@ def test_a_cavity_of_one_part_in_the_skin_of_two():
     surface, _ = repair([Part("glass", glass), Part("label", patch)])
     solids = Solids.of(surface, 2, thinnest=1e-6)
     where = np.array([[0, 0, 0], [0, 0, 0.75], [0.9, 0, 0], [1.1, 0, 0]], float)
-    assert solids.label(where, np.ones(4)).tolist() == [-1, 0, 1, -1]
+    assert solids.label(where).tolist() == [-1, 0, 1, -1]
 
 
 def test_thin_body_stays_solid():
@@ -137,7 +137,7 @@ def test_cupboard_with_doors_leaves_the_analytic_volume():
     rng = np.random.default_rng(0)
     lo, hi = solids.bounds
     where = lo + (hi - lo) * rng.random((200_000, 3))
-    share = np.bincount(solids.label(where, np.ones(len(where))) + 1, minlength=4)[1:] / len(where)
+    share = np.bincount(solids.label(where) + 1, minlength=4)[1:] / len(where)
     assert share[0] * np.prod(hi - lo) == pytest.approx(SHELL, rel=0.02)
     assert share[1:].sum() * np.prod(hi - lo) == pytest.approx(DOORS, rel=0.03)
 

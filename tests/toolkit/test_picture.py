@@ -18,7 +18,7 @@ from autophyx_tet.toolkit.report.picture import (
     story,
 )
 from autophyx_tet.toolkit.report.scale import Scale, rgb
-from autophyx_tet.toolkit.report.tracer import Surface, trace
+from autophyx_tet.toolkit.report.tracer import ColouredSurface, trace
 from PIL import Image
 
 
@@ -42,7 +42,7 @@ def pixels_of(path):
 
 def coloured(mesh, color):
     faces = mesh.boundary.faces
-    return Surface(mesh.points, faces, np.broadcast_to(rgb(color), (len(faces), 3, 3)))
+    return ColouredSurface(mesh.points, faces, np.broadcast_to(rgb(color), (len(faces), 3, 3)))
 
 
 def test_the_shadow_falls_away_from_the_sun_and_fades(mesh):
@@ -71,7 +71,7 @@ def test_normals_are_smooth_on_a_ball_and_sharp_on_a_box(mesh):
 
     ball = trimesh.creation.icosphere(subdivisions=4)
     faces = np.asarray(ball.faces)
-    surface = Surface(np.asarray(ball.vertices), faces, np.ones((len(faces), 3, 3)))
+    surface = ColouredSurface(np.asarray(ball.vertices), faces, np.ones((len(faces), 3, 3)))
     np.testing.assert_allclose(surface.corner_normals, surface.triangles, atol=0.01)
     normals = coloured(mesh, "#808080").corner_normals
     np.testing.assert_allclose(np.sort(np.abs(normals), axis=2)[..., :2], 0, atol=1e-12)

@@ -2,8 +2,6 @@
 
 import io
 import itertools
-import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,72 +9,11 @@ from autophyx_tet.fem.scene.mesh import boundary_faces
 from autophyx_tet.toolkit.report.report import write_report
 from PIL import Image
 
+from .browser import Visit
 from .test_report import HOSTILE, case, content
 
 pytestmark = pytest.mark.browser
-FLAGS = (
-    "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-)  # fmt: skip
 NAMES = ("foot", "leg", "seat")
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    playwright = pytest.importorskip("playwright.sync_api")
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    if program is None:
-        pytest.skip("no Chromium on this machine")
-    with playwright.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=program, args=list(FLAGS))
-        yield browser
-        browser.close()
-
-
-class Visit:
-    """A page opened from a file, with everything it says, asks for or pops up."""
-
-    def __init__(self, chromium, path, *, ready="body[data-ready]", script=None, **options):
-        self.page = chromium.new_page(**options)
-        self.page.set_default_timeout(15_000)
-        self.errors, self.requests, self.dialogs = [], [], []
-        self.page.on("console", lambda m: m.type == "error" and self.errors.append(m.text))
-        self.page.on("pageerror", lambda e: self.errors.append(str(e)))
-        self.page.on("dialog", lambda d: (self.dialogs.append(d.message), d.dismiss()))
-        self.page.on("request", lambda r: self.requests.append(r.url))
-        self.page.context.set_offline(True)
-        if script:
-            self.page.add_init_script(script)
-        self.page.goto(path.as_uri())
-        self.page.wait_for_selector(ready, timeout=60_000)
-        self.home = path.as_uri()
-
-    def picture(self, plot=0):
-        image = Image.open(io.BytesIO(self.page.locator(f"#plot{plot}").screenshot()))
-        return np.asarray(image.convert("RGB")).astype(int)
-
-    def settled(self):
-        self.page.evaluate("report.update()")
-
-    def press(self, key):
-        self.page.keyboard.press(key)
-        self.settled()
-
-    def faces(self):
-        self.settled()
-        return self.page.evaluate("report.views[0].faces.owner.length")
-
-    def close(self):
-        self.page.close()
-        assert self.errors == []
-        assert self.dialogs == []
-        assert [url for url in self.requests if url != self.home and url[:5] != "data:"] == []
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("reports with spaces")
 
 
 @pytest.fixture(scope="module")
@@ -262,89 +199,3 @@ def test_without_webgl_the_numbers_remain(chromium, one):
     assert "WebGL" in visit.page.locator("#viewer .notice").last.inner_text()
     assert visit.page.locator("#materials tbody tr").count() == len(NAMES)
     visit.close()
-
-
-@pytest.fixture
-def moving(chromium, folder):
-    """Two texts on one bar, each with a motion of 25 frames in half a second."""
-    stiff, soft = case("a stiff bar", names=NAMES, frames=25), case("a soft bar", frames=25)
-    soft = replace(soft, motion=4 * soft.motion)
-    visit = Visit(chromium, write_report(folder / "two.html", content(stiff, soft)))
-    visit.page.get_by_label("In motion").check()
-    yield visit
-    visit.close()
-
-
-def test_play_advances_the_frames_and_space_stops_them(moving):
-    """The button starts the motion, the picture changes, the space bar holds it."""
-    slider = moving.page.locator("#frame")
-    start, before = slider.input_value(), moving.picture()
-    moving.page.get_by_role("button", name="Play").click()
-    moving.page.locator("#play", has_text="Pause").wait_for()
-    seen = set()
-    for _ in range(20):
-        moving.page.wait_for_timeout(150)
-        seen.add(slider.input_value())
-    assert len(seen | {start}) >= 4
-    moving.page.locator("h1").click()
-    moving.page.evaluate("document.activeElement.blur()")
-    moving.press(" ")
-    moving.page.locator("#play", has_text="Play").wait_for()
-    held = slider.input_value()
-    moving.page.wait_for_timeout(400)
-    assert slider.input_value() == held
-    slider.fill("6")  # a quarter of the swing: the largest bend
-    moving.settled()
-    assert np.abs(moving.picture() - before).sum(axis=2).mean() > 1
-
-
-def test_scrubbing_shows_the_frame_that_was_asked_for(moving):
-    """Frame 6 of a sine over 24 steps is its crest; `.` and `,` step by one; the time is told."""
-    read = "Math.max(...report.views[0].moved.map(Math.abs))"
-    moving.page.locator("#frame").fill("6")
-    moving.settled()
-    assert moving.page.evaluate(read) == pytest.approx(0.01, rel=1e-3)
-    assert moving.page.locator("output[for=frame]").inner_text() == "250 ms"
-    moving.press(".")
-    moving.press(".")
-    assert moving.page.evaluate("report.state.frame") == 8
-    moving.press(",")
-    assert moving.page.evaluate("report.state.frame") == 7
-    assert moving.page.evaluate(read) == pytest.approx(0.01 * np.sin(2 * np.pi * 7 / 24), rel=1e-3)
-
-
-def test_two_texts_share_exaggeration_scale_and_camera(moving):
-    """Side by side means alike: what differs between the pictures is the material alone."""
-    assert moving.page.locator("blockquote").all_inner_texts() == ["A a stiff bar", "B a soft bar"]
-    moving.press("5")
-    moving.page.locator("#frame").fill("6")
-    moving.settled()
-    scale = moving.page.locator("#scale").inner_text()
-    assert "40 mm" in scale
-    shares = moving.page.evaluate(
-        """() => {
-            const scale = new Scale(MAPS.moved, 0, 0.04);
-            return report.views.map((v) => Math.max(...v.trace(report.state, scale).intensity));
-        }"""
-    )
-    np.testing.assert_allclose(shares, [0.25, 1], rtol=1e-3)
-    first = moving.page.evaluate(
-        "Object.values(report.views[0].node._fullLayout.scene._scene.getCamera().eye)"
-    )
-    box = moving.page.locator("#plot0").bounding_box()
-    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    moving.page.mouse.move(*middle)
-    moving.page.mouse.down()
-    for share in np.linspace(0.2, 1, 5):  # as slowly as a hand: the page looks once a frame
-        moving.page.wait_for_timeout(300)
-        moving.page.mouse.move(middle[0] + 80 * share, middle[1] + 20 * share)
-    moving.page.wait_for_timeout(300)
-    moving.page.mouse.up()
-    read = "report.views.map((v) => Object.values(v.node._fullLayout.scene._scene.getCamera().eye))"
-    for _ in range(40):  # until both have come to rest
-        moving.page.wait_for_timeout(250)
-        eyes = np.array(moving.page.evaluate(read))
-        if np.abs(eyes[0] - first).max() > 0.05 and np.allclose(eyes[0], eyes[1], atol=1e-6):
-            break
-    assert np.abs(eyes[0] - first).max() > 0.05
-    np.testing.assert_allclose(eyes[0], eyes[1], atol=1e-6)

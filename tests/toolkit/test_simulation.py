@@ -38,9 +38,9 @@ def test_modal_writes_shapes_and_one_period(column, tmp_path):
     assert result.document()["modal"]["frequencies"] == result.frequencies
     data = read_data(tmp_path / "ring.vtu")
     assert {"displacement", "mode_1", "mode_2", "mode_3"} <= set(data.point_data)
-    drawn = np.linalg.norm(result.film.displacement, axis=2).max()
+    drawn = np.linalg.norm(result.animation.displacement, axis=2).max()
     assert drawn == pytest.approx(0.05 * np.linalg.norm([SIDE, SIDE, LENGTH]))
-    assert result.film.times[-1] < 1 / result.frequencies[0]
+    assert result.animation.times[-1] < 1 / result.frequencies[0]
 
 
 @pytest.mark.slow
@@ -55,7 +55,7 @@ def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     assert answer["smallest_gap"] > 0
     assert answer["max_contact_force"] > mesh.mass * 9.81
     frames = list(read_pvd(tmp_path / "drop.pvd"))
-    assert len(frames) == answer["frames"] == len(result.film.times)
+    assert len(frames) == answer["frames"] == len(result.animation.times)
     assert [verdict.mark for verdict in result.verdicts()] == ["good"]
 
 

@@ -1,9 +1,8 @@
 """What a person reads: tables of every verb, each verdict with its way out, frames in one line."""
 
-import pytest
 from autophyx_tet.fem.verdicts import Check
 from autophyx_tet.toolkit.cli.terminal import show
-from autophyx_tet.toolkit.report.content import ADVICE, Verdict
+from autophyx_tet.toolkit.results.verdict import ADVICE, Verdict
 
 
 def shown(capsys, document):
@@ -33,28 +32,26 @@ def test_scores_are_a_table(capsys):
     assert second.split() == ["table-mean", "0.0565", "0.5"]
 
 
-@pytest.mark.parametrize(
-    ("document", "words"),
-    [
+def test_what_has_no_table_is_told(capsys):
+    samples = [{"object": "chair", "clauses": ["oak legs", "soft seat"]}]
+    rows = (
         ({"clauses": 1200, "real_objects": 3}, "1,200 clauses, 3 real objects"),
-        (
-            {"samples": [{"object": "chair", "clauses": ["oak legs", "soft seat"]}]},
-            "chair: oak legs",
-        ),
+        ({"samples": samples}, "chair: oak legs"),
         ({"steps": 2000, "history": []}, "trained for 2,000 steps"),
         ({"query": "unobtainium", "materials": []}, "no material matches 'unobtainium'"),
-    ],
-)
-def test_what_has_no_table_is_told(document, words, capsys):
-    assert words in shown(capsys, document)
+    )
+    for document, words in rows:
+        assert words in shown(capsys, document), document
 
 
-@pytest.mark.parametrize("name", ADVICE)
-def test_a_failed_check_says_what_to_do(name, capsys):
+def test_a_failed_check_says_what_to_do(capsys):
     """The sentence says what was found; then the way out, if it failed."""
-    bad, good = (Verdict.of(Check(name, passed, 1.0, 2.0, "Found.")) for passed in (False, True))
-    out = shown(capsys, {"verdicts": [bad, good]}).splitlines()
-    assert out == [f"{'!' if bad.mark == 'warning' else 'i'} Found. {ADVICE[name]}", "✓ Found."]
+    for name, advice in ADVICE.items():
+        checks = (Check(name, passed, 1.0, 2.0, "Found.") for passed in (False, True))
+        bad, good = map(Verdict.of, checks)
+        out = shown(capsys, {"verdicts": [bad, good]}).splitlines()
+        sign = "!" if bad.mark == "warning" else "i"
+        assert out == [f"{sign} Found. {advice}", "✓ Found."], name
 
 
 def test_two_sentences_are_told_one_after_the_other(capsys):

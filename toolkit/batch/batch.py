@@ -18,18 +18,18 @@ from pathlib import Path
 from typing import Any
 
 from ...fem.errors import InputError, UsageError
-from ..cli.config import read_config
-from ..io.outputs import check_folder
+from ..config import read_config
+from ..io.outputs import BATCH, check_document, check_folder
 from ..options import BatchOptions
 from .manifest import read_manifest
 from .table import BatchResult, write_tables
-from .task import HOME, Job, Limits, Outcome, Stopped, perform, stored
+from .task import HOME, RECORD, Job, Limits, Outcome, Stopped, perform, stored
 
 GIGABYTE = 1e9
 CRASHED = 137  # what a shell returns for a process that was killed
 RAY_RETRIES = 2  # times that a cluster gives a row to another worker when one is lost
 
-Tell = Callable[[Outcome, int, int], None]
+RowProgress = Callable[[Outcome, int, int], None]
 
 
 def batch(
@@ -38,7 +38,7 @@ def batch(
     output: Path,
     options: BatchOptions | None = None,
     run_config: Path | None = None,
-    progress: Tell | None = None,
+    progress: RowProgress | None = None,
 ) -> BatchResult:
     """Run every row of a manifest and write results.csv, results.json and index.html.
 
@@ -65,6 +65,7 @@ def batch(
     jobs = read_manifest(Path(manifest), common=common)
     check_folder(output)
     output = output.resolve()
+    _check_theirs(jobs, output)
     with _alone(output):
         ended = {job.id: past for job in jobs if (past := stored(job, output))}
         todo = [job for job in jobs if job.id not in ended]
@@ -73,6 +74,18 @@ def batch(
             if progress is not None:
                 progress(outcome, len(ended), len(jobs))
         return write_tables(output, BatchResult(tuple(jobs), ended, new=len(todo)))
+
+
+def _check_theirs(jobs: Sequence[Job], output: Path) -> None:
+    """Refuse to replace a folder or a document that no batch has made."""
+    check_document(output / "results.json", BATCH)
+    for job in jobs:
+        folder = output / job.id
+        if folder.exists() and not (folder / RECORD).is_file():
+            raise InputError(
+                f"{folder} is not the result of a batch and would be replaced: move it away, give "
+                "the row another id, or give another -o"
+            )
 
 
 def _local(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:

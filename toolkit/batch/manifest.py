@@ -16,7 +16,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from ...fem.errors import InputError, UsageError
-from ..cli.config import arguments
+from ..config import arguments
 from ..options import AssignOptions, ConvertOptions, SimulateOptions
 from .task import Job
 

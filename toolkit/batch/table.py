@@ -9,14 +9,13 @@ import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
-from string import Template
 from typing import Any
 from urllib.parse import quote
 
 from ...converters.files import writing
 from ..io.document import SCHEMA, versions, write_json
+from ..report.template import render
 from .task import Job, Outcome
 
 PICTURE_WIDTH, PICTURE_QUALITY = 480, 60  # pixels; about 8 kB a picture, 8 MB a thousand
@@ -70,15 +69,9 @@ def write_tables(output: Path, result: BatchResult) -> BatchResult:
 def index_page(rows: tuple[dict[str, Any], ...], output: Path) -> str:
     """The page as text: a card for every row, failures first; it asks for nothing from outside."""
     failed = [row for row in rows if row["code"]]
-    done = [row for row in rows if not row["code"]]
-    templates = Path(__file__).parents[1] / "report" / "templates"
-    return Template((templates / "index.html").read_text(encoding="utf-8")).substitute(
-        count=len(rows),
-        done=len(done),
-        failed=len(failed),
-        failures="".join(map(_failure, failed)),
-        cards="".join(_card(row, output) for row in done),
-    )
+    done = (row for row in rows if not row["code"])
+    cards = [_card(row, output) for row in done]
+    return render("index.html", count=len(rows), failures=failed, cards=cards)
 
 
 def _row(job: Job, ended: Outcome, output: Path) -> dict[str, Any]:
@@ -104,21 +97,15 @@ def _row(job: Job, ended: Outcome, output: Path) -> dict[str, Any]:
     }
 
 
-def _card(row: Mapping[str, Any], output: Path) -> str:
-    name, text, materials = (escape(str(row[key])) for key in ("id", "text", "materials"))
-    report = escape(f"{quote(row['folder'])}/report.html")
-    picture = output / row["folder"] / "picture.png"
-    return (
-        f'<li><a href="{report}"><img alt="asset, stiffness and answer of {name}" '
-        f'src="{_small(picture)}"></a><h2><a href="{report}">{name}</a></h2>'
-        f"<p>{text}</p><p class=soft>{materials}</p><p class=soft>{row['tets']:,} tets, "
-        f"{row['mass']:.3g} kg, {row['seconds']:.0f} s, {row['warnings']} warnings</p></li>\n"
-    )
-
-
-def _failure(row: Mapping[str, Any]) -> str:
-    cells = (escape(str(row[key])) for key in ("id", "asset", "code", "reason"))
-    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>\n"
+def _card(row: Mapping[str, Any], output: Path) -> dict[str, str]:
+    """Words of a result's card; its picture and its report by their addresses."""
+    numbers = f"{row['tets']:,} tets, {row['mass']:.3g} kg, {row['seconds']:.0f} s"
+    return {
+        **{name: row[name] for name in ("id", "text", "materials")},
+        "numbers": f"{numbers}, {row['warnings']} warnings",
+        "report": f"{quote(row['folder'])}/report.html",
+        "picture": _small(output / row["folder"] / "picture.png"),
+    }
 
 
 def _small(picture: Path) -> str:

@@ -9,10 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,11 +20,13 @@ from typing import NamedTuple
 
 from ...fem.errors import BandError, ConvergenceError, InputError, NoVolumeError, UsageError
 from ..io.document import write_json
-from ..native.child import guard
+from ..native.guard import guarded
 
 HOME = ".batch"  # inside the output folder: lock, work in progress, records of failures
 RECORD = "batch.json"  # inside a result: what was asked, and what it took
 ATTEMPTS = 2  # a worker that was killed is replaced once; a second kill is the asset's own doing
+# What a row runs, as anyone would call it: a process, so that nothing here imports it.
+COMMAND_LINE = "autophyx_tet.toolkit.cli"
 POLL = 0.1  # s between two looks at a process that takes seconds
 TIMED_OUT = 124  # what timeout(1) returns
 BY_SIGNAL = 128  # what shells add to the number of the signal
@@ -130,12 +130,11 @@ def _try(
 
 def _process(job: Job, work: Path, limits: Limits, stopped: Callable[[], bool]) -> tuple[int, str]:
     """Run the command line in ``work``; return its exit code and its last words."""
-    command = [sys.executable, "-P", "-m", __name__, str(os.getpid()), str(limits.memory)]
-    command += ["run", job.path, f"--text={job.text}", f"--output={job.id}", "--quiet"]
+    call = ("run", job.path, f"--text={job.text}", f"--output={job.id}", "--quiet")
     log = work / "log.txt"
     with log.open("wb") as words:
         child = subprocess.Popen(
-            [*command, *job.arguments],
+            guarded(COMMAND_LINE, *call, *job.arguments, memory=limits.memory),
             cwd=work,
             env=os.environ | dict.fromkeys(THREAD_VARIABLES, str(limits.threads)),
             stdin=subprocess.DEVNULL,
@@ -185,7 +184,7 @@ def _last_words(log: Path) -> str:
 def _move_in(made: Path, target: Path) -> None:
     """Put a whole result where it belongs, in place of one of another request."""
     if target.exists():
-        shutil.rmtree(target)
+        target.rename(made.with_name(".replaced"))
     made.rename(target)
 
 
@@ -216,16 +215,3 @@ def _read(path: Path) -> Outcome | None:
         return Outcome(**json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):  # none, or not ours: the row is done again
         return None
-
-
-def main(arguments: list[str]) -> int:
-    """The process's own side: limits first, then the command line as anyone would call it."""
-    parent, memory, *command = arguments
-    guard(int(parent), int(memory))
-    from ..cli.main import main as run
-
-    return run(command)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,1 +1,6 @@
-"""The command line."""
+"""Command line: options are parsed, a verb is called, its document is shown.
+
+In: the words of a call.
+Out: the document as tables or JSON, one line for an error, an exit code.
+Read: main, mesh, transfer, look, learning, batch, progress, terminal.
+"""

@@ -12,7 +12,7 @@ from ..options import BatchOptions, Common, Flat, Output
 
 
 @dataclass(frozen=True)
-class Batch:
+class BatchCommand:
     """Run every row of a manifest in a process of its own; the same again continues.
 
     The manifest is a CSV file with the columns asset (a path, relative to the manifest) and text;
@@ -43,3 +43,6 @@ class Batch:
                 run_config=self.run_config,
                 progress=tell,
             ).document()
+
+
+COMMANDS = {"batch": BatchCommand}

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import tyro
 
-from ..options import Common, FeatureOptions
+from ..options import Common, FeatureOptions, Flat, Output
 from .progress import progress
-
-Flat = tyro.conf.OmitArgPrefixes
-Output = Annotated[Path, tyro.conf.arg(aliases=("-o",))]
 
 
 @dataclass(frozen=True)
-class Dataset:
+class DatasetCommand:
     """Build the training data, or draw samples of it.
 
     Examples: autophyx-tet dataset build -o data; autophyx-tet dataset show -o samples.png
@@ -52,7 +49,7 @@ class Dataset:
 
 
 @dataclass(frozen=True)
-class Train:
+class TrainCommand:
     """Train the voxel network; the same command goes on where it was interrupted.
 
     Example: autophyx-tet train cpu --data data -o run
@@ -76,7 +73,7 @@ class Train:
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class EvaluateCommand:
     """Score predictors on objects, wordings and pairs that training never saw.
 
     Examples: autophyx-tet evaluate --split procedural --objects 16 --json;
@@ -131,4 +128,4 @@ class Evaluate:
             )
 
 
-COMMANDS = {"dataset": Dataset, "train": Train, "evaluate": Evaluate}
+COMMANDS = {"dataset": DatasetCommand, "train": TrainCommand, "evaluate": EvaluateCommand}

@@ -12,7 +12,7 @@ from ..options import Common, FeatureOptions, Flat, Output
 
 
 @dataclass(frozen=True)
-class Features:
+class FeaturesCommand:
     """See an asset from all sides and lift what an encoder sees onto its voxels.
 
     Example: autophyx-tet features chair.glb -o chair.npz
@@ -33,7 +33,7 @@ class Features:
 
 
 @dataclass(frozen=True)
-class Materials:
+class MaterialsCommand:
     """List the material table, or the rows that match a query.
 
     Example: autophyx-tet materials oak
@@ -51,7 +51,7 @@ class Materials:
 
 
 @dataclass(frozen=True)
-class Info:
+class InfoCommand:
     """Say what a mesh file holds: size, regions, volume, mass, quality.
 
     Example: autophyx-tet info chair.msh
@@ -69,7 +69,7 @@ class Info:
 
 
 @dataclass(frozen=True)
-class Doctor:
+class DoctorCommand:
     """Say what is installed and what is missing: versions, extras, devices, weights, caches.
 
     Example: autophyx-tet doctor --json
@@ -84,4 +84,9 @@ class Doctor:
         return doctor()
 
 
-COMMANDS = {"features": Features, "materials": Materials, "info": Info, "doctor": Doctor}
+COMMANDS = {
+    "features": FeaturesCommand,
+    "materials": MaterialsCommand,
+    "info": InfoCommand,
+    "doctor": DoctorCommand,
+}

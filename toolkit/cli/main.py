@@ -13,12 +13,12 @@ import tyro
 
 from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
-from .batch import Batch
-from .config import config_text, with_config
+from ..config import config_text, with_config
+from .batch import COMMANDS as BATCH
 from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
-from .transfer import COMMANDS as CARRY
+from .transfer import COMMANDS as TRANSFER
 
 if TYPE_CHECKING:
     from ..options import Common
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # what shells return when nobody reads any more: `--help | head`
-COMMANDS = {**MESH, **CARRY, **LOOK, "batch": Batch, **LEARNING}
+COMMANDS = {**MESH, **TRANSFER, **LOOK, **BATCH, **LEARNING}
 
 
 DESCRIPTION = """From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.

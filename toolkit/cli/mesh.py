@@ -21,7 +21,7 @@ from ..options import (
 
 
 @dataclass(frozen=True)
-class Convert:
+class ConvertCommand:
     """Make a watertight tetrahedral mesh of an asset, one region per part.
 
     Example: autophyx-tet convert chair.glb -o chair.msh --size 0.9
@@ -54,7 +54,7 @@ class Convert:
 
 
 @dataclass(frozen=True)
-class Assign:
+class AssignCommand:
     """Give every tet E, nu and rho from a sentence.
 
     Example: autophyx-tet assign chair.msh --text "the legs are oak, the seat is soft foam" -o m.msh
@@ -89,7 +89,7 @@ class Assign:
 
 
 @dataclass(frozen=True)
-class Simulate:
+class SimulateCommand:
     """Load the mesh and solve: displacement, stress, motion, vibrations, verdicts.
 
     Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
@@ -127,7 +127,7 @@ class Simulate:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunCommand:
     """Convert, assign, simulate and report, in one go.
 
     Example: autophyx-tet run bonsai.glb --text "the pot is ceramic, the trunk is oak" -o out/bonsai
@@ -180,4 +180,9 @@ class Run:
         return result.document()
 
 
-COMMANDS = {"convert": Convert, "assign": Assign, "simulate": Simulate, "run": Run}
+COMMANDS = {
+    "convert": ConvertCommand,
+    "assign": AssignCommand,
+    "simulate": SimulateCommand,
+    "run": RunCommand,
+}

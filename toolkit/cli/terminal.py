@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..report.content import Verdict
+    from ..results.verdict import Verdict
 
 PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"} | {
     "mass": "mass [kg]",
@@ -196,7 +196,7 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
 
 def _verdict(verdict: Verdict) -> str:
     """What was found, and what to do about it."""
-    from ..report.html import MARKS
+    from ..results.verdict import MARKS
 
     advice = f" {verdict.advice}" if verdict.advice else ""
     return f"{MARKS[verdict.mark]} {verdict.sentence}{advice}"

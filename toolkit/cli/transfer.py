@@ -12,7 +12,7 @@ from ..options import Common, ExportOptions, Flat, Output, Target, TransferOptio
 
 
 @dataclass(frozen=True)
-class Transfer:
+class TransferCommand:
     """Carry E, nu and rho over to Gaussian splats, a point cloud or a NeRF density grid.
 
     Example: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply
@@ -36,7 +36,7 @@ class Transfer:
 
 
 @dataclass(frozen=True)
-class Export:
+class ExportCommand:
     """Write a mesh with E, nu and rho as the files of another program.
 
     Example: autophyx-tet export chair.msh --for calculix -o chair.inp
@@ -59,4 +59,4 @@ class Export:
         return result.document()
 
 
-COMMANDS = {"transfer": Transfer, "export": Export}
+COMMANDS = {"transfer": TransferCommand, "export": ExportCommand}

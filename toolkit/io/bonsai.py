@@ -51,7 +51,7 @@ PADS = (
 )
 
 
-class Finish(NamedTuple):
+class Coat(NamedTuple):
     """How a part looks: its material name, base colour (linear, as glTF has it) and roughness."""
 
     material: str
@@ -60,10 +60,10 @@ class Finish(NamedTuple):
 
 
 FINISHES = {
-    "pot": Finish("glazed ceramic", (0.019, 0.107, 0.156), 0.25),
-    "soil": Finish("potting soil", (0.054, 0.028, 0.018), 1.0),
-    "trunk": Finish("juniper wood", (0.209, 0.098, 0.045), 0.85),
-    "foliage": Finish("juniper leaves", (0.068, 0.195, 0.042), 0.9),
+    "pot": Coat("glazed ceramic", (0.019, 0.107, 0.156), 0.25),
+    "soil": Coat("potting soil", (0.054, 0.028, 0.018), 1.0),
+    "trunk": Coat("juniper wood", (0.209, 0.098, 0.045), 0.85),
+    "foliage": Coat("juniper leaves", (0.068, 0.195, 0.042), 0.9),
 }
 
 
@@ -116,15 +116,15 @@ def _merged(surfaces: Iterable[trimesh.Trimesh]):
     return trimesh.Trimesh(points, faces, process=False)
 
 
-def _look(finish: Finish):
+def _look(coat: Coat):
     from trimesh.visual.material import PBRMaterial
     from trimesh.visual.texture import TextureVisuals
 
     return TextureVisuals(
         material=PBRMaterial(
-            name=finish.material,
-            baseColorFactor=[*finish.color, 1.0],
-            roughnessFactor=finish.roughness,
+            name=coat.material,
+            baseColorFactor=[*coat.color, 1.0],
+            roughnessFactor=coat.roughness,
             metallicFactor=0.0,
         )
     )

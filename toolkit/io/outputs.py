@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 from ...fem.errors import InputError
+from .sidecar import Sidecar
+
+# What tells our documents from those of others.
+SIDECAR = frozenset({"schema", "up", "labels", "source", "record"})
+RUN = frozenset({"schema", "files", "cases"})
+BATCH = frozenset({"schema", "files", "rows"})
 
 
 def check_file(path: Path, suffixes: tuple[str, ...]) -> None:
@@ -35,6 +42,45 @@ def check_folder(folder: Path) -> None:
     if not existing.is_dir():
         raise InputError(f"cannot write into {folder}: {existing} is a file; give another -o")
     _check_writable(existing)
+
+
+def check_mesh(path: Path) -> None:
+    """Refuse a mesh file that could not be written, or whose sidecar would replace a foreign file.
+
+    Raises
+    ------
+    InputError
+        As ``check_file`` and ``check_document``.
+    """
+    check_file(path, mesh_suffixes())
+    check_document(Sidecar.path(path), SIDECAR)
+
+
+def check_run(folder: Path) -> None:
+    """Refuse a folder of a run that could not be written, or where documents are not of a run."""
+    check_folder(folder)
+    check_document(Sidecar.path(folder / "mesh.msh"), SIDECAR)
+    check_document(folder / "run.json", RUN)
+
+
+def check_document(path: Path, keys: frozenset[str]) -> None:
+    """Refuse to replace a JSON file that has not all ``keys``: somebody else's.
+
+    Raises
+    ------
+    InputError
+        With the file and the way out.
+    """
+    if not path.exists():
+        return
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        found = None
+    if not isinstance(found, dict) or not keys <= found.keys():
+        raise InputError(
+            f"{path} is not ours and would be overwritten: move it away, or give another -o"
+        )
 
 
 def _check_writable(folder: Path) -> None:

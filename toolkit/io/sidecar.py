@@ -93,3 +93,14 @@ class Sidecar:
         }
         write_json(path, document)
         return path
+
+
+def load_again(path: str | Path, known: Sidecar | None) -> Asset:
+    """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
+    from .load import load_asset
+
+    asset = load_asset(path)
+    if known is None or known.source.get("sha256") != asset.source_hash:
+        return asset
+    factor = known.source["metres_per_unit"] / asset.metres_per_unit
+    return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)

@@ -1,1 +1,6 @@
-"""Meshing: surfaces to one watertight tet mesh, and the proof of what it keeps."""
+"""Meshing: closed surfaces are filled with tets, and what the mesh keeps is proved.
+
+In: an asset of named surfaces [m], or a file of tets.
+Out: one watertight tet mesh [m] with a region a part, and its report.
+Read: tetrahedralize, attempts, engine_run, sizing, manifold, quality, conversion_report, messages.
+"""

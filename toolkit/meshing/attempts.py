@@ -1,4 +1,4 @@
-"""The ladder of attempts: as asked, repaired harder, coarser, wrapped; every rung is recorded."""
+"""Attempts at a mesh: as asked, repaired harder, coarser, wrapped; every one is on record."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from ...fem.scene.mesh import TetMesh
 from ..native.cache import Runner
 from ..native.child import ChildFailure
 from ..surfaces.solids import Shell, Solids
 from ..surfaces.surface import Surface
-from ..surfaces.triangles import closest, edge_components
-from .conversion_report import BROKEN, ENVELOPE_SHARE, Attempt, Distances, Engine, Guarantee
-from .engine_run import Filling, NoFilling, Target, fill
+from ..surfaces.triangles import Triangles, closest, edge_components, enclosed_volume
+from .conversion_report import (
+    BROKEN,
+    ENVELOPE_SHARE,
+    Attempt,
+    Distances,
+    Engine,
+    Guarantee,
+    InputVolume,
+)
+from .engine_run import EngineTarget, Filling, NoFilling, run_engine
 from .quality import Quality
 
 log = logging.getLogger(__name__)
@@ -56,11 +62,11 @@ class Made(NamedTuple):
         return len(self.broken), self.gaps.largest / self.epsilon
 
 
-class Climb(NamedTuple):
-    """How a climb ended: the best mesh, if any attempt gave one, and all attempts."""
+class Attempts(NamedTuple):
+    """The best mesh, if any attempt gave one, and the record of all attempts."""
 
     made: Made | None
-    attempts: tuple[Attempt, ...]
+    record: tuple[Attempt, ...]
 
     @property
     def kept(self) -> bool:
@@ -71,27 +77,27 @@ class Climb(NamedTuple):
 Judge = Callable[[Filling, float], Made]
 
 
-class Job(NamedTuple):
-    """Solids that enclose ``enclosed`` [m^3], what is asked of their tets, and who makes them.
+class Problem(NamedTuple):
+    """Solids that enclose a ``volume``, what is asked of their tets, and who makes them.
 
     ``again`` prepares the solids anew with another welding distance, a share of the diagonal;
     ``judge`` measures a filling and holds it against epsilon [m].
     """
 
     solids: Solids
-    target: Target
-    enclosed: float
+    target: EngineTarget
+    volume: InputVolume
     again: Callable[[float], Solids]
     runner: Runner
     judge: Judge
 
 
-def climb_within(job: Job, max_tets: int | None) -> Climb:
-    """Climb, and again with a coarser target while the result has more than ``max_tets`` tets.
+def mesh_within(problem: Problem, max_tets: int | None) -> Attempts:
+    """Make a mesh, and again with a coarser target while it has more than ``max_tets`` tets.
 
     Layers of thin places are given up first: they cost the most.
     """
-    found = climb(job, tightening=max_tets is None)
+    found = make_mesh(problem, tightening=max_tets is None)
     for _ in range(BUDGET_ROUNDS):
         if found.made is None or max_tets is None or len(found.made.mesh.tets) <= max_tets:
             break
@@ -101,47 +107,47 @@ def climb_within(job: Job, max_tets: int | None) -> Climb:
         else:
             factor = BUDGET_MARGIN * (len(found.made.mesh.tets) / max_tets) ** 0.5
             target = target.coarser(factor)
-        coarser = climb(job._replace(target=target), tightening=False)
+        coarser = make_mesh(problem._replace(target=target), tightening=False)
         made = coarser.made if coarser.kept or not found.kept else found.made
-        found = Climb(made or found.made, found.attempts + coarser.attempts)
+        found = Attempts(made or found.made, found.record + coarser.record)
     return found
 
 
-def climb(job: Job, *, tightening: bool = True) -> Climb:
-    """Try one rung after the other until a mesh keeps its guarantees; all attempts are on record.
+def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
+    """Try one way after the other until a mesh keeps its guarantees; all attempts are on record.
 
-    A mesh counts at the epsilon of its own rung, which is what the report states. After a time-out
-    or a broken guarantee it goes straight to the coarser rungs: more repair helps neither. Where
+    A mesh counts at the epsilon of its own attempt, which is what the report states. After a
+    time-out or a broken guarantee the coarser ones are next: more repair helps neither. Where
     every mesh breaks a guarantee, the best one is returned as it is.
     """
-    attempts: list[Attempt] = []
+    record: list[Attempt] = []
     best: Made | None = None
-    for engine, aim, prepare in _rungs(job):
-        if attempts and attempts[-1].outcome.startswith(NO_REPAIR_HELPS) and aim is job.target:
+    for engine, aim, prepare in _ways(problem):
+        if record and record[-1].outcome.startswith(NO_REPAIR_HELPS) and aim is problem.target:
             continue
-        filling, attempt = _try(engine, aim, prepare, job.runner)
-        attempts.append(attempt)
+        filling, attempt = _try(engine, aim, prepare, problem.runner)
+        record.append(attempt)
         if filling is None:
             continue
-        made = _judged(job, filling, aim.epsilon)
+        made = _judged(problem, filling, aim.epsilon)
         if made.broken:
-            attempts[-1] = replace(attempt, outcome=_broken(made))
+            record[-1] = replace(attempt, outcome=_broken(made))
         if tightening and (made.broken or not made.gaps.good(made.epsilon)):
-            made, more = _tightened(job._replace(target=aim), made, attempt)
-            attempts.append(more)
+            made, more = _tightened(problem._replace(target=aim), made, attempt)
+            record.append(more)
         best = made if best is None else min(best, made, key=lambda one: one.rank)
         if not made.broken:
             break
-    return Climb(best, tuple(attempts))
+    return Attempts(best, tuple(record))
 
 
-def _judged(job: Job, filling: Filling, epsilon: float) -> Made:
+def _judged(problem: Problem, filling: Filling, epsilon: float) -> Made:
     """Measure a filling, and where it breaks a guarantee also that by cells: the better one."""
-    made = job.judge(filling, epsilon)
+    made = problem.judge(filling, epsilon)
     if not made.broken or filling.by_cells is None:
         return made
     try:
-        other = job.judge(filling.by_cells(), epsilon)
+        other = problem.judge(filling.by_cells(), epsilon)
     except NoFilling as failure:
         log.info("by cells: %s", failure)
         return made
@@ -152,19 +158,19 @@ def _broken(made: Made) -> str:
     return f"{BROKEN}: {'; '.join(made.broken)}"
 
 
-def _tightened(job: Job, made: Made, first: Attempt) -> tuple[Made, Attempt]:
+def _tightened(problem: Problem, made: Made, first: Attempt) -> tuple[Made, Attempt]:
     """One more try in a narrower envelope, for spikes and corners that the first cut off.
 
     It may take a few times as long as the first: an improvement, not worth a long wait. What it
     gives is held against the epsilon of the first.
     """
-    aim = replace(job.target, epsilon_rel=job.target.epsilon_rel / TIGHTER)
-    limit = min(job.runner.time_limit, TIGHTER_START + TIGHTER_TIME * first.seconds)
-    runner = replace(job.runner, time_limit=limit)
-    filling, attempt = _try("tetwild", aim, lambda: job.solids, runner)
+    aim = replace(problem.target, epsilon_rel=problem.target.epsilon_rel / TIGHTER)
+    limit = min(problem.runner.time_limit, TIGHTER_START + TIGHTER_TIME * first.seconds)
+    runner = replace(problem.runner, time_limit=limit)
+    filling, attempt = _try("tetwild", aim, lambda: problem.solids, runner)
     if filling is None:
         return made, attempt
-    again = _judged(job, filling, made.epsilon)
+    again = _judged(problem, filling, made.epsilon)
     if again.broken:
         attempt = replace(attempt, outcome=_broken(again))
     better = (len(again.broken), again.gaps.largest) <= (
@@ -175,12 +181,12 @@ def _tightened(job: Job, made: Made, first: Attempt) -> tuple[Made, Attempt]:
 
 
 def _try(
-    engine: Engine, aim: Target, prepare: Callable[[], Solids], runner: Runner
+    engine: Engine, aim: EngineTarget, prepare: Callable[[], Solids], runner: Runner
 ) -> tuple[Filling | None, Attempt]:
-    """One rung: a filling or None, and what to put on record."""
+    """One attempt: a filling or None, and what to put on record."""
     started, filling = time.monotonic(), None
     try:
-        filling = fill(prepare(), aim, runner)
+        filling = run_engine(prepare(), aim, runner)
         outcome = "ok"
     except ChildFailure as failure:
         outcome = f"{failure.kind}: {failure}"
@@ -191,29 +197,30 @@ def _try(
     return filling, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
 
 
-def _rungs(job: Job) -> Iterator[tuple[Engine, Target, Callable[[], Solids]]]:
+def _ways(problem: Problem) -> Iterator[tuple[Engine, EngineTarget, Callable[[], Solids]]]:
     """What to try one after the other; solids are prepared only when their turn comes."""
-    yield "tetwild", job.target, lambda: job.solids
-    yield "tetwild", job.target, lambda: job.again(HARDER_WELD_REL)
+    yield "tetwild", problem.target, lambda: problem.solids
+    yield "tetwild", problem.target, lambda: problem.again(HARDER_WELD_REL)
     for factor in COARSER:
-        yield "tetwild", job.target.coarser(factor), lambda: job.solids
-    coarsest = job._replace(target=job.target.coarser(COARSER[0]))
+        yield "tetwild", problem.target.coarser(factor), lambda: problem.solids
+    coarsest = problem._replace(target=problem.target.coarser(COARSER[0]))
     yield "alpha wrap + tetwild", coarsest.target, lambda: wrapped(coarsest)
 
 
-def wrapped(job: Job) -> Solids:
+def wrapped(problem: Problem) -> Solids:
     """One watertight shell around all solids, accepted by its volume, split by nearest part."""
-    surface = job.solids.surface
-    wrap = job.runner.run(
+    surface = problem.solids.surface
+    wrap = problem.runner.run(
         "alpha_wrap",
         {"points": surface.points, "faces": surface.faces},
-        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * job.target.epsilon_rel},
+        {"alpha_rel": WRAP_ALPHA_REL, "offset_rel": ENVELOPE_SHARE * problem.target.epsilon_rel},
     )
     points, faces = wrap["points"], wrap["faces"]
     a, b, c = (points[faces[:, i]] for i in range(3))
-    volume = float(np.einsum("fi,fi->f", np.cross(a, b), c).sum() / 6)
-    if abs(volume - job.enclosed) > WRAP_VOLUME_TOLERANCE * job.enclosed:
-        raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {job.enclosed:.4g} m^3")
+    volume = enclosed_volume(Triangles(points, faces))
+    enclosed = problem.volume.total
+    if abs(volume - enclosed) > WRAP_VOLUME_TOLERANCE * enclosed:
+        raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {enclosed:.4g} m^3")
     part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]
     skin = Surface(points, faces, part, edge_components(faces))
-    return Solids((Shell(points, faces, part),), skin, job.solids.sheets)
+    return Solids((Shell(points, faces, part),), skin, problem.solids.sheets)

@@ -177,7 +177,7 @@ class InputVolume(NamedTuple):
 def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -> InputVolume:
     """Volume that each part's surface encloses, overlaps counted once: stratified sampling."""
     where, cell = stratified(solids.bounds, rng=rng)
-    label = solids.label(where, np.full(len(where), cell))
+    label = solids.label(where)
     volume = cell * np.bincount(label[label >= 0], minlength=part_count)
     share = (label >= 0).mean()
     error = cell * np.sqrt(len(where) * share * (1 - share))  # an upper bound: strata vary less
@@ -226,7 +226,7 @@ def _kinds(solids: Solids, samples: Samples, epsilon: float) -> Kinds:
     """Ask on both sides of each sample for inside, and for room for a ball of ``epsilon`` [m]."""
     both = np.array([-1, 1])[:, None, None] * samples.normal * epsilon
     sides = (samples.where + PROBE * both).reshape(-1, 3)
-    below, above = (solids.label(sides, np.ones(len(sides))) < 0).reshape(2, -1)
+    below, above = (solids.label(sides) < 0).reshape(2, -1)
     visible = below != above
     centres = (samples.where + both / 2).reshape(-1, 3)
     room = closest(centres, solids.surface.points, solids.surface.faces).distance

@@ -27,7 +27,7 @@ CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or tw
 
 
 @dataclass(frozen=True)
-class Target:
+class EngineTarget:
     """What the engine is asked for; lengths are shares of ``diagonal`` [m].
 
     ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is.
@@ -54,7 +54,7 @@ class Target:
         """Distance [m] that the engine keeps; a plate thinner than that is swallowed whole."""
         return ENVELOPE_SHARE * self.epsilon
 
-    def checked(self) -> Target:
+    def checked(self) -> EngineTarget:
         """Return itself, or say what is out of range."""
         for option, value, most in (
             ("--edge-length-rel", self.edge_length_rel, 1.0),
@@ -66,7 +66,7 @@ class Target:
             raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {self.layers}")
         return self
 
-    def coarser(self, factor: float) -> Target:
+    def coarser(self, factor: float) -> EngineTarget:
         """Return the same with longer edges and a wider envelope, within sense."""
         return replace(
             self,
@@ -83,7 +83,7 @@ class Filling(NamedTuple):
 
     mesh: Separated
     part: np.ndarray
-    target: Target
+    target: EngineTarget
     by_cells: Callable[[], Filling] | None = None
 
 
@@ -91,7 +91,7 @@ class NoFilling(RuntimeError):
     """An attempt that gave no usable mesh, and why."""
 
 
-def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
+def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     """One run of the engine in a box of unit diagonal, and the tets that lie in a solid."""
     points, faces = solids.clean_triangles()
     lo, hi = points.min(axis=0), points.max(axis=0)
@@ -110,7 +110,7 @@ def fill(solids: Solids, target: Target, runner: Runner) -> Filling:
         },
     )
     where = box["points"] * scale + centre
-    part = solids.label(where[box["tets"]].mean(axis=1), signed_volumes(where, box["tets"]))
+    part = solids.label(where[box["tets"]].mean(axis=1))
 
     def kept(part: np.ndarray) -> Filling:
         part = conforming(where, box["tets"], part, solids, target.epsilon)
@@ -191,5 +191,5 @@ def _labels_off(
     """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
     label = np.full(len(where), NEAR)
     far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
-    label[far] = solids.label(where[far], np.ones(int(far.sum())))
+    label[far] = solids.label(where[far])
     return label

@@ -1,4 +1,4 @@
-"""Tet meshes that exist already: taken as they are, scaled, checked and reported."""
+"""Tet meshes that exist already: imported as they are, scaled, checked and reported."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .quality import quality
 SUFFIXES = (".msh", ".vtk", ".vtu", ".mesh")
 
 
-class Adopted(NamedTuple):
+class ImportedTets(NamedTuple):
     """A tet mesh [m] from a file, its outer surfaces as an asset, and what was measured."""
 
     asset: Asset
@@ -29,13 +29,13 @@ class Adopted(NamedTuple):
     report: ConversionReport
 
 
-def adopt(
+def import_tets(
     path: str | Path,
     *,
     size: float | None = None,
     units: Unit | None = None,
     up: UpAxis | None = None,
-) -> Adopted:
+) -> ImportedTets:
     """Take over a tet mesh: its regions become parts, only its boundary is made manifold.
 
     Parameters
@@ -59,7 +59,7 @@ def adopt(
     )
     if given.material is not None and not apart.split_edges:
         mesh = mesh.with_material(given.material)
-    return Adopted(asset, mesh, _report(mesh, apart.split_edges, apart.doubled_points))
+    return ImportedTets(asset, mesh, _report(mesh, apart.split_edges, apart.doubled_points))
 
 
 def _asset(path: Path, mesh: TetMesh) -> Asset:

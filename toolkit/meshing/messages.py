@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
+from ...predictors.language.vocabulary import name_words
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 
-# Words of things whose closed surface usually stands for a shell.
-HOLLOW = re.compile(
-    r"cupboard|cabinet|wardrobe|closet|drawer|dresser|bottle|vase|jar|jug|kettle|teapot|bucket|bin"
-    r"|box|chest|barrel|tank|pipe|tube|lamp.?shade|fridge|freezer|oven|washing|boiler|balloon"
-    r"|case|casing|housing|hull|helmet",
-    re.IGNORECASE,
+# Words of things whose closed surface usually stands for a shell; two words may make one of them.
+HOLLOW = frozenset(
+    "cupboard cabinet wardrobe closet drawer dresser bottle vase jar jug kettle teapot bucket bin "
+    "box chest barrel tank pipe tube lampshade fridge freezer oven washing boiler balloon case "
+    "casing housing hull helmet bookcase suitcase briefcase toolbox mailbox dustbin".split()
 )
 
 
@@ -111,5 +111,11 @@ def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tu
         for number, part in enumerate(asset.parts)
         if number not in walls
         and part.name in mesh.region_names
-        and HOLLOW.search(" ".join((part.name, *part.labels, asset.name)))
+        and _hollow(" ".join((part.name, *part.labels, asset.name)))
     )
+
+
+def _hollow(names: str) -> bool:
+    """Whether a word of the names, or two that stand together, is that of a hollow thing."""
+    words = name_words(names)
+    return not HOLLOW.isdisjoint([*words, *(a + b for a, b in pairwise(words))])

@@ -17,7 +17,7 @@ from ..native.child import Progress
 from ..surfaces.offset import hollowed, thickened
 from ..surfaces.repair import WELD_REL, RepairReport, repair
 from ..surfaces.solids import Solids, sheet_faces
-from .attempts import Climb, Job, Made, climb_within
+from .attempts import Attempts, Made, Problem, mesh_within
 from .conversion_report import (
     Attempt,
     ConversionReport,
@@ -27,7 +27,7 @@ from .conversion_report import (
     input_volume,
     measure_distances,
 )
-from .engine_run import Filling, Target
+from .engine_run import EngineTarget, Filling
 from .messages import likely_hollow, listed, no_mesh, no_volume, said
 from .quality import quality
 
@@ -51,9 +51,7 @@ def tetrahedralize(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[TetMesh, ConversionReport]:
-    """Fill an asset [m] with tets: each part that encloses a volume becomes a region of its name.
-
-    Returns the mesh [m] and the report that shows its guarantees.
+    """Fill an asset [m] with tets, a region for each part: the mesh [m] and a report of proofs.
 
     Parameters
     ----------
@@ -75,41 +73,34 @@ def tetrahedralize(
     accept_broken
         Return the best mesh, with warnings, where no attempt gave one that keeps its guarantees.
     cache, seed, progress
-        Folder in which results of the engine are remembered; seed of the samples that check the
-        result (the engine itself is not deterministic); called with (stage, seconds) meanwhile.
+        Folder of remembered results; seed of the samples that check the mesh (the engine varies
+        by itself); called with (stage, seconds) meanwhile.
 
     Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh that keeps its
     guarantees, UsageError where an option is out of range or names an unknown part.
     """
     diagonal = float(np.linalg.norm(asset.size))
-    if edge_length is not None:
-        edge_length_rel = edge_length / diagonal
-    target = Target(diagonal, edge_length_rel, epsilon_rel, stop_energy, layers).checked()
+    rel = edge_length_rel if edge_length is None else edge_length / diagonal
+    target = EngineTarget(diagonal, rel, epsilon_rel, stop_energy, layers).checked()
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
-    rng = np.random.default_rng(seed)
-    centre = asset.bounds.mean(axis=0)
-    prepared = partial(_solids, _moved(asset.parts, -centre), target.envelope, thicken, walls)
-    solids, repaired = prepared(WELD_REL)
-    if not solids.shells:
-        raise NoVolumeError(no_volume(asset, target.envelope))
-    volume = input_volume(solids, len(asset.parts), rng=rng)
-    judge = _judged(asset, solids, volume, rng)
-    job = Job(solids, target, volume.total, lambda weld: prepared(weld)[0], runner, judge)
-    found = climb_within(job, max_tets)
+    prepared = partial(_solids, _centred(asset), target.envelope, thicken, walls)
+    problem, repaired = _problem(asset, target, prepared, runner, np.random.default_rng(seed))
+    found = mesh_within(problem, max_tets)
     made = _kept(asset, found, accept_broken)
-    report = _report(asset, job, volume, made, found.attempts, repaired, walls, seed)
-    mesh = replace(made.mesh, points=made.mesh.points + centre)
+    report = _report(asset, problem, made, found.record, repaired, walls, seed)
+    mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
     return mesh, replace(report, warnings=said(report, layers=layers))
 
 
-def _moved(parts: Sequence[Part], by: np.ndarray) -> list[Part]:
+def _centred(asset: Asset) -> list[Part]:
     """The bare parts near the origin: far from it, winding numbers and distances lose digits."""
     from trimesh import Trimesh
 
+    centre = asset.bounds.mean(axis=0)
     return [
-        replace(part, mesh=Trimesh(part.mesh.vertices + by, part.mesh.faces, process=False))
-        for part in parts
+        replace(part, mesh=Trimesh(part.mesh.vertices - centre, part.mesh.faces, process=False))
+        for part in asset.parts
     ]
 
 
@@ -128,6 +119,23 @@ def _solids(
     return hollowed(solids, walls), repaired
 
 
+def _problem(
+    asset: Asset,
+    target: EngineTarget,
+    prepared: Callable[[float], tuple[Solids, RepairReport]],
+    runner: Runner,
+    rng: np.random.Generator,
+) -> tuple[Problem, RepairReport]:
+    """The solids that are to be meshed and who judges the result, and what repair changed."""
+    solids, repaired = prepared(WELD_REL)
+    if not solids.shells:
+        raise NoVolumeError(no_volume(asset, target.envelope))
+    volume = input_volume(solids, len(asset.parts), rng=rng)
+    judge = _judged(asset, solids, volume, rng)
+    problem = Problem(solids, target, volume, lambda weld: prepared(weld)[0], runner, judge)
+    return problem, repaired
+
+
 def _judged(
     asset: Asset, solids: Solids, volume: InputVolume, rng: np.random.Generator
 ) -> Callable[[Filling, float], Made]:
@@ -143,10 +151,10 @@ def _judged(
     return judge
 
 
-def _kept(asset: Asset, found: Climb, accept_broken: bool) -> Made:
-    """The mesh of a climb, unless it breaks what a conversion promises."""
+def _kept(asset: Asset, found: Attempts, accept_broken: bool) -> Made:
+    """The best mesh, unless it breaks what a conversion promises."""
     if found.made is None or not (found.kept or accept_broken):
-        raise NoVolumeError(no_mesh(asset, found.attempts))
+        raise NoVolumeError(no_mesh(asset, found.record))
     return found.made
 
 
@@ -178,8 +186,7 @@ def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
 
 def _report(
     asset: Asset,
-    job: Job,
-    volume: InputVolume,
+    problem: Problem,
     made: Made,
     attempts: tuple[Attempt, ...],
     repaired: RepairReport,
@@ -187,7 +194,7 @@ def _report(
     seed: int,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
-    mesh, solids, filling, names = made.mesh, job.solids, made.filling, asset.part_names
+    mesh, solids, filling, names = made.mesh, problem.solids, made.filling, asset.part_names
     missing = [name for name in names if name not in mesh.region_names]
     sheets = tuple(names[i] for i in solids.sheets)
     return ConversionReport(
@@ -195,11 +202,11 @@ def _report(
         attempts=attempts,
         guarantees=made.guarantees,
         quality=made.quality,
-        regions=_regions(mesh, names, volume),
+        regions=_regions(mesh, names, problem.volume),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
         epsilon=made.epsilon,
-        input_volume=volume.total,
+        input_volume=problem.volume.total,
         distances=made.gaps,
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,

@@ -1,1 +1,6 @@
-"""Native engines, each in a guarded process, their results in a cache."""
+"""Native engines: code that may hang or crash runs guarded, and its results are kept.
+
+In: a task's name, arrays and options.
+Out: arrays, from the cache where they were computed before, or a failure with its kind.
+Read: guard, child, engines, cache.
+"""

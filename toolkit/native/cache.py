@@ -1,4 +1,4 @@
-"""Results on disk, keyed by all that they depend on: the engines', and others' arrays."""
+"""Results on disk, keyed by all that they depend on: one folder, any number of processes."""
 
 from __future__ import annotations
 
@@ -6,22 +6,25 @@ import hashlib
 import json
 import logging
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
-from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...converters.files import UNFINISHED
 from ...converters.npz import load_npz, save_npz
-from ...fem.errors import AutophyxError, UsageError
+from ...fem.errors import AutophyxError, InputError, UsageError
 from .child import Arrays, Progress, run_guarded
 
 log = logging.getLogger(__name__)
 
-MAX_BYTES = 2 * 2**30  # of all results together; the oldest go first
+MOST_BYTES = 2 * 2**30  # of all results of a folder together
+ABANDONED = 86_400.0  # s after which an unfinished file has no writer any more
 # The packages that compute the results: another version of one of them is another result.
 ENGINE_PACKAGES = ("autophyx-tet", "pytetwild", "numpy")
 
@@ -67,13 +70,19 @@ class Runner:
             progress=self.progress,
         )
         if path is not None:
-            remember(path, result, most_bytes=MAX_BYTES)
+            remember(path, result)
         return result
 
 
-def digest(task: str, arrays: Mapping[str, np.ndarray], options: Mapping[str, Any]) -> str:
-    """SHA-256 of a task, its options, the bytes of its arrays and the versions that matter."""
-    head = [task, dict(options), {name: version(name) for name in ENGINE_PACKAGES}]
+def digest(
+    task: str,
+    arrays: Mapping[str, np.ndarray],
+    options: Mapping[str, Any],
+    *,
+    packages: Sequence[str] = ENGINE_PACKAGES,
+) -> str:
+    """SHA-256 of a task, its options, the bytes of its arrays and the versions of ``packages``."""
+    head = [task, dict(options), {name: version(name) for name in packages}]
     sha = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -92,27 +101,45 @@ def recalled(path: Path) -> Arrays | None:
         log.warning("%s is damaged and is made again: %s", path, error)
         path.unlink(missing_ok=True)
         return None
-    os.utime(path)
+    with suppress(OSError):  # forgotten by another process since, or not ours to touch
+        os.utime(path)
     log.info("from the cache: %s", path.name)
     return arrays
 
 
-def remember(
-    path: Path,
-    arrays: Mapping[str, np.ndarray],
-    *,
-    most_files: float = inf,
-    most_bytes: float = inf,
-) -> None:
-    """Write arrays to a file, and forget what its folder holds beyond the bounds.
+def remember(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Keep arrays in a file of a folder that others may use too, at most ``MOST_BYTES`` in all.
 
-    What has not been used for longest goes first.
+    What has not been used for longest goes first. Where nothing can be written nothing is kept.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_npz(path, **arrays)
-    files = sorted(path.parent.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_npz(path, **arrays)
+    except (OSError, InputError) as error:
+        log.warning("%s is not remembered: %s", path, error)
+        return
+    _forget(path.parent)
+
+
+def _forget(folder: Path) -> None:
+    """Delete results beyond the bound, and what writers that were killed left unfinished.
+
+    A file that another process is writing now is younger than ``ABANDONED``, and stays.
+    """
     total = 0
-    for count, file in enumerate(files, start=1):
-        total += file.stat().st_size
-        if count > most_files or total > most_bytes:
+    for file, known in _last_used_first(folder):
+        if file.name.startswith(UNFINISHED):
+            old = time.time() - known.st_mtime > ABANDONED
+        else:
+            total += known.st_size
+            old = total > MOST_BYTES
+        if old:
             file.unlink(missing_ok=True)
+
+
+def _last_used_first(folder: Path) -> list[tuple[Path, os.stat_result]]:
+    found = []
+    for file in folder.glob("*.npz"):
+        with suppress(FileNotFoundError):  # another process forgot it meanwhile
+            found.append((file, file.stat()))
+    return sorted(found, key=lambda one: one[1].st_mtime, reverse=True)

@@ -1,13 +1,12 @@
 """The guarded child process: native code that may hang or crash runs in here, never in ours.
 
-``run_guarded`` writes the arrays to a temporary folder, starts ``python -m ...toolkit.child`` on it
+``run_guarded`` writes the arrays to a temporary folder, starts ``python -m ...native.child`` on it
 in a process group of its own, and reads the arrays that it leaves. On a time-out, on Ctrl-C or on
 any other way out the whole group is killed and the folder removed.
 """
 
 from __future__ import annotations
 
-import ctypes
 import json
 import logging
 import os
@@ -24,14 +23,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .engines import TASKS, Arrays
+from .guard import guard
+
 log = logging.getLogger(__name__)
 
-Arrays = dict[str, np.ndarray]
 Progress = Callable[[str, float], None]
 
 POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
 MEMORY_SHARE = 0.75  # of the machine's memory: the child fails before the machine swaps
-PR_SET_PDEATHSIG = 1  # linux/prctl.h: the signal this process gets when its parent dies
 _JOB, _RESULT, _FAILURE, _LOG = "job.npz", "result.npz", "failure.txt", "log.txt"
 
 
@@ -151,20 +151,9 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
     raise ChildFailure("crash", f"the engine crashed ({end})", seconds)
 
 
-def guard(parent: int, memory: int) -> None:
-    """Limit this process's memory, and let it die with its parent."""
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before the line above took effect
-        os._exit(1)
-
-
 def main(folder: Path, parent: int) -> int:
     """Do the job that lies in ``folder``: the child's side."""
     from ...converters.npz import load_npz
-    from .engines import TASKS
 
     arrays = load_npz(folder / _JOB)
     job = json.loads(str(arrays.pop("__job__")))

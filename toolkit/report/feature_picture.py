@@ -13,7 +13,7 @@ from ...predictors.asset import Asset, UpAxis
 from ...predictors.grid import Grid
 from ...predictors.images.features import VoxelFeatures
 from .picture import Panel, asset_panel, render_png
-from .tracer import Surface
+from .tracer import ColouredSurface
 
 CAPTION = (
     "What the image encoder sees, lifted onto voxels: the first three principal components of its "
@@ -21,7 +21,7 @@ CAPTION = (
 )
 
 
-class Shell(NamedTuple):
+class VoxelShell(NamedTuple):
     """Faces between full and empty cells: points (points, 3) [m], triangles, the cell of each."""
 
     points: np.ndarray
@@ -36,7 +36,7 @@ def feature_panel(voxels: VoxelFeatures, *, title: str = "") -> Panel:
     row[tuple(voxels.cells.T)] = np.arange(len(voxels.cells))
     colours = voxels.picture()[row[tuple(shell.cell.T)]]
     corners = np.repeat(colours[:, None], 3, axis=1).astype(np.float64)
-    return Panel((Surface(shell.points, shell.faces, corners),), title)
+    return Panel((ColouredSurface(shell.points, shell.faces, corners),), title)
 
 
 def feature_png(
@@ -52,7 +52,7 @@ def feature_png(
     return render_png(path, panels, up=up if asset is None else asset.up)
 
 
-def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> Shell:
+def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> VoxelShell:
     """Two triangles for every face that a full cell turns to an empty one, facing outwards."""
     corners, cells = [], []
     padded = np.pad(occupied, 1)
@@ -67,7 +67,7 @@ def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> Shell:
     index = index.reshape(-1, 4)
     faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
     world: Float[np.ndarray, "points 3"] = grid.to_world(points - 0.5)
-    return Shell(world, faces, np.tile(np.concatenate(cells), (2, 1)))
+    return VoxelShell(world, faces, np.tile(np.concatenate(cells), (2, 1)))
 
 
 def _square(axis: int, side: int) -> Int[np.ndarray, "4 3"]:

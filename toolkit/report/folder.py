@@ -8,7 +8,7 @@ from pathlib import Path
 from ...converters import npz
 from ...converters.mesh.table import write_mesh
 from ..io.document import SCHEMA, write_json
-from ..results.results import RunCase, RunResult
+from ..results.run import RunCase, RunResult
 from .pages import run_page
 from .picture import render_png, story
 from .report import write_report

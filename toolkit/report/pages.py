@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ...fem.scene.materials import Span
 from ..io.document import plain, versions
 from ..io.sidecar import Sidecar
 from ..meshing.quality import dihedral_angles, quality
-from ..results.results import Conversion, RunResult
+from ..results.conversion import Conversion
+from ..results.run import RunResult
 from ..results.simulation import Settled, Simulation
-from .content import Band, Case, PartRow, ReportContent, Verdict
+from ..results.verdict import Verdict
+from .content import Case, PartRow, ReportContent
 
 
 def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) -> ReportContent:
@@ -88,15 +91,15 @@ def _case(
     parts: list[dict[str, Any]],
     verdicts: list[Verdict] | None = None,
 ) -> Case:
-    film = simulation.film
+    animation = simulation.animation
     return Case(
         text=text,
         mesh=simulation.mesh,
         parts=tuple(map(_part_row, parts)),
         displacement=simulation.displacement,
         von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
-        motion=film.displacement,
-        times=film.times,
+        motion=animation.displacement,
+        times=animation.times,
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
     )
@@ -104,7 +107,7 @@ def _case(
 
 def _part_row(row: dict[str, Any]) -> PartRow:
     ranges = plain(row["ranges"])
-    E, nu, rho = (Band(ranges[name]["min"], ranges[name]["max"]) for name in ("E", "nu", "rho"))
+    E, nu, rho = (Span(ranges[name]["min"], ranges[name]["max"]) for name in ("E", "nu", "rho"))
     return PartRow(
         name=row["name"],
         material=row["material"],
@@ -115,7 +118,7 @@ def _part_row(row: dict[str, Any]) -> PartRow:
         volume=row["volume"],
         mass=row["mass"],
         source=row["source"],
-        E_band=E,
-        nu_band=nu,
-        rho_band=rho,
+        E_span=E,
+        nu_span=nu,
+        rho_span=rho,
     )

@@ -20,9 +20,9 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis, up_vector
 from ...predictors.images.appearance import skin_of
 from ...predictors.images.cameras import Camera, look_at
-from .html import si
+from .quantities import si
 from .scale import PALETTES, PARTS, Scale, rgb
-from .tracer import Surface, trace
+from .tracer import ColouredSurface, trace
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -40,7 +40,7 @@ INK, FAINT = (34, 38, 42), (112, 118, 124)
 class Panel:
     """One picture beside others: a surface, or one per frame, with a title and a colour scale."""
 
-    frames: tuple[Surface, ...]
+    frames: tuple[ColouredSurface, ...]
     title: str = ""
     scale: Scale | None = None
 
@@ -52,13 +52,12 @@ def asset_panel(asset: Asset, *, title: str = "") -> Panel:
     for part in asset.parts:
         ids, skin = np.arange(len(part.mesh.faces)), skin_of(part.mesh)
         weights = (np.repeat(corners[k : k + 1], len(ids), axis=0) for k in range(3))
-        colors.append(np.stack([skin(ids, w)[:, :3] for w in weights], axis=1))
+        colors.append(np.stack([skin(ids, w)[:, :3] for w in weights], axis=1).astype(float))
         points.append(np.asarray(part.mesh.vertices))
         faces.append(np.asarray(part.mesh.faces) + count)
         count += len(points[-1])
-    return Panel(
-        (Surface(np.vstack(points), np.vstack(faces), np.concatenate(colors).astype(float)),), title
-    )
+    surface = ColouredSurface(np.vstack(points), np.vstack(faces), np.concatenate(colors))
+    return Panel((surface,), title)
 
 
 def mesh_panel(
@@ -89,7 +88,7 @@ def mesh_panel(
     faces = mesh.boundary.faces
     shades = _part_shades(mesh) if values is None else _shades(mesh, values, on, scale)
     frames = (
-        Surface(
+        ColouredSurface(
             mesh.points + factor * steps[i % len(steps)],
             faces,
             np.broadcast_to(shades[i % len(shades)], (len(faces), 3, 3)),

@@ -7,14 +7,12 @@ import hashlib
 import logging
 import os
 from pathlib import Path
-from string import Template
 
 from ...converters.files import writing
-from .content import Band, Case, PartRow, ReportContent, Verdict
+from .content import ReportContent
 from .data import payload
-from .html import sections
-
-__all__ = ["Band", "Case", "PartRow", "ReportContent", "Verdict", "report_page", "write_report"]
+from .html import page
+from .template import FOLDER, render
 
 log = logging.getLogger(__name__)
 
@@ -35,21 +33,24 @@ def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:
 
 def report_page(content: ReportContent) -> str:
     """The page as text: template, style, data, plotly and the viewer, no reference to outside."""
+    from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    scripts = [_inline(get_plotlyjs()), _inline("".join(map(_template, SCRIPTS)))]
-    return Template(_template("report.html")).substitute(
-        sections(content),
+    scripts = [_inline(get_plotlyjs()), _inline("".join(map(_text, SCRIPTS)))]
+    return render(
+        "report.html",
+        **page(content),
         policy=_policy(scripts),
-        style=_template("report.css"),
-        data=payload(content),
-        plotly=scripts[0],
-        viewer=scripts[1],
+        # Ours, or made so that they cannot end their elements: not escaped again.
+        style=Markup(_text("report.css")),
+        data=Markup(payload(content)),
+        plotly=Markup(scripts[0]),
+        viewer=Markup(scripts[1]),
     )
 
 
-def _template(name: str) -> str:
-    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+def _text(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")
 
 
 def _inline(script: str) -> str:

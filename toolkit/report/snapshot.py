@@ -22,9 +22,9 @@ def write_picture(path: Path, simulation: Simulation, *, up: UpAxis) -> Path:
     if path.suffix.lower() == STILL:
         panels = [_stiffness(simulation), _answer(simulation, simulation.displacement[None])]
         return render_png(path, panels, up=up)
-    film = simulation.film.displacement
-    shown = np.linspace(0, len(film) - 1, min(FRAMES, len(film))).round().astype(int)
-    return render_animation(path, [_answer(simulation, film[shown])], up=up)
+    frames = simulation.animation.displacement
+    shown = np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)
+    return render_animation(path, [_answer(simulation, frames[shown])], up=up)
 
 
 def _stiffness(simulation: Simulation) -> Panel:

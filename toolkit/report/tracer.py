@@ -25,7 +25,7 @@ GROUND_REACH = 1.6  # radius of the shadows on the ground, in sizes of the objec
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ColouredSurface:
     """Triangles with a colour (sRGB, [0, 1]) at every corner.
 
     ``points`` [m] (points, 3), ``faces`` (faces, 3) point ids, ``colors`` (faces, 3 corners, 3).
@@ -74,7 +74,7 @@ class Surface:
 
 
 def trace(
-    surface: Surface,
+    surface: ColouredSurface,
     camera: Camera,
     *,
     up: UpAxis = "z",
@@ -113,7 +113,7 @@ def trace(
 class _Daylight:
     """The surface in its light, with lengths in sizes of the surface (for float32)."""
 
-    def __init__(self, surface: Surface, up, ground: float | None, rng) -> None:
+    def __init__(self, surface: ColouredSurface, up, ground: float | None, rng) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 

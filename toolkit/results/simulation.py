@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ...fem.scene.mesh import TetMesh
 from ..io.document import mesh_document
-from ..report.content import Verdict
+from .verdict import Verdict
 
 if TYPE_CHECKING:
     from ...fem.scenarios.motions import MotionResult
@@ -37,7 +37,7 @@ SWING = np.arange(24) / 24
 DRAWN = 0.05
 
 
-class Film(NamedTuple):
+class Animation(NamedTuple):
     """A motion: times [s] and the displacement [m] of the mesh points at each."""
 
     times: Float[np.ndarray, "frames"]
@@ -63,7 +63,7 @@ class Simulation(ABC):
 
     @property
     @abstractmethod
-    def film(self) -> Film:
+    def animation(self) -> Animation:
         """The motion that a report plays."""
 
     @property
@@ -109,7 +109,7 @@ class Simulation(ABC):
             fields = {"point_data": self.point_data, "cell_data": self.cell_data}
             write_mesh(path, self.mesh, **fields)
             return [path]
-        frames = zip(self.film.times.tolist(), self.film.displacement, strict=True)
+        frames = zip(self.animation.times.tolist(), self.animation.displacement, strict=True)
         return write_pvd(path, self.mesh, ((time, {"displacement": u}) for time, u in frames))
 
     def document(self) -> dict[str, Any]:
@@ -139,9 +139,9 @@ class Settled(Simulation):
         return self.solved.displacement
 
     @property
-    def film(self) -> Film:
+    def animation(self) -> Animation:
         """The load comes on slowly; its share takes the place of the time."""
-        return Film(RAMP, RAMP[:, None, None] * self.displacement)
+        return Animation(RAMP, RAMP[:, None, None] * self.displacement)
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -198,9 +198,9 @@ class Moving(Simulation):
         return self.motion.displacements[-1]
 
     @property
-    def film(self) -> Film:
+    def animation(self) -> Animation:
         """The motion as it is."""
-        return Film(np.array([f.time for f in self.motion.frames]), self.motion.displacements)
+        return Animation(np.array([f.time for f in self.motion.frames]), self.motion.displacements)
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -239,11 +239,11 @@ class Ringing(Simulation):
         return shape * (DRAWN * diagonal / np.linalg.norm(shape, axis=1).max())
 
     @property
-    def film(self) -> Film:
+    def animation(self) -> Animation:
         """One period of the first vibration."""
         period = 1.0 / self.modes.frequencies[0]
         swing = np.sin(2 * np.pi * SWING)
-        return Film(SWING * period, swing[:, None, None] * self.displacement)
+        return Animation(SWING * period, swing[:, None, None] * self.displacement)
 
     @property
     def numbers(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from .surface import (
     boundary_edges,
     component_areas,
     component_volumes,
-    face_parity,
+    face_orientation,
     open_components,
     subset,
     unbalanced_edges,
@@ -126,7 +126,7 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
         faces = _majority(oriented.faces, *coherent_patches(oriented.faces))
         oriented = oriented._replace(faces=faces)
     oriented = _outward(oriented)
-    flipped = face_parity(oriented.faces) != face_parity(given)
+    flipped = face_orientation(oriented.faces) != face_orientation(given)
     return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
 
 
@@ -195,7 +195,7 @@ def _turned(faces: np.ndarray, which: Bool[np.ndarray, "faces"]) -> np.ndarray:
 
 def _majority(before: np.ndarray, coherent: np.ndarray, patch: np.ndarray) -> np.ndarray:
     """Of the two coherent orientations of a patch, the one most of its faces had."""
-    changed = face_parity(coherent) != face_parity(before)
+    changed = face_orientation(coherent) != face_orientation(before)
     share = np.bincount(patch, weights=changed) / np.maximum(np.bincount(patch), 1)
     return _turned(coherent, share[patch] > 0.5)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .surface import Surface, component_areas, component_volumes, open_components
-from .triangles import Triangles, closest, winding_numbers
+from .triangles import Triangles, closest, enclosed_volume, winding_numbers
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
 # A sheet has |winding number| 1/2 on both sides, foliage any number; open surfaces that enclose
@@ -34,6 +35,12 @@ class Shell:
     faces: np.ndarray
     part: np.ndarray
     cavity: Triangles | None = None
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3] that it encloses, without the cavity."""
+        hole = 0.0 if self.cavity is None else max(enclosed_volume(self.cavity), 0.0)
+        return abs(enclosed_volume(Triangles(self.points, self.faces))) - hole
 
     def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside, by the fast winding number."""
@@ -94,23 +101,21 @@ class Solids:
         used, faces = np.unique(self.surface.faces[proper], return_inverse=True)
         return Triangles(self.surface.points[used], faces.reshape(-1, 3))
 
-    def label(
-        self, where: Float[np.ndarray, "n 3"], weight: Float[np.ndarray, "n"]
-    ) -> Int[np.ndarray, "n"]:
+    def label(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
         """Part that each point [m] lies in, -1 outside.
 
-        ``weight`` is the volume that each point stands for: where parts overlap the one with the
-        smallest volume wins, so that what is nested stays what it is.
+        Where shells overlap the one that holds the smallest volume wins, so that what is nested
+        stays what it is.
         """
-        claims = []
-        for shell in self.shells:
-            inside = np.flatnonzero(shell.contains(where))
-            part = shell.nearest_part(where[inside])
-            claims += [(inside[part == p], int(p)) for p in np.unique(part)]
         label = np.full(len(where), -1, dtype=np.int64)
-        for inside, part in sorted(claims, key=lambda claim: -weight[claim[0]].sum()):
-            label[inside] = part
+        for shell in self._largest_first:
+            inside = np.flatnonzero(shell.contains(where))
+            label[inside] = shell.nearest_part(where[inside])
         return label
+
+    @cached_property
+    def _largest_first(self) -> list[Shell]:
+        return sorted(self.shells, key=lambda shell: -shell.volume)
 
 
 def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces"]:

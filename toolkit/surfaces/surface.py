@@ -28,7 +28,7 @@ def subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
     return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
 
 
-def face_parity(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
+def face_orientation(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
     """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
     a, b, c = faces.T
     return ((a > b).astype(int) + (b > c) + (c > a)) == 2

@@ -15,6 +15,17 @@ class Triangles(NamedTuple):
     faces: np.ndarray
 
 
+def enclosed_volume(surface: Triangles) -> float:
+    """Signed volume [m^3] inside a closed surface, positive where it is wound outward.
+
+    It is taken about the centre of the box, so that small holes change it little.
+    """
+    corners = surface.points[surface.faces]
+    middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
+    a, b, c = np.moveaxis(corners - middle, 1, 0)
+    return float(np.einsum("fi,fi->", np.cross(a, b), c) / 6)
+
+
 class Closest(NamedTuple):
     """``distance`` (n,) [m] to the nearest point of a surface and the ``face`` (n,) it lies on."""
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .surface import Surface, face_parity, subset
+from .surface import Surface, face_orientation, subset
 from .triangles import edge_components
 
 # Vertices closer than this share of the diagonal are one: coordinates of float32, or printed with
@@ -88,7 +88,7 @@ def _singled(surface: Surface, *, within_parts: bool) -> tuple[np.ndarray, np.nd
     """
     if not len(surface.faces):
         return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
-    side = face_parity(surface.faces).astype(int)
+    side = face_orientation(surface.faces).astype(int)
     owner = surface.part if within_parts else np.zeros_like(surface.part)
     key = np.column_stack([owner, np.sort(surface.faces, axis=1)])
     group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)

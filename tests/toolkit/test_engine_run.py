@@ -1,4 +1,4 @@
-"""The ladder's own laws, without the engine."""
+"""Which tets of the engine belong to a solid: laws that need no engine."""
 
 import numpy as np
 import pytest

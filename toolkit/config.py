@@ -12,7 +12,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from ...fem.errors import InputError, UsageError
+from ..fem.errors import InputError, UsageError
 
 # What belongs to one call, not to a configuration.
 _OF_THE_CALL = ("common", "output", "dry_run")

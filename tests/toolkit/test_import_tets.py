@@ -6,7 +6,7 @@ from autophyx_tet.converters.mesh.table import write_mesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.toolkit.meshing.import_tets import adopt
+from autophyx_tet.toolkit.meshing.import_tets import import_tets
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu", ".vtk"])
@@ -17,10 +17,10 @@ def test_tets_and_regions_stay(tmp_path, suffix):
     mesh = TetMesh(box.points, box.tets, region, region_names=("left", "right"))
     path = tmp_path / f"box{suffix}"
     write_mesh(path, mesh)
-    asset, adopted, report = adopt(path, units="mm")
-    assert adopted.volume == pytest.approx(6000e-9)
-    assert adopted.region_names == mesh.region_names == asset.part_names
-    assert adopted.region_volumes() == pytest.approx(mesh.region_volumes() * 1e-9)
+    asset, imported, report = import_tets(path, units="mm")
+    assert imported.volume == pytest.approx(6000e-9)
+    assert imported.region_names == mesh.region_names == asset.part_names
+    assert imported.region_volumes() == pytest.approx(mesh.region_volumes() * 1e-9)
     assert all(part.mesh.is_watertight for part in asset.parts)
     assert report.ok
     assert report.doubled_points == 0
@@ -32,7 +32,7 @@ def test_boxes_that_touch_in_an_edge_are_separated(tmp_path):
     tets = node.reshape(-1)[np.concatenate([a.tets, b.tets + 8])]
     path = tmp_path / "touching.msh"
     write_mesh(path, TetMesh.oriented(points, tets))
-    _, mesh, report = adopt(path)
+    _, mesh, report = import_tets(path)
     assert report.doubled_points == 2
     assert report.quality.boundary.bad_edges == 0
     assert mesh.volume == pytest.approx(2)
@@ -42,4 +42,4 @@ def test_garbage_is_an_input_error(tmp_path):
     path = tmp_path / "a.msh"
     path.write_text("$MeshFormat\n2.2 0 8\n")
     with pytest.raises(InputError):
-        adopt(path)
+        import_tets(path)

@@ -1,0 +1,111 @@
+"""Attempts of the engine: remembered, repeated coarser, judged; what failed is on record."""
+
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.fem.errors import NoVolumeError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.native import cache
+from autophyx_tet.toolkit.native.child import ChildFailure
+
+from .test_tetrahedralize import QUICK, asset_of, converted
+
+
+def test_cache_remembers_the_engine(tmp_path, monkeypatch):
+    """The second conversion runs no child and gives the same mesh; another option runs one."""
+    cube = trimesh.creation.box((1, 1, 1))
+    first, _ = converted({**QUICK, "cache": tmp_path}, cube=cube)
+
+    def no_child(*_, **__):
+        raise ChildFailure("crash", "a child was started", 0.0)
+
+    monkeypatch.setattr(cache, "run_guarded", no_child)
+    again, _ = converted({**QUICK, "cache": tmp_path}, cube=cube)
+    assert (again.points == first.points).all()
+    with pytest.raises(NoVolumeError, match="child was started"):
+        converted({**QUICK, "stop_energy": 21.0, "cache": tmp_path}, cube=cube)
+
+
+@pytest.mark.slow
+def test_damaged_cache_is_made_again(tmp_path):
+    cube = trimesh.creation.box((1, 1, 1))
+    converted({**QUICK, "cache": tmp_path}, cube=cube)
+    for path in tmp_path.glob("*.npz"):
+        path.write_bytes(b"broken")
+    mesh, _ = converted({**QUICK, "cache": tmp_path}, cube=cube)
+    assert mesh.volume == pytest.approx(1, rel=1e-2)
+
+
+def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
+    """The first attempt runs out of time: the next one doubles edge and epsilon, and says so."""
+    real, calls = cache.run_guarded, []
+
+    def slow_at_first(task, arrays, options, **limits):
+        calls.append(options)
+        if len(calls) == 1:
+            raise ChildFailure("time", "no result within 1 s", 1.0)
+        return real(task, arrays, options, **limits)
+
+    monkeypatch.setattr(cache, "run_guarded", slow_at_first)
+    _, report = tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    first, second = report.attempts
+    assert first.outcome.startswith("time")
+    assert second.epsilon == pytest.approx(2 * first.epsilon)
+    assert report.epsilon == second.epsilon
+    assert any("1 of 2 attempts failed" in w for w in report.warnings)
+
+
+def test_when_nothing_works_the_reasons_are_listed(monkeypatch):
+    def crash(*_, **__):
+        raise ChildFailure("crash", "the engine crashed (SIGSEGV)", 0.1)
+
+    monkeypatch.setattr(cache, "run_guarded", crash)
+    with pytest.raises(NoVolumeError, match=r"5 attempts.*SIGSEGV.*--time-limit"):
+        tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+
+
+def _engine(height, *, right_from=np.inf):
+    """In place of the engine: a cube of the given share of its height, whole from an envelope on.
+
+    The cube that it gets has a unit diagonal.
+    """
+    side = 3**-0.5
+
+    def run(task, arrays, options, **_):
+        if task == "alpha_wrap":
+            return {"points": arrays["points"], "faces": arrays["faces"]}
+        share = 1.0 if options["epsilon_rel"] >= right_from else height
+        box = box_mesh((side, side, side * share), (3, 3, 3))
+        return {"points": box.points - side / 2, "tets": box.tets}
+
+    return run
+
+
+def test_a_broken_guarantee_goes_on_to_a_coarser_epsilon_and_says_so(monkeypatch):
+    """The engine cuts 2 % off until its envelope doubles: what is stated is what was kept."""
+    right = 2 * QUICK["epsilon_rel"] / 2
+    monkeypatch.setattr(cache, "run_guarded", _engine(0.98, right_from=0.99 * right))
+    mesh, report = tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    assert report.ok
+    assert mesh.volume == pytest.approx(1)
+    assert report.epsilon == pytest.approx(2 * QUICK["epsilon_rel"] * 3**0.5)
+    assert report.asked_epsilon == pytest.approx(report.epsilon / 2)
+    assert report.attempts[0].outcome.startswith("broken: distance")
+    assert {g.threshold for g in report.guarantees if g.unit == "m"} == {report.epsilon}
+    assert any("not the" in w and "asked for" in w for w in report.warnings)
+
+
+def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
+    """Every attempt lacks a fifth of the cube: exit 4 with the distance, unless it is accepted."""
+    cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
+    monkeypatch.setattr(cache, "run_guarded", _engine(0.8))
+    with pytest.raises(
+        NoVolumeError, match=r"distance.*at 'cube', wanted.*--accept-broken"
+    ) as error:
+        tetrahedralize(cube, **QUICK)
+    assert error.value.exit_code == 4
+    mesh, report = tetrahedralize(cube, **QUICK, accept_broken=True)
+    assert mesh.volume == pytest.approx(0.8)
+    assert not report.ok
+    assert set(report.failed) <= set(report.warnings)

@@ -1,0 +1,120 @@
+"""The command line on bad input: one clear line, the exit code of its kind, nothing written."""
+
+import json
+
+import pytest
+import trimesh
+
+from .command import run_cli
+
+
+def _empty(folder):
+    (folder / "a.obj").write_text("")
+    return "a.obj"
+
+
+def _empty_glb(folder):
+    (folder / "a.glb").write_bytes(b"")
+    return "a.glb"
+
+
+def _nan(folder):
+    (folder / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    return "a.obj"
+
+
+def _flat(folder):
+    trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]).export(
+        folder / "a.stl"
+    )
+    return "a.stl"
+
+
+def _suffix(folder):
+    (folder / "a.docx").write_text("hello")
+    return "a.docx"
+
+
+def _missing(folder):
+    return "nowhere.glb"
+
+
+def _folder(folder):
+    (folder / "d.obj").mkdir()
+    return "d.obj"
+
+
+BAD_ASSETS = (
+    (_empty, 3, "empty"),
+    (_empty_glb, 3, "empty"),
+    (_nan, 3, "finite"),
+    (_flat, 4, "volume"),
+    (_suffix, 3, ".glb"),
+    (_missing, 3, "nowhere.glb"),
+    (_folder, 3, "d.obj"),
+)
+
+
+@pytest.mark.parametrize("verb", ["convert", "run"])
+def test_bad_asset_ends_in_one_line_and_leaves_nothing(verb, tmp_path):
+    for number, (make, code, words) in enumerate(BAD_ASSETS):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        asset = folder / make(folder)
+        before = sorted(folder.rglob("*"))
+        target = folder / ("out.msh" if verb == "convert" else "out")
+        done = run_cli(verb, asset, "-o", target, "--json")
+        assert done.returncode == code, (make.__name__, done.stderr)
+        lines = done.stderr.strip().splitlines()
+        assert len(lines) == 1, (make.__name__, done.stderr)
+        assert words in lines[0], make.__name__
+        assert done.stdout == "", make.__name__
+        assert sorted(folder.rglob("*")) == before, make.__name__
+
+
+BAD_WORDS = (
+    (["--text", "oak " * 2500], 2, "4000"),
+    (["--part", "handle=oak"], 2, "handle"),
+    (["--material", "cube=unobtainium"], 2, "unobtainium"),
+    (["--part", "no equals sign"], 2, "NAME="),
+    (["--alpha", "7"], 2, "alpha"),
+)
+
+
+def test_bad_words_end_in_one_line_and_leave_nothing(cube_msh, tmp_path):
+    for options, code, words in BAD_WORDS:
+        done = run_cli("assign", cube_msh, *options, "-o", tmp_path / "m.msh")
+        assert done.returncode == code, (options, done.stderr)
+        assert len(done.stderr.strip().splitlines()) == 1, (options, done.stderr)
+        assert words in done.stderr, options
+        assert not list(tmp_path.iterdir()), options
+
+
+def test_bad_output_is_refused_before_the_work(cube, tmp_path):
+    for output in ("missing/folder/out.msh", "out.docx"):
+        done = run_cli("convert", cube, "-o", tmp_path / output)
+        assert done.returncode == 3, output
+        assert len(done.stderr.strip().splitlines()) == 1, (output, done.stderr)
+
+
+def test_missing_texture_is_a_warning(tmp_path):
+    """An OBJ whose MTL names an image that is not there converts, with a warning (exit 0)."""
+    cube = trimesh.creation.box((0.1, 0.1, 0.1))
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in cube.vertices)
+    faces = "".join("f " + " ".join(f"{i + 1}/1" for i in face) + "\n" for face in cube.faces)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{vertices}vt 0 0\nusemtl skin\n{faces}")
+    (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
+    done = run_cli("convert", tmp_path / "a.obj", "-o", tmp_path / "a.msh", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert any("gone.png" in warning for warning in document["warnings"])
+
+
+def test_simulate_without_material_says_what_to_do(cube_msh, tmp_path):
+    done = run_cli("simulate", cube_msh, "-o", tmp_path / "s.vtu")
+    assert done.returncode == 3
+    assert "assign" in done.stderr
+
+
+def test_unknown_option_is_exit_2(cube):
+    assert run_cli("convert", cube, "--frobnicate").returncode == 2

@@ -1,0 +1,96 @@
+"""What `assign` returns: a mesh with E, nu and rho, and why each part got them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...fem.errors import BandError, InputError
+from ...fem.scene.materials import FIELDS, outside_band
+from ...fem.scene.mesh import TetMesh
+from ...predictors.field import MaterialField
+from ..io.document import mesh_document
+from ..io.sidecar import Sidecar
+from .verdict import ADVICE, Verdict
+
+if TYPE_CHECKING:
+    from ...converters.sampling import Assigned
+    from ...predictors.prediction import PartChoice
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """A mesh with E, nu, rho on every tet, their field, and the choice made for every part."""
+
+    mesh: TetMesh
+    text: str
+    field: MaterialField
+    choices: tuple[PartChoice, ...]
+    sampling: Assigned
+    sidecar: Sidecar
+    warnings: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+    def part_rows(self) -> list[dict[str, Any]]:
+        """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg]."""
+        volumes = self.mesh.region_volumes()
+        masses = np.bincount(
+            self.mesh.region,
+            weights=_material(self.mesh).rho * self.mesh.volumes,
+            minlength=len(volumes),
+        )
+        return [
+            {
+                "name": choice.part,
+                "material": choice.material,
+                **choice.value._asdict(),
+                "ranges": {name: getattr(choice.row, name) for name in FIELDS},
+                "source": choice.source,
+                "estimated": choice.row.estimated,
+                "why": choice.why,
+                "weight": choice.weight,
+                "binding": choice.binding,
+                "volume": volume,
+                "mass": mass,
+            }
+            for choice, volume, mass in zip(self.choices, volumes, masses, strict=True)
+        ]
+
+    def check_bands(self) -> None:
+        """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
+        for choice in self.choices:
+            complaints = outside_band(choice.row.category, *choice.value)
+            if complaints:
+                raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
+
+    def verdicts(self) -> list[Verdict]:
+        """Whether the E, nu and rho of every part are usual for its category."""
+        return [
+            Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
+            for choice in self.choices
+            for complaint in outside_band(choice.row.category, *choice.value)
+        ] or [Verdict("good", "E, nu and rho of every part are usual for its kind.", "inside band")]
+
+    def described(self) -> Sidecar:
+        """Return the sidecar of the mesh, with the choices on record."""
+        return self.sidecar.with_record(assign=self.document())
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``assign --json`` prints."""
+        return {
+            "files": self.files,
+            "text": self.text,
+            **mesh_document(self.mesh),
+            "parts": self.part_rows(),
+            "verdicts": self.verdicts(),
+            "warnings": self.warnings,
+        }
+
+
+def _material(mesh: TetMesh):
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    return mesh.material

@@ -1,0 +1,89 @@
+"""What `run` returns: one conversion, and a case for every sentence."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .assignment import Assignment
+from .conversion import Conversion
+from .simulation import Settled, Simulation
+from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from ...predictors.images.features import VoxelFeatures
+
+
+@dataclass(frozen=True, eq=False)
+class RunCase:
+    """One sentence and what became of the mesh under it."""
+
+    assignment: Assignment
+    simulation: Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """One conversion, and one case for every sentence, under identical loads.
+
+    ``features`` are what an image encoder sees of the asset, where that was asked for.
+    """
+
+    conversion: Conversion
+    cases: tuple[RunCase, ...]
+    seconds: dict[str, float] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    features: VoxelFeatures | None = None
+
+    def verdicts(self) -> list[list[Verdict]]:
+        """Of every case: are its values usual, and can the eye tell it from the first one."""
+        from ...fem.verdicts import distinguishable
+
+        found = [case.assignment.verdicts() for case in self.cases]
+        first, *others = (case.simulation for case in self.cases)
+        for verdicts, other in zip(found[1:], others, strict=True):
+            if isinstance(first, Settled) and isinstance(other, Settled):
+                verdicts.append(Verdict.of(distinguishable(first.solved, other.solved)))
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``run --json`` prints: the first sentence on top, all in ``cases``."""
+        kind = self.cases[0].simulation.kind
+        cases = [
+            {
+                **case.assignment.document(),
+                "verdicts": verdicts,
+                kind: case.simulation.document()[kind],
+            }
+            for case, verdicts in zip(self.cases, self.verdicts(), strict=True)
+        ]
+        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", kind)
+        warnings = [
+            *self.conversion.warnings,
+            *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),
+        ]
+        return {
+            "files": self.files,
+            **{key: cases[0][key] for key in keys},
+            "quality": self.conversion.report.quality,
+            "report": self.conversion.report.as_dict(),
+            "cases": cases,
+            "seconds": self.seconds,
+            "warnings": list(dict.fromkeys(warnings)),
+        }
+
+
+class Stopwatch:
+    """Seconds of every stage, by name; laps of one name add up."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Add the time since the last lap to ``name``."""
+        now = time.perf_counter()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
