@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import verdicts as checks
-from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scenarios.motions import drop, squeeze
-from autophyx_tet.fem.scenarios.static import hang, poke, sag, wind
+from autophyx_tet.fem.laws.law import Law
+from autophyx_tet.fem.scenarios.drop import drop
+from autophyx_tet.fem.scenarios.hang import hang
+from autophyx_tet.fem.scenarios.poke import poke
+from autophyx_tet.fem.scenarios.sag import sag
+from autophyx_tet.fem.scenarios.squeeze import squeeze
+from autophyx_tet.fem.scenarios.wind import wind
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.solve.modal import natural_modes
 
