@@ -30,14 +30,14 @@ def test_column_shortens_under_its_weight():
     assert result.von_mises.max() == pytest.approx(1000 * 9.81 * 0.975, rel=0.03)
 
 
-@pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_up_axis(up):
+def test_up_axis():
     """The same column lying along another axis gives the same answer."""
-    axis = "xyz".index(up)
-    size, cells = [0.1] * 3, [1] * 3
-    size[axis], cells[axis] = 1.0, 20
-    mesh = shaken_box(tuple(size), tuple(cells), E=1e6, nu=0.0, rho=1000, amount=0)
-    assert sag(mesh, up=up, order=2).sag_ratio == pytest.approx(1000 * 9.81 / 2e6, rel=1e-6)
+    for axis, up in enumerate("xyz"):
+        size, cells = [0.1] * 3, [1] * 3
+        size[axis], cells[axis] = 1.0, 20
+        mesh = shaken_box(tuple(size), tuple(cells), E=1e6, nu=0.0, rho=1000, amount=0)
+        ratio = sag(mesh, up=up, order=2).sag_ratio
+        assert ratio == pytest.approx(1000 * 9.81 / 2e6, rel=1e-6), up
 
 
 def test_three_point_rest_carries_the_weight():

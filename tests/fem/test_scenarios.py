@@ -53,13 +53,12 @@ def test_drop():
     assert result.contact_forces[:, 2].max() > mesh.mass * 9.81
 
 
-@pytest.mark.parametrize("up", ["x", "y"])
-def test_drop_follows_up(up):
+def test_drop_follows_up():
     mesh = shaken_box((0.1,) * 3, (1, 1, 1), E=1e6, nu=0.4, rho=1000)
-    result = drop(mesh, up=up, height=0.05, frames=20)
-    axis = "xyz".index(up)
-    assert result.displacements[-1, :, axis].mean() < -0.03
-    assert np.abs(np.delete(result.displacements[-1], axis, axis=1)).max() < 0.02
+    for axis, up in enumerate("xy"):
+        moved = drop(mesh, up=up, height=0.05, frames=20).displacements[-1]
+        assert moved[:, axis].mean() < -0.03, up
+        assert np.abs(np.delete(moved, axis, axis=1)).max() < 0.02, up
 
 
 def test_squeeze():

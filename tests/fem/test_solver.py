@@ -36,11 +36,11 @@ def _iterations(n, contrast, layout):
     return solve_static(body, held, gravity_vector=(0, 0, -9.81)).iterations
 
 
-@pytest.mark.parametrize("layout", ["layer", "legs", "random"])
-def test_contrast_hardly_adds_iterations(iterative, layout):
+def test_contrast_hardly_adds_iterations(iterative):
     """From contrast 1 to 1e8 the iterations grow less than 2.5-fold."""
-    counts = [_iterations(8, c, layout) for c in (1, 1e2, 1e4, 1e6, 1e8)]
-    assert max(counts) < 2.5 * counts[0]
+    for layout in ("layer", "legs", "random"):
+        counts = [_iterations(8, c, layout) for c in (1, 1e2, 1e4, 1e6, 1e8)]
+        assert max(counts) < 2.5 * counts[0], layout
 
 
 def test_iterations_hardly_grow_with_the_mesh(iterative):

@@ -139,9 +139,16 @@ def test_bad_input_is_named():
         solve_static(mesh, held, device="tpu")
 
 
-@pytest.mark.parametrize("contrast", [1, 1e4, 1e8])
-def test_contrast(contrast):
+def test_contrast():
     """Layers in series, confined: u_top = -s h sum(phi/M) for any contrast of E."""
+    for contrast in (1, 1e4, 1e8):
+        top, exact = _layers_in_series(contrast)
+        wanted = pytest.approx(np.full(len(top), exact), rel=1e-14 * contrast + 1e-11)
+        assert top == wanted, contrast
+
+
+def _layers_in_series(contrast):
+    """Displacement of the top of two layers, and what it should be."""
     mesh = shaken_box((1, 1, 1), (3, 3, 4), amount=0)
     soft = mesh.centroids[:, 2] < 0.5
     E, nu, s = np.where(soft, 1e3, 1e3 * contrast), 0.3, 10.0
@@ -152,6 +159,4 @@ def test_contrast(contrast):
     result = solve_static(mesh, held, traction=load)
     M = E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
     top = result.displacement[mesh.points[:, 2] == 1, 2]
-    assert top == pytest.approx(
-        np.full(len(top), -s / 2 * (1 / M.min() + 1 / M.max())), rel=1e-14 * contrast + 1e-11
-    )
+    return top, -s / 2 * (1 / M.min() + 1 / M.max())
