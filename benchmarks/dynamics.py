@@ -48,7 +48,7 @@ def ours(mesh, dt: float, device: str) -> Peer:
     from autophyx_tet.fem.solve.dynamics import Dynamics
 
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
-    body = Dynamics(mesh, supports=held, gravity=(0, 0, -GRAVITY), device=device)
+    body = Dynamics(mesh, supports=held, gravity_vector=(0, 0, -GRAVITY), device=device)
     end = np.isclose(mesh.points[:, 0], 1)
     return Peer(lambda: body.step(dt), lambda: float(body.state.u[end, 2].mean()), dt)
 

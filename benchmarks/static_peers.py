@@ -21,12 +21,13 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 def assembled(mesh, order: int):
     """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
     from autophyx_tet.fem.discrete.assembly import discretise, stiffness
+    from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.discrete.forces import load_vector
     from autophyx_tet.fem.scene.supports import Supports
-    from autophyx_tet.fem.solve.statics import load_vector, reduced_load
 
     grid = discretise(mesh, order)
-    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
-    load = load_vector(mesh, grid, GRAVITY, None, (), None)
+    held = node_supports(Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0), grid.space)
+    load = load_vector(mesh, grid, gravity_vector=GRAVITY)
     matrix = stiffness(grid, *mesh.material.lame)
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     return grid, matrix.to_scipy(), rhs.reshape(-1), held

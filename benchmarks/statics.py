@@ -47,19 +47,20 @@ def tip(mesh, u: np.ndarray) -> float:
 
 def ours(mesh, order: int, device: str = "cpu") -> dict:
     from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-    from autophyx_tet.fem.linalg.solver import solve
+    from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.discrete.forces import load_vector
+    from autophyx_tet.fem.linalg.solver import solve_system
     from autophyx_tet.fem.scene.supports import Supports
-    from autophyx_tet.fem.solve.statics import load_vector, reduced_load
 
     grid = discretise(mesh, order, device)  # once for each mesh, as the peers' dof tables
     start = time.process_time()
-    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0).on(grid.space)
-    load = load_vector(mesh, grid, GRAVITY, None, (), None)
+    held = node_supports(Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0), grid.space)
+    load = load_vector(mesh, grid, gravity_vector=GRAVITY)
     matrix = stiffness(grid, *mesh.material.lame)
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     middle = time.process_time()
     nodes = grid.space.nodes
-    solution = solve(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=TOLERANCE)
+    solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=TOLERANCE)
     return make_row(
         mesh, nodes.size, start, middle, solution.x, solution.iterations, solution.residual
     )

@@ -1,4 +1,8 @@
-"""Ground floor: tetrahedra, materials, elasticity. Usable alone; imports nothing else of ours.
+"""Finite elements: tetrahedra, materials, elasticity; usable alone, it imports no other room.
+
+In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
+Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
+Read: scene, laws, discrete, linalg, contact, result, solve, scenarios, verdicts.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
 """
@@ -14,10 +18,23 @@ _HOME = {
     "ElementMaterial": "scene.material",
     "box_mesh": "scene.box",
     "Supports": "scene.supports",
-    "Traction": "discrete.forces",
-    "pressure": "discrete.forces",
-    "Law": "discrete.elastic",
-    "StaticResult": "solve.statics",
+    "Traction": "scene.loads",
+    "pressure": "scene.loads",
+    "Plane": "scene.obstacles",
+    "Box": "scene.obstacles",
+    "Sphere": "scene.obstacles",
+    "Capsule": "scene.obstacles",
+    "gripper": "scene.obstacles",
+    "Scene": "scene.scene",
+    "Law": "laws.law",
+    "ElasticLaw": "laws.law",
+    "LAWS": "laws.law",
+    "StaticResult": "result",
+    "SagResult": "result",
+    "Motion": "result",
+    "MotionResult": "result",
+    "Modes": "result",
+    "METHODS": "solve.method",
     "solve_static": "solve.statics",
     "nodal_stress": "solve.statics",
     "von_mises": "discrete.strain",
@@ -25,26 +42,18 @@ _HOME = {
     "solve_averaged": "solve.nodal_pressure",
     "Dynamics": "solve.dynamics",
     "Damping": "solve.potential",
-    "Motion": "solve.dynamics",
     "Scheme": "solve.schemes",
-    "Plane": "scene.obstacles",
-    "Box": "scene.obstacles",
-    "Sphere": "scene.obstacles",
-    "Capsule": "scene.obstacles",
-    "gripper": "scene.obstacles",
-    "Modes": "solve.modal",
     "natural_modes": "solve.modal",
-    "SagResult": "scenarios.static",
-    "sag": "scenarios.static",
-    "hang": "scenarios.static",
-    "wind": "scenarios.static",
-    "poke": "scenarios.static",
-    "MotionResult": "scenarios.motions",
-    "drop": "scenarios.motions",
-    "squeeze": "scenarios.motions",
-    "Check": "verdicts",
     "static_displacement": "solve.gradients",
     "implicit_step": "solve.gradients",
+    "SCENARIOS": "scenarios.scenario",
+    "sag": "scenarios.sag",
+    "hang": "scenarios.hang",
+    "wind": "scenarios.wind",
+    "poke": "scenarios.poke",
+    "drop": "scenarios.drop",
+    "squeeze": "scenarios.squeeze",
+    "Check": "verdicts",
 }
 __all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .scenarios.motions import MotionResult
-from .scenarios.static import SagResult
+from .result import Modes, MotionResult, SagResult
 from .scene.material import wave_speed
 from .scene.materials import outside_band
-from .scene.mesh import TetMesh, altitudes
-from .solve.modal import Modes
-from .solve.statics import material_of
+from .scene.mesh import TetMesh, altitudes, material_of
 
 # A body holds its shape if no point moves more than this share of its height.
 HOLDS = 0.05
@@ -20,7 +17,7 @@ HOLDS = 0.05
 TRUSTED = 0.1
 # Quadratic elements are far closer than linear ones: where those are off by .167, .41, .62 and .68
 # they are by .001 (the bench beam), .05, .20 (a chair of oak and foam) and .01 (the same in oak):
-# at most half the square, so that this gap means ``TRUSTED`` for them.
+# at most half the square, so that this difference means ``TRUSTED`` for them.
 TRUSTED_P2 = (2 * TRUSTED) ** 0.5
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
@@ -54,7 +51,7 @@ def holds_shape(result: SagResult) -> Check:
 
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
-    value, kind = result.gap
+    value, kind = result.discretisation_error
     quadratic = result.static.order == 2 and kind == "P1/P2"
     limit = TRUSTED_P2 if quadratic else TRUSTED
     passed = value <= limit

@@ -21,8 +21,8 @@
 # %%
 import matplotlib.pyplot as plt
 import numpy as np
-from autophyx_tet.fem.discrete.forces import Traction, pressure
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.loads import Traction, pressure
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports

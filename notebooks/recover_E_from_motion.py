@@ -39,13 +39,13 @@ rho = torch.where(upper, 1200.0, 1000.0).double()
 
 
 def released(body):
-    return Dynamics(body, supports=held, gravity=gravity, tolerance=1e-9)
+    return Dynamics(body, supports=held, gravity_vector=gravity, tolerance=1e-9)
 
 
 def moved(log_E):
     """Displacement [m] of every point after ``dt``, from log10 E of the two halves."""
     E = 10 ** torch.where(upper, log_E[1], log_E[0])
-    return implicit_step(released, mesh, E, nu, rho, gravity=gravity, dt=dt)
+    return implicit_step(released, mesh, E, nu, rho, gravity_vector=gravity, dt=dt)
 
 
 truth = torch.tensor([6.0, 7.0], dtype=torch.float64)

@@ -12,13 +12,13 @@ from jaxtyping import install_import_hook
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Kernel modules are warp code, compiled from their own source text: not wrapped. The CLI's option
-# classes are read by tyro, which resolves annotations itself.
+# Kernel modules and laws are warp code, compiled from their own source text: not wrapped. The CLI's
+# option classes are read by tyro, which resolves annotations itself.
 _MODULES = [
     "autophyx_tet." + path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
     for room in ("fem", "predictors", "converters", "toolkit")
     for path in sorted((ROOT / room).rglob("*.py"))
-    if not path.stem.startswith(("__", "kernels")) and path.parent.name != "cli"
+    if not path.stem.startswith(("__", "kernels")) and path.parent.name not in ("cli", "laws")
 ]
 # An int is a float here (PEP 484's numeric tower), as for every other type checker.
 _checker = ModuleType("numeric_tower")

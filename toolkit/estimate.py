@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..fem.scenarios.scenario import SCENARIOS
 from ..predictors.asset import Asset
 from .io.outputs import check_mesh, check_run
 from .options import ConvertOptions, SimulateOptions
-from .scenario import STATIC
 
 
 class PowerLaw(NamedTuple):
@@ -111,7 +111,7 @@ def _with_sentences(
     """Add what every sentence costs; how long a motion or its Newton steps take is not known."""
     tets, seconds = cost["tets"], cost.get("cpu_seconds", dict.fromkeys(cost["tets"], 0.0))
     memory = {name: BASE_MEMORY + TET_MEMORY * count for name, count in tets.items()}
-    if scenario and scenario not in STATIC:
+    if scenario and SCENARIOS[scenario].method != "statics":
         return {"tets": tets, "convert_cpu_seconds": seconds, "memory": memory}
     total = {
         name: round(seconds[name] + sentences * (SENTENCE_SECONDS + TET_SECONDS * count), 1)

@@ -14,7 +14,9 @@ import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from ..fem.errors import UsageError
+from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
+from ..fem.scenarios.scenario import SCENARIOS
 
 UpAxis = Literal["x", "y", "z"]
 Unit = Literal["mm", "cm", "m", "in"]
@@ -111,9 +113,9 @@ class AssignOptions:
 class SimulateOptions:
     """How the result is loaded and solved."""
 
-    scenario: Literal["sag", "hang", "wind", "poke", "drop", "squeeze", "modal"] = "sag"
+    scenario: Annotated[str, choice(SCENARIOS)] = "sag"
     """It stands, hangs, is blown at, poked, dropped, squeezed between plates, or rings."""
-    law: Literal["linear", "neohookean"] | None = None
+    law: Annotated[str, choice(LAWS)] | None = None
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""

@@ -170,7 +170,7 @@ def simulate(
     from .report.pages import simulation_page
     from .report.report import write_report
     from .report.snapshot import SUFFIXES, write_picture
-    from .scenario import solve
+    from .scenario import run_scenario
 
     options = options or SimulateOptions()
     if output is not None:
@@ -184,7 +184,7 @@ def simulate(
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    result = solve(mesh, options, up=sidecar.up, progress=progress)
+    result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
     if output is not None:
         result = replace(result, files=tuple(result.write(output)))
     if report is not None:

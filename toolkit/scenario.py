@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
-from ..fem.discrete.elastic import Law
 from ..fem.errors import ConvergenceError, InputError, UsageError
+from ..fem.scenarios.scenario import SCENARIOS, Scenario
 from ..fem.scene.mesh import TetMesh
+from ..fem.solve.method import METHODS, Method
 from ..predictors.asset import UpAxis
 from .options import SimulateOptions
-from .results.simulation import Moving, Ringing, Settled, Simulation
+from .results.simulation import Settled, Simulation, simulation_of
 
-LAWS = {"linear": Law.LINEAR, "neohookean": Law.NEO_HOOKEAN}
-STATIC = ("sag", "hang", "wind", "poke")
 # Unknowns up to which a settled body's frequencies are found too: a few seconds.
 QUICK = 60_000
 STANDING_MODES = 3
@@ -23,7 +22,7 @@ STANDING_MODES = 3
 Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
 
-def solve(
+def run_scenario(
     mesh: TetMesh, options: SimulateOptions, *, up: UpAxis, progress: Progress | None = None
 ) -> Simulation:
     """Solve the scenario of ``options`` on a mesh with a material.
@@ -40,75 +39,58 @@ def solve(
     started = time.perf_counter()
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
-    if options.scenario in STATIC:
-        found = _settle(mesh, options, up)
-    elif options.scenario == "modal":
-        found = _ring(mesh, options, up)
-    else:
-        found = _move(mesh, options, up, progress)
+    scenario = _scenario(options)
+    method = METHODS[scenario.method]
+    _check_law(options, method)
+    result = method.solve(
+        scenario.scene(mesh, up=up),
+        law=options.law,
+        order=options.order,
+        device=options.device,
+        progress=_frames(options.scenario, progress, started),
+    )
+    found = simulation_of(mesh, options.scenario, result)
+    if scenario.with_modes and isinstance(found, Settled):
+        found = replace(found, modes=_standing_modes(mesh, up, options.device))
     return replace(found, seconds=time.perf_counter() - started)
 
 
-def _settle(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Settled:
-    from ..fem.scenarios import static as scenarios
-
-    law = LAWS[options.law] if options.law else None
-    common: dict[str, Any] = {"up": up, "device": options.device, "law": law}
-    common["order"] = _order(mesh, options)
-    modes = None
-    match options.scenario:
-        case "hang":
-            solved = scenarios.hang(mesh, gravity=options.gravity, **common)
-        case "wind":
-            solved = scenarios.wind(mesh, speed=options.wind_speed, **common)
-        case "poke":
-            solved = scenarios.poke(mesh, force=options.poke_force, **common)
-        case _:
-            common |= {"supports": options.supports, "gravity": options.gravity}
-            solved = scenarios.sag(mesh, **common)
-            modes = _quick_modes(mesh, options, up)
-    return Settled(mesh, options.scenario, solved=solved, modes=modes)
+def _scenario(options: SimulateOptions) -> Scenario:
+    """The scenario with its numbers: field F of scenario N is the option ``N_F``, or ``F``."""
+    name, kind = options.scenario, SCENARIOS[options.scenario]
+    given: dict[str, Any] = {}
+    for field in fields(kind):  # type: ignore  (a scenario is a dataclass)
+        for option in (f"{name}_{field.name}", field.name):
+            if hasattr(options, option):
+                given[field.name] = getattr(options, option)
+                break
+    return kind(**given)
 
 
-def _ring(mesh: TetMesh, options: SimulateOptions, up: UpAxis) -> Ringing:
-    _only_law(options, "linear")
-    order = _order(mesh, options)
-    modes = _modes(mesh, up, options.modes, order=order, device=options.device)
-    return Ringing(mesh, options.scenario, modes=modes)
+def _check_law(options: SimulateOptions, method: Method) -> None:
+    if options.law and method.laws and options.law not in method.laws:
+        raise UsageError(
+            f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
+            f"got {options.law!r}"
+        )
 
 
-def _move(mesh: TetMesh, options: SimulateOptions, up: UpAxis, progress: Progress | None) -> Moving:
-    from ..fem.scenarios import motions
+def _frames(scenario: str, progress: Progress | None, started: float) -> Any:
+    """Callback of every frame that says how long the rest will take."""
+    if progress is None:
+        return None
 
-    started = time.perf_counter()
+    def frame_done(frame: int, frames: int) -> None:
+        seconds = time.perf_counter() - started
+        left = seconds / frame * (frames - frame)
+        progress(f"{scenario}: frame {frame} of {frames}, {left:.0f} s left", seconds)
 
-    def tell(frame: int, frames: int) -> None:
-        if progress is not None:
-            seconds = time.perf_counter() - started
-            left = seconds / frame * (frames - frame)
-            progress(f"{options.scenario}: frame {frame} of {frames}, {left:.0f} s left", seconds)
-
-    law = LAWS[options.law or "neohookean"]
-    common: dict[str, Any] = {"order": options.order or 1, "device": options.device, "law": law}
-    common["tell"] = tell
-    if options.scenario == "drop":
-        common |= {"height": options.drop_height, "gravity": options.gravity}
-        motion = motions.drop(mesh, up=up, **common)
-    else:
-        motion = motions.squeeze(mesh, axis=_across(up), share=options.squeeze_share, **common)
-    return Moving(mesh, options.scenario, motion=motion)
+    return frame_done
 
 
-def _modes(mesh: TetMesh, up: UpAxis, count: int, *, order: int, device: str):
-    from ..fem.scene.support_finder import rest, up_axis
-    from ..fem.solve.modal import natural_modes
-
-    held, _ = rest(mesh, up_axis(up))
-    return natural_modes(mesh, count, supports=held, order=order, device=device)
-
-
-def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
+def _standing_modes(mesh: TetMesh, up: UpAxis, device: str) -> Any:
     """First vibrations of a standing body where a direct factor finds them quickly, else None."""
+    from ..fem.scenarios.vibration import Vibration
     from ..fem.solve.discretisation_error import p2_unknowns
     from ..fem.solve.modal import is_factored
 
@@ -116,26 +98,8 @@ def _quick_modes(mesh: TetMesh, options: SimulateOptions, up: UpAxis):
     quick = [order for order, n in sizes.items() if n <= QUICK and is_factored(mesh, n)]
     if not quick:
         return None
+    scene = Vibration(STANDING_MODES).scene(mesh, up=up)
     try:
-        return _modes(mesh, up, STANDING_MODES, order=quick[0], device=options.device)
+        return METHODS[Vibration.method].solve(scene, order=quick[0], device=device)
     except (ConvergenceError, InputError):  # too few unknowns for so many modes
         return None
-
-
-def _order(mesh: TetMesh, options: SimulateOptions) -> int:
-    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
-    from ..fem.solve.discretisation_error import LARGEST_P2, p2_unknowns
-
-    return options.order or (2 if p2_unknowns(mesh) <= LARGEST_P2 else 1)
-
-
-def _across(up: UpAxis) -> UpAxis:
-    """The first horizontal axis."""
-    return "x" if up != "x" else "y"
-
-
-def _only_law(options: SimulateOptions, law: str) -> None:
-    if options.law not in (None, law):
-        raise UsageError(
-            f"--scenario {options.scenario} knows only --law {law}, got {options.law!r}"
-        )

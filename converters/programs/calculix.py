@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...fem.scenarios.static import rest
 from ...fem.scene.mesh import TetMesh
+from ...fem.scene.support_finder import find_supports
 from ..files import writing
 from .material_bins import Bins
 
@@ -58,7 +58,7 @@ def _materials(bins: Bins) -> Iterator[str]:
 
 def _step(mesh: TetMesh, options: ExportOptions) -> Iterator[str]:
     axis = "xyz".index(options.up)
-    supports = options.supports or rest(mesh, axis)[0]
+    supports = options.supports or find_supports(mesh, axis)[0]
     down = -np.eye(3, dtype=int)[axis]
     yield "*STEP\n*STATIC\n*BOUNDARY\n"
     for component in range(3):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...fem.scenarios.static import rest
 from ...fem.scene.mesh import TetMesh
+from ...fem.scene.support_finder import find_supports
 from ..files import writing
 from ..mesh.msh import write_msh
 from .material_bins import material_of, vertex_masses
@@ -43,7 +43,7 @@ def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
     """
     material = material_of(mesh)
     axis = "xyz".index(options.up)
-    supports = options.supports or rest(mesh, axis)[0]
+    supports = options.supports or find_supports(mesh, axis)[0]
     mesh_path = path.with_suffix(".msh")
     young = float(material.E.max())
     scene = _SCENE.format(

@@ -1,1 +1,6 @@
-"""Contact with obstacles: barrier and friction."""
+"""Contact: forces between the surface of a body and rigid obstacles.
+
+In: nodes of a space, obstacles with a distance, a coefficient of friction.
+Out: energy, forces and Hessian of barrier and friction; how far a step may go.
+Read: barrier.
+"""

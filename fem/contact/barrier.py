@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..discrete.forces import node_areas
 from ..discrete.space import Space
-from ..scene.mesh import TetMesh
+from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Obstacle
-from ..solve.statics import material_of
 
 # The barrier acts closer than this share of the body's diagonal.
 BARRIER_SHARE = 1e-3
@@ -52,8 +52,6 @@ class Contact:
         friction: float,
         thickness: float | None = None,
     ) -> None:
-        from ..discrete.boundary import node_areas
-
         areas = node_areas(mesh, space)
         self.nodes = np.flatnonzero(areas > 0)
         self.rest = space.nodes[self.nodes]

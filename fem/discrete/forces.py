@@ -1,44 +1,20 @@
-"""Loads on a body as nodal forces: body force, gravity, surface traction, pressure."""
+"""Loads on a body as nodal forces: gravity, body force, surface traction; areas of nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..device import start_warp
 from ..errors import InputError
-from ..scene.mesh import TetMesh
+from ..scene.boundary import face_areas
+from ..scene.loads import Traction
+from ..scene.mesh import TetMesh, material_of
 from .assembly import Discretisation
-from .space import TET_POINTS, Space, shape_functions
-
-
-class Traction(NamedTuple):
-    """Force per area ``value`` (faces, 3) [Pa] on boundary ``faces`` (faces, 3)."""
-
-    faces: np.ndarray
-    value: np.ndarray
-
-
-def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> Traction:
-    """Pressure ``value`` [Pa] on outward ``faces``: the traction -p n."""
-    return Traction(faces, -value * _area_vectors(mesh.points, faces) / _areas(mesh, faces))
-
-
-def _area_vectors(points, faces) -> np.ndarray:
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a) / 2
-
-
-def _areas(mesh, faces) -> np.ndarray:
-    return np.linalg.norm(_area_vectors(mesh.points, faces), axis=1, keepdims=True)
-
-
-def scatter(space: Space, local: Float[np.ndarray, "tets k 3"]) -> Float[np.ndarray, "nodes 3"]:
-    """Sum of element vectors (tets, nodes of an element, 3) at the nodes."""
-    return sum_at_nodes(space, lambda i: local[:, i])
+from .quadrature import TET_POINTS
+from .space import Space, shape_functions
 
 
 def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:
@@ -52,10 +28,10 @@ def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.n
 
 
 def gravity_force(
-    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity: np.ndarray
+    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity_vector: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "nodes 3"]:
-    """Nodal forces [N] of ``gravity`` [m/s^2] (3,) on tets of density ``rho`` [kg/m^3]."""
-    from . import kernels_linear as k
+    """Nodal forces [N] of ``gravity_vector`` [m/s^2] on tets of density ``rho`` [kg/m^3]."""
+    from . import kernels_field as k
 
     wp = start_warp()
     given = wp.array(rho, dtype=wp.float64, device=grid.device)
@@ -64,7 +40,7 @@ def gravity_force(
     mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
     inputs = [grid.points, grid.elements, given, share, mass]
     wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
-    return mass.numpy()[:, None] * gravity
+    return mass.numpy()[:, None] * gravity_vector
 
 
 def body_force(
@@ -76,8 +52,9 @@ def body_force(
     if callable(density):
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
-        return scatter(space, np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N))
-    from . import kernels_linear as k
+        local = np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N)
+        return sum_at_nodes(space, lambda i: local[:, i])
+    from . import kernels_field as k
 
     wp = start_warp()
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
@@ -92,7 +69,7 @@ def body_force(
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a surface traction, constant on every face."""
     faces = np.asarray(load.faces)
-    total = np.broadcast_to(load.value, faces.shape) * _areas(mesh, faces)
+    total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
     if space.order == 2:  # all weight sits at the middles of the edges, a third each
         faces = _edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
     force = np.zeros((len(space.nodes), 3))
@@ -110,3 +87,53 @@ def _edge_nodes(space: Space, ends: np.ndarray) -> np.ndarray:
     if (key[index] != wanted).any():
         raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
     return count + index
+
+
+def load_vector(
+    mesh: TetMesh,
+    grid: Discretisation,
+    *,
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    body: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    traction: Traction | Sequence[Traction] = (),
+    forces: np.ndarray | None = None,
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of all loads together.
+
+    ``gravity_vector`` [m/s^2] (3,), ``body`` force [N/m^3] as in ``body_force``, ``traction`` [Pa],
+    nodal ``forces`` [N] of the points or of all nodes, (points, 3) or (nodes, 3).
+    """
+    space = grid.space
+    total = np.zeros((len(space.nodes), 3))
+    if np.any(gravity_vector):
+        rho = material_of(mesh).rho
+        total += gravity_force(grid, rho, np.asarray(gravity_vector, dtype=float))
+    if body is not None:
+        total += body_force(mesh, grid, body)
+    for load in [traction] if isinstance(traction, Traction) else traction:
+        total += traction_force(mesh, space, load)
+    if forces is not None:
+        if len(forces) not in (space.points, len(space.nodes)):
+            raise InputError(f"forces of shape {forces.shape}: wanted ({space.points}, 3)")
+        total[: len(forces)] += forces
+    if not np.isfinite(total).all():
+        raise InputError("a load is not finite: wanted numbers in SI units")
+    return total
+
+
+def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
+    """Share of the surface [m^2] of every node, zero inside.
+
+    P1: a third of the faces around it; P2: corners get a twelfth and edges a quarter of a face, so
+    that none is without weight.
+    """
+    faces = mesh.boundary.faces
+    one = np.broadcast_to([1.0, 0.0, 0.0], faces.shape)
+    spread = traction_force(mesh, space, Traction(faces, one))[:, 0]
+    if space.order == 1:
+        return spread
+    corners = np.zeros(len(space.nodes))
+    area = face_areas(mesh.points, faces)
+    for k in range(3):
+        np.add.at(corners, faces[:, k], area / 12)
+    return 0.75 * spread + corners

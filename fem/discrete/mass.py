@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..scene.mesh import TetMesh
-from ..solve.statics import material_of
+from ..scene.mesh import TetMesh, material_of
 from .forces import sum_at_nodes
+from .quadrature import duffy_rule
 from .space import Space, shape_functions
 
 # Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
@@ -29,21 +29,11 @@ def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
 
 
-def _quadrature() -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric points (n, 4) and weights of a tet, exact to degree 5: Duffy's map of Gauss."""
-    t, w = np.polynomial.legendre.leggauss(4)
-    t, w = (t + 1) / 2, w / 2
-    a, b, c = (v.ravel() for v in np.meshgrid(t, t, t, indexing="ij"))
-    weight = np.einsum("i,j,k->ijk", w, w, w).ravel() * (1 - a) ** 2 * (1 - b) * 6
-    x, y, z = a, (1 - a) * b, (1 - a) * (1 - b) * c
-    return np.stack([1 - x - y - z, x, y, z], axis=1), weight
-
-
 def consistent_mass(mesh: TetMesh, space: Space) -> Any:
     """Consistent mass matrix [kg] of one component, ``scipy.sparse.csr_array`` (nodes, nodes)."""
     from scipy.sparse import coo_array
 
-    where, weight = _quadrature()
+    where, weight = duffy_rule()
     N = shape_functions(space.order, where)
     local = np.einsum("q,qi,qj->ij", weight, N, N)
     mass = material_of(mesh).rho * mesh.volumes

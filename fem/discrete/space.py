@@ -12,10 +12,6 @@ from ..scene.mesh import TetMesh
 
 # Edges of a tet in the order of VTK's quadratic tetrahedron: node 4 + k lies on edge k.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
-# Four-point rule of a tet, exact for degree 2: barycentric coordinates of point q are b everywhere
-# but a at corner q.
-_A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
-TET_POINTS = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
 
 
 @dataclass(frozen=True, eq=False)

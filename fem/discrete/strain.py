@@ -1,12 +1,24 @@
-"""Strain and stress of a displacement gradient, tensor by tensor."""
+"""Strain and stress of a displacement on the host, tensor by tensor."""
 
 from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ..device import start_warp
+from ..laws.law import LAWS
 from ..scene.material import ElementMaterial, LameParameters
-from .elastic import Law
+from .assembly import Discretisation
+
+
+class StrainAndStress(NamedTuple):
+    """Strain [1] and Cauchy stress [Pa], each (tets, 3, 3)."""
+
+    strain: np.ndarray
+    stress: np.ndarray
 
 
 def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
@@ -16,50 +28,62 @@ def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
     return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))
 
 
-def hooke(
-    strain: Float[np.ndarray, "tets *q 3 3"], material: ElementMaterial
-) -> Float[np.ndarray, "tets *q 3 3"]:
-    """Stress lam tr(e) I + 2 mu e [Pa] of every tet; ``strain`` (tets, ..., 3, 3)."""
-    lam, mu = (m.reshape(-1, *[1] * (strain.ndim - 1)) for m in material.lame)
-    trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
-    return lam * trace * np.eye(3) + 2 * mu * strain
+def first_piola(
+    law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
+) -> Float[np.ndarray, "*n 3 3"]:
+    """First Piola stress [Pa] of the displacement gradient ``H``; it is linear in ``lame`` [Pa].
+
+    The Lame parameters broadcast against the leading axes of ``H``. Evaluated on the CPU by the
+    functions that the kernels of elements are made of.
+    """
+    wp = start_warp()
+    from .kernels_elastic import elastic_kernels
+
+    leading = H.shape[:-2]
+    moduli = [np.broadcast_to(m, leading).astype(float).ravel() for m in lame]
+    given = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
+    P = wp.empty_like(given)
+    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), P]
+    wp.launch(elastic_kernels(LAWS[law]).stress, len(given), inputs=inputs, device="cpu")
+    return P.numpy().reshape(H.shape)
 
 
 def strain_and_stress(
-    law: Law, H: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
-) -> tuple[np.ndarray, np.ndarray]:
-    """Strain [1] and Cauchy stress [Pa] of the displacement gradient ``H``, each (tets, 3, 3).
+    law: str, H: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
+) -> StrainAndStress:
+    """Strain and stress of the displacement gradient ``H`` under the law of that name.
 
-    Small strain under the linear law, Green's strain (F^T F - I) / 2 under the others.
+    Small strain under a law of small strains, Green's strain (F^T F - I) / 2 under a finite one.
     """
     small = (H + H.transpose(0, 2, 1)) / 2
-    if law is Law.LINEAR:
-        return small, hooke(small, material)
-    lame = LameParameters(*(m[:, None, None] for m in material.lame))
+    P = first_piola(law, H, material.lame)
+    if not LAWS[law].finite:
+        return StrainAndStress(small, P)
     F = H + np.eye(3)
-    J = np.linalg.det(F)[:, None, None]
-    stress = first_piola(law, F, lame) @ F.transpose(0, 2, 1) / J
-    return small + H.transpose(0, 2, 1) @ H / 2, stress
+    stress = P @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
+    return StrainAndStress(small + H.transpose(0, 2, 1) @ H / 2, stress)
 
 
-def first_piola(
-    law: Law, F: Float[np.ndarray, "*n 3 3"], lame: LameParameters
-) -> Float[np.ndarray, "*n 3 3"]:
-    """First Piola stress [Pa] of the deformation gradient ``F``; it is linear in ``lame`` [Pa].
+@lru_cache(maxsize=8)
+def barycentric_array(device: str, key: bytes) -> Any:
+    """Device array of barycentric points given as float64 bytes (points, 4)."""
+    wp = start_warp()
+    return wp.array(np.frombuffer(key).reshape(-1, 4), dtype=wp.vec4d, device=device)
 
-    The Lame parameters broadcast against ``F``.
-    """
-    lam, mu = lame
-    if law is Law.LINEAR:
-        strain = (F + np.swapaxes(F, -1, -2)) / 2 - np.eye(3)
-        trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
-        return lam * trace * np.eye(3) + 2 * mu * strain
-    if law is Law.COROTATED:
-        U, _, Vt = np.linalg.svd(F)
-        U[..., 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]
-        R = U @ Vt
-        trace = np.einsum("...ij,...ij->...", R, F)[..., None, None] - 3
-        return 2 * mu * (F - R) + lam * trace * R
-    columns = [np.cross(F[..., (i + 1) % 3], F[..., (i + 2) % 3]) for i in range(3)]
-    J = np.linalg.det(F)[..., None, None]
-    return mu * F + ((lam + mu) * (J - 1) - mu) * np.stack(columns, axis=-1)
+
+def displacement_gradients(
+    grid: Discretisation,
+    u: Float[np.ndarray, "nodes 3"],
+    barycentric: Float[np.ndarray, "points 4"],
+) -> Float[np.ndarray, "tets points 3 3"]:
+    """Gradient H = du_i/dx_j [1] of the displacement ``u`` [m] at points of every tet."""
+    from . import kernels_field as k
+
+    wp = start_warp()
+    tets, device = len(grid.space.elements), grid.device
+    where = barycentric_array(device, np.ascontiguousarray(barycentric, dtype=float).tobytes())
+    out = wp.empty((tets, len(barycentric)), dtype=wp.mat33d, device=device)
+    field = wp.array(u, dtype=wp.vec3d, device=device)
+    arrays = [grid.points, grid.elements, where, field]
+    wp.launch(k.displacement_gradient, tets, inputs=arrays, outputs=[out], device=device)
+    return out.numpy()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..device import start_warp
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 from ..errors import ConvergenceError
 from .aggregation import STRENGTH, boxes, split_weak
 from .krylov import Recorder

@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from ..discrete.kernels_linear import row_times
+from ..discrete.kernels_matrix import row_times
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 6})
 

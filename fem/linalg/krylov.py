@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..device import start_warp
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
 BLOCK = 256
@@ -68,7 +68,7 @@ class ConjugateGradients:
     def __init__(
         self, matrix: BlockMatrix, lower: Any, preconditioner: Any, r: Any, z: Any
     ) -> None:
-        from ..discrete import kernels_linear
+        from ..discrete import kernels_matrix
         from . import kernels_krylov as k
 
         wp = start_warp()
@@ -79,7 +79,7 @@ class ConjugateGradients:
         self.z, self.graph = z, None
         launch = Recorder(matrix.nodes, r.device)
         A = [matrix.rows, matrix.columns, matrix.values]
-        self.multiply = launch(kernels_linear.multiply, [*A, self.p, q])
+        self.multiply = launch(kernels_matrix.multiply, [*A, self.p, q])
         advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
         self.advance = launch(k.cg_advance, advance)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
@@ -129,7 +129,7 @@ class ConjugateGradients:
 
 def largest_eigenvalue(matrix: BlockMatrix) -> float:
     """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one."""
-    from ..discrete import kernels_linear
+    from ..discrete import kernels_matrix
     from . import kernels_krylov as k
 
     wp = start_warp()
@@ -140,7 +140,7 @@ def largest_eigenvalue(matrix: BlockMatrix) -> float:
     along, square = (wp.zeros(steps + 1, dtype=wp.float64, device=device) for _ in range(2))
     launch = Recorder(matrix.nodes, device)
     direction = launch(k.lanczos_direction, [w, square, 0, v, old])
-    multiply = launch(kernels_linear.multiply, [matrix.rows, matrix.columns, matrix.values, v, w])
+    multiply = launch(kernels_matrix.multiply, [matrix.rows, matrix.columns, matrix.values, v, w])
     residual = launch(k.lanczos_residual, [v, old, along, square, 0, w])
     length, curvature = Inner(w, w, square, 0), Inner(w, v, along, 0)
     launch(k.lanczos_start, [w]).launch()

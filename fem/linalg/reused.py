@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device import start_warp
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 from .krylov import ConjugateGradients, Recorder
 from .two_level import Scaled, TwoLevel, scale
 

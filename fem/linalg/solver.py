@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device import start_warp
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 from .krylov import ConjugateGradients, Recorder
 from .two_level import Scaled, TwoLevel, scale
 
@@ -42,7 +42,7 @@ class Solution(NamedTuple):
     suspect: bool = False
 
 
-def solve(
+def solve_system(
     matrix: BlockMatrix, b: np.ndarray, *, points: np.ndarray, fixed: np.ndarray, tolerance: float
 ) -> Solution:
     """Solve A x = b for ``b`` (nodes, 3) to a relative residual; ``matrix`` is used up.

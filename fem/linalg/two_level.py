@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..device import start_warp
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 from .coarse import coarsen
 from .krylov import BLOCK, Recorder, largest_eigenvalue
 

@@ -1,1 +1,6 @@
-"""The scene: a body of tets with its material, what holds it, what it meets."""
+"""Scene: a body of tets with its material, what holds it, acts on it and meets it, in SI.
+
+In: arrays of points, tets and E, nu, rho; names of the material table.
+Out: TetMesh, Supports, Traction, obstacles, and the Scene of all of them.
+Read: mesh, material, boundary, supports, loads, obstacles, scene, support_finder, materials.
+"""

@@ -1,20 +1,21 @@
-"""Pieces of a mesh: what is joined firmly enough to move as one body."""
+"""Components of a mesh: what is joined firmly enough to move as one body."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .mesh import FACES, TetMesh
+from .boundary import FACES
+from .mesh import TetMesh
 
 # Points are on one line when they leave it by less than this share of their extent.
 FLATNESS = 1e-6
-# Above this many pieces the dense matrix of their rigid motions is not worth making.
-MAX_PIECES = 300
+# Above this many components the dense matrix of their rigid motions is not worth making.
+MAX_COMPONENTS = 300
 
 
-def face_connected_pieces(mesh: TetMesh) -> Int[np.ndarray, "tets"]:
-    """Piece of every tet: tets that share a face are in one piece; the first tet is in piece 0.
+def face_components(mesh: TetMesh) -> Int[np.ndarray, "tets"]:
+    """Component of every tet: tets that share a face are in one; the first tet is in component 0.
 
     Tets that share only a corner or an edge form a hinge, not one body.
     """
@@ -38,25 +39,25 @@ def spans_plane(points: Float[np.ndarray, "n 3"]) -> bool:
     return bool(extent[1] > FLATNESS * extent[0])
 
 
-def free_pieces(mesh: TetMesh, held: Float[np.ndarray, "points 3"]) -> Int[np.ndarray, "free"]:
-    """Pieces that can still move as rigid bodies when the components ``held > 0`` are stopped.
+def free_components(mesh: TetMesh, held: Float[np.ndarray, "points 3"]) -> Int[np.ndarray, "free"]:
+    """Components that can still move as rigid bodies where the entries ``held > 0`` are stopped.
 
-    Every piece has six rigid motions; supports, and points shared with other pieces, resist them.
-    A piece is free where a motion meets no resistance.
+    Every component has six rigid motions; supports, and points shared with others, resist them.
+    A component is free where a motion meets no resistance.
     """
-    pieces = face_connected_pieces(mesh)
-    count = int(pieces.max()) + 1
-    if count > MAX_PIECES:
+    labels = face_components(mesh)
+    count = int(labels.max()) + 1
+    if count > MAX_COMPONENTS:
         return np.zeros(0, dtype=np.int64)
-    pairs = np.unique(np.stack([mesh.tets.ravel(), np.repeat(pieces, 4)], axis=1), axis=0)
+    pairs = np.unique(np.stack([mesh.tets.ravel(), np.repeat(labels, 4)], axis=1), axis=0)
     scale = np.ptp(mesh.bounds, axis=0).max()
     motion = rigid_motions((mesh.points - mesh.bounds[0]) / scale)
     rows = []
-    owner = dict(pairs[::-1])  # the first piece around every point
-    for point, piece in pairs:
+    owner = dict(pairs[::-1])  # the first component around every point
+    for point, component in pairs:
         row = np.zeros((3, count, 6))
-        row[:, piece] = motion[point]
-        if owner[point] == piece:
+        row[:, component] = motion[point]
+        if owner[point] == component:
             rows.append(row[held[point] > 0])
         else:
             row[:, owner[point]] -= motion[point]

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
+from .boundary import FACES, Boundary, area_vectors, boundary_faces
 from .material import ElementMaterial
-
-# Outward faces of a positively oriented tet (vertex i is opposite to face i).
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-
-
-class Boundary(NamedTuple):
-    """Outward faces of the boundary: ``faces`` (faces, 3) point ids, ``tet`` (faces,) owners."""
-
-    faces: np.ndarray
-    tet: np.ndarray
 
 
 def signed_volumes(
@@ -30,32 +20,12 @@ def signed_volumes(
     return np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) / 6
 
 
-def area_vectors(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> Float[np.ndarray, "tets 4 3"]:
-    """Outward area vector [m^2] of the face opposite to each vertex."""
-    a, b, c = (points[tets[:, FACES[:, i]]] for i in range(3))
-    return np.cross(b - a, c - a) / 2
-
-
 def altitudes(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets 4"]:
     """Distance [m] of every vertex of every tet from the opposite face."""
-    area = np.linalg.norm(area_vectors(points, tets), axis=-1)
+    area = np.linalg.norm(area_vectors(points, tets[:, FACES]), axis=-1)
     return 3 * signed_volumes(points, tets)[:, None] / area
-
-
-def boundary_faces(tets: Int[np.ndarray, "tets 4"]) -> Boundary:
-    """Faces that belong to one tet only, oriented outward for positively oriented tets."""
-    faces = tets[:, FACES].reshape(-1, 3)
-    key = np.sort(faces, axis=1)
-    order = np.lexsort(key.T[::-1])
-    same = (key[order][1:] == key[order][:-1]).all(axis=1)
-    single = np.ones(len(faces), dtype=bool)
-    single[order[1:][same]] = single[order[:-1][same]] = False
-    index = np.flatnonzero(single)
-    return Boundary(faces[index], index // 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +114,7 @@ class TetMesh:
     @property
     def mass(self) -> float:
         """Total mass [kg]: sum of rho V over the tets."""
-        if self.material is None:
-            raise InputError("the mesh has no material yet: run `assign` first")
-        return float(self.material.rho @ self.volumes)
+        return float(material_of(self).rho @ self.volumes)
 
     @property
     def boundary(self) -> Boundary:
@@ -160,6 +128,13 @@ class TetMesh:
     def with_material(self, material: ElementMaterial | None) -> TetMesh:
         """Return the same mesh with another material."""
         return replace(self, material=material)
+
+
+def material_of(mesh: TetMesh) -> ElementMaterial:
+    """Material of ``mesh``; ``InputError`` where it has none yet."""
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    return mesh.material
 
 
 def _check_arrays(points, tets, region, region_names) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
 from ..errors import InputError
-from .components import face_connected_pieces, spans_plane
+from .components import face_components, spans_plane
 from .mesh import TetMesh
 from .supports import Supports
 
+Axis = Literal["x", "y", "z"]
 AXES = {"x": 0, "y": 1, "z": 2}
 # Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
 # meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
@@ -22,38 +25,46 @@ def up_axis(up: str) -> int:
     return AXES[up]
 
 
-def rest(
+class FoundSupports(NamedTuple):
+    """What holds a body, and the ``warnings`` of what had to be assumed."""
+
+    supports: Supports
+    warnings: tuple[str, ...]
+
+
+def find_supports(
     mesh: TetMesh, axis: int, *, three_point: bool = False, from_top: bool = False
-) -> tuple[Supports, list[str]]:
-    """Supports on which every piece of ``mesh`` stands, and what had to be assumed.
+) -> FoundSupports:
+    """Supports on which every component of ``mesh`` stands.
 
     ``three_point``: on three points, free to expand; ``from_top``: it hangs instead.
 
-    A piece (tets joined through faces) that neither stands on the base nor shares three points
+    A component (tets joined through faces) that neither stands on the base nor shares three points
     that span a plane with a held piece could move freely: it is held at its own lowest points.
     """
-    pieces = face_connected_pieces(mesh)
+    labels = face_components(mesh)
     used = np.unique(mesh.tets)
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     warnings: list[str] = []
     place = _three_points if three_point else _clamp_lowest
     points = mesh.points * np.where(np.arange(3) == axis, -1.0, 1.0) if from_top else mesh.points
     place(points, used, axis, fixed)
-    members = [np.unique(mesh.tets[pieces == k]) for k in range(pieces.max() + 1)]
+    members = [np.unique(mesh.tets[labels == k]) for k in range(labels.max() + 1)]
     held = np.any(fixed, axis=1)
     waiting = set(range(len(members)))
     while waiting:
         done = {k for k in waiting if spans_plane(mesh.points[members[k][held[members[k]]]])}
-        if not done:  # the biggest loose piece gets a support of its own
+        if not done:  # the biggest loose component gets a support of its own
             k = max(waiting, key=lambda k: len(members[k]))
             _clamp_lowest(points, members[k], axis, fixed)
-            share = mesh.volumes[pieces == k].sum() / mesh.volume
+            share = mesh.volumes[labels == k].sum() / mesh.volume
             warnings.append(_loose(k, len(members), share, "highest" if from_top else "lowest"))
             done = {k}
         for k in done:
             held[members[k]] = True
         waiting -= done
-    return Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape)), warnings
+    supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape))
+    return FoundSupports(supports, tuple(warnings))
 
 
 def _loose(piece: int, pieces: int, share: float, where: str) -> str:

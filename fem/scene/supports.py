@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..discrete.space import Space
 from ..errors import InputError
 
 
@@ -59,20 +58,3 @@ class Supports:
         springs = self.springs.copy()
         springs[ids] += stiffness
         return Supports(self.fixed, self.values, springs)
-
-    def on(self, space: Space) -> Supports:
-        """Continue to all nodes of ``space``: an edge is held where both its ends are."""
-        if len(self.fixed) == len(space.nodes):
-            return self
-        if len(self.fixed) != space.points:
-            raise InputError(
-                f"supports of {len(self.fixed)} points: wanted {space.points} (mesh points) "
-                f"or {len(space.nodes)} (nodes of the order-{space.order} space)"
-            )
-        edges = space.edges
-        zeros = np.zeros((len(edges), 3))
-        return Supports(
-            np.concatenate([self.fixed, self.fixed[edges].all(axis=1)]),
-            np.concatenate([self.values, self.values[edges].mean(axis=1)]),
-            np.concatenate([self.springs, zeros]),
-        )

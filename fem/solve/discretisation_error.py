@@ -1,29 +1,17 @@
-"""Discretisation error of a static answer: the gap between P1 and P2, or an estimate of it."""
+"""Discretisation error of a static answer: P1 against P2, or an estimate of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..scene.mesh import TetMesh
-from .statics import StaticResult, material_of
+from ..result import DiscretisationError, StaticResult
+from ..scene.mesh import TetMesh, material_of
 
 # Unknowns of a P2 solve above which the gap is estimated instead.
 LARGEST_P2 = 150_000
-
-
-class Gap(NamedTuple):
-    """Relative error of the largest displacement.
-
-    ``kind`` is 'P1/P2' (the answers of both orders compared) or 'stress recovery' (an estimate from
-    the jumps of stress between tets).
-    """
-
-    value: float
-    kind: str
 
 
 def p2_unknowns(mesh: TetMesh) -> int:
@@ -34,20 +22,26 @@ def p2_unknowns(mesh: TetMesh) -> int:
     return 3 * (used + edges)
 
 
-def discretisation_gap(
+def affordable_order(mesh: TetMesh) -> int:
+    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
+    return 2 if p2_unknowns(mesh) <= LARGEST_P2 else 1
+
+
+def find_discretisation_error(
     result: StaticResult, solve: Callable[..., StaticResult], warnings: list[str]
-) -> Gap:
+) -> DiscretisationError:
     """Error of ``result``: ``solve(order=...)`` answers the same problem with the other order."""
     if result.order == 1 and p2_unknowns(result.mesh) > LARGEST_P2:
-        return Gap(recovery_estimate(result), "stress recovery")
+        return DiscretisationError(recovery_estimate(result), "stress recovery")
     try:
         other = solve(order=3 - result.order)
     except ConvergenceError as error:
         warnings.append(f"the P1/P2 gap could not be computed: {error}")
-        return Gap(recovery_estimate(result), "stress recovery")
+        return DiscretisationError(recovery_estimate(result), "stress recovery")
     one, two = (np.linalg.norm(r.displacement, axis=1).max() for r in (result, other))
     fine = two if result.order == 1 else one
-    return Gap(float(abs(one - two) / fine) if fine > 0 else 0.0, "P1/P2")
+    error = float(abs(one - two) / fine) if fine > 0 else 0.0
+    return DiscretisationError(error, "P1/P2")
 
 
 def recovery_estimate(result: StaticResult) -> float:

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from ..contact.barrier import Contact
+from ..deprecation import renamed_options
 from ..device import checked_device, one_thread
 from ..discrete.assembly import discretise
-from ..discrete.elastic import ElasticBody, Law, Response
+from ..discrete.constraints import node_supports
+from ..discrete.elastic import ElasticBody, Response
+from ..discrete.forces import load_vector
 from ..discrete.mass import lumped_mass
-from ..discrete.space import Space
+from ..discrete.space import Space, extend_linear
 from ..errors import ConvergenceError, InputError
+from ..laws.law import Law
 from ..linalg.reused import RepeatedSolver
-from ..scene.mesh import TetMesh
+from ..result import Motion, MotionResult
+from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Obstacle
+from ..scene.scene import Scene
 from ..scene.supports import Supports
+from .method import FrameProgress
 from .newton import minimise
 from .potential import Damping, Incremental, Rayleigh
 from .schemes import Forecast, Kinematics, Scheme, Step
-from .statics import material_of
 
 logger = logging.getLogger(__name__)
 
@@ -37,42 +42,6 @@ FRICTION_PASSES = 2
 NOISE = 1e-10
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """State of a body at ``time`` [s].
-
-    Parameters
-    ----------
-    u, v, a
-        Displacement [m], velocity [m/s] and acceleration [m/s^2], shape (nodes, 3).
-    contact_force
-        Force of the obstacles on every node [N], shape (nodes, 3).
-    gap
-        Smallest distance of the surface from an obstacle [m]; infinite without obstacles.
-    kinetic, elastic, potential, barrier
-        Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
-    iterations
-        Newton iterations of the step.
-    """
-
-    time: float
-    u: Float[np.ndarray, "nodes 3"]
-    v: Float[np.ndarray, "nodes 3"]
-    a: Float[np.ndarray, "nodes 3"]
-    contact_force: Float[np.ndarray, "nodes 3"]
-    gap: float
-    kinetic: float
-    elastic: float
-    potential: float
-    barrier: float
-    iterations: int
-
-    @property
-    def energy(self) -> float:
-        """Total energy [J]."""
-        return self.kinetic + self.elastic + self.potential + self.barrier
-
-
 class Dynamics:
     """A body in motion.
 
@@ -82,8 +51,8 @@ class Dynamics:
         Tets with a material.
     supports
         Prescribed components (values are held from the start on) and springs.
-    gravity
-        Acceleration of gravity [m/s^2].
+    gravity_vector
+        Acceleration of gravity [m/s^2], shape (3,).
     forces
         Constant nodal forces [N], shape (points, 3) or (nodes, 3).
     obstacles, friction, thickness
@@ -92,23 +61,24 @@ class Dynamics:
     velocity
         Initial velocity [m/s], (3,) or (nodes, 3).
     law, order, scheme, damping
-        Elastic law, order of the elements, time integration, Rayleigh damping.
+        Name of the elastic law, order of the elements, time integration, Rayleigh damping.
     tolerance
         Residual of a step over the external and inertial force.
     """
 
+    @renamed_options(gravity="gravity_vector")
     def __init__(
         self,
         mesh: TetMesh,
         *,
         supports: Supports | None = None,
-        gravity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+        gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         forces: np.ndarray | None = None,
         obstacles: Sequence[Obstacle] = (),
         friction: float = 0.0,
         thickness: float | None = None,
         velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
-        law: Law = Law.NEO_HOOKEAN,
+        law: str = Law.NEO_HOOKEAN,
         order: int = 1,
         scheme: Scheme = Scheme.IMPLICIT_EULER,
         damping: Damping | None = None,
@@ -121,8 +91,8 @@ class Dynamics:
         self.body = ElasticBody(grid, material_of(mesh), law)
         self.mass = lumped_mass(mesh, grid.space)
         nodes = len(grid.space.nodes)
-        self.held = (supports or Supports.none(len(mesh.points))).on(grid.space)
-        self.load = self.mass[:, None] * np.asarray(gravity, dtype=float)
+        self.held = node_supports(supports or Supports.none(len(mesh.points)), self.space)
+        self.load = self.mass[:, None] * np.asarray(gravity_vector, dtype=float)
         if forces is not None:
             self.load[: len(forces)] += forces
         self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
@@ -244,3 +214,52 @@ def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
     nodes, size = space.elements.ravel(), space.elements.shape[1]
     total = np.bincount(nodes, np.repeat(k, size), len(space.nodes))
     return (total / np.maximum(np.bincount(nodes, minlength=len(space.nodes)), 1))[:, None]
+
+
+class DynamicMethod:
+    """Motion of a scene, by default of linear elements of the neo-Hookean law."""
+
+    laws: tuple[str, ...] = ()
+
+    def solve(
+        self,
+        scene: Scene,
+        *,
+        law: str | None = None,
+        order: int | None = None,
+        device: str = "cpu",
+        progress: FrameProgress | None = None,
+        scheme: Scheme = Scheme.IMPLICIT_EULER,
+    ) -> MotionResult:
+        """Follow the scene for its duration, one step of ``scheme`` a frame."""
+        dt = scene.duration / scene.frames
+        body = _body_of(scene, law or Law.NEO_HOOKEAN, order or 1, device, scheme)
+        frames = [body.state]
+        for frame in range(1, scene.frames + 1):
+            frames.append(body.step(dt))
+            if progress is not None:
+                progress(frame, scene.frames)
+        return MotionResult(tuple(frames), dt, len(scene.mesh.points))
+
+
+METHOD = DynamicMethod()
+
+
+def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) -> Dynamics:
+    grid = discretise(scene.mesh, order, checked_device(device))
+    forces, velocity = scene.forces, np.asarray(scene.velocity, dtype=float)
+    if scene.tractions:
+        forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
+    return Dynamics(
+        scene.mesh,
+        supports=scene.supports,
+        gravity_vector=scene.gravity_vector,
+        forces=forces,
+        obstacles=scene.obstacles,
+        friction=scene.friction,
+        velocity=extend_linear(grid.space, velocity) if velocity.ndim == 2 else velocity,
+        law=law,
+        order=order,
+        scheme=scheme,
+        device=device,
+    )

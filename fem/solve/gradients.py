@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..deprecation import renamed_options
 from ..device import checked_device
-from ..discrete.assembly import Discretisation, discretise, displacement_gradients, stiffness
-from ..discrete.elastic import Law
+from ..discrete.assembly import Discretisation, discretise, stiffness
+from ..discrete.constraints import node_supports, reduced_load
 from ..discrete.mass import mass_shares
-from ..discrete.space import TET_POINTS, shape_functions
-from ..discrete.strain import first_piola
-from ..linalg.solver import solve
+from ..discrete.quadrature import TET_POINTS, element_points
+from ..discrete.space import shape_functions
+from ..discrete.strain import displacement_gradients, first_piola
+from ..laws.law import Law
+from ..linalg.solver import solve_system
 from ..scene.material import ElementMaterial, LameParameters
 from ..scene.mesh import TetMesh
 from ..scene.supports import Supports
 from .dynamics import Dynamics
-from .statics import TOLERANCE, check_solution, reduced_load, solve_static
+from .statics import TOLERANCE, check_solution, solve_static
 
 if TYPE_CHECKING:
     import torch
@@ -36,18 +39,18 @@ def _by_moduli(
     grid: Discretisation,
     mesh: TetMesh,
     material: ElementMaterial,
-    law: Law,
+    law: str,
     u: np.ndarray,
     adjoint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives by E and nu of -adjoint . internal force; P is linear in (lam, mu)."""
-    where = TET_POINTS if grid.space.order == 2 else np.full((1, 4), 0.25)
-    F = displacement_gradients(grid, u, where) + np.eye(3)
+    where = element_points(grid.space.order)
+    H = displacement_gradients(grid, u, where)
     along = displacement_gradients(grid, adjoint, where)
     weight = mesh.volumes / len(where)
 
     def work(lame: LameParameters) -> np.ndarray:
-        return -weight * np.einsum("tqij,tqij->t", along, first_piola(law, F, lame))
+        return -weight * np.einsum("tqij,tqij->t", along, first_piola(law, H, lame))
 
     zero, one = np.zeros(()), np.ones(())
     by_lam, by_mu = work(LameParameters(one, zero)), work(LameParameters(zero, one))
@@ -83,6 +86,7 @@ def _function(
     return result
 
 
+@renamed_options(gravity="gravity_vector")
 def static_displacement(
     mesh: TetMesh,
     supports: Supports,
@@ -90,7 +94,7 @@ def static_displacement(
     nu: torch.Tensor,
     rho: torch.Tensor,
     *,
-    gravity=(0.0, 0.0, 0.0),
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     order: int = 1,
     tolerance: float = TOLERANCE,
     device: str = "cpu",
@@ -102,13 +106,14 @@ def static_displacement(
     ``solve_static``. The backward pass is one more solve with the same matrix.
     """
     grid = discretise(mesh, order, checked_device(device))
-    held = supports.on(grid.space)
+    held = node_supports(supports, grid.space)
     kept: dict[str, Any] = {}
 
     def forward(material: ElementMaterial) -> np.ndarray:
         body = mesh.with_material(material)
-        options = {"gravity": gravity, "order": order, "tolerance": tolerance, "device": device}
-        u = solve_static(body, held, **options, **loads).node_displacement
+        options = {"order": order, "tolerance": tolerance, "device": device}
+        known = {"gravity_vector": gravity_vector, **options, **loads}
+        u = solve_static(body, held, **known).node_displacement
         kept.update(material=material, u=u)
         return u
 
@@ -117,17 +122,18 @@ def static_displacement(
         matrix = stiffness(grid, *material.lame)
         rhs = reduced_load(matrix, outer.copy(), held, np.zeros_like(outer))
         nodes = grid.space.nodes
-        solution = solve(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
+        solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
         check_solution(mesh, held, solution, tolerance)
         adjoint = np.where(held.fixed, 0.0, solution.x)
         by_E, by_nu = _by_moduli(grid, mesh, material, Law.LINEAR, u, adjoint)
         share = shape_functions(order, TET_POINTS).mean(axis=0)
         lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
-        return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity)))
+        return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity_vector)))
 
     return _function(forward, backward, (E, nu, rho))
 
 
+@renamed_options(gravity="gravity_vector")
 def implicit_step(
     make: Callable[[TetMesh], Dynamics],
     mesh: TetMesh,
@@ -135,13 +141,14 @@ def implicit_step(
     nu: torch.Tensor,
     rho: torch.Tensor,
     *,
-    gravity=(0.0, 0.0, 0.0),
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     dt: float,
 ) -> torch.Tensor:
     """Displacement [m] (nodes, 3) after one implicit Euler step, differentiable by E, nu and rho.
 
-    ``make`` builds the ``Dynamics`` of a mesh with material, with this ``gravity`` [m/s^2], and a
-    tight tolerance; the barrier of obstacles counts as independent of E. ``dt`` [s] is the step.
+    ``make`` builds the ``Dynamics`` of a mesh with material, with this ``gravity_vector`` [m/s^2]
+    and a tight tolerance; the barrier of obstacles counts as independent of E. ``dt`` [s] is the
+    step.
     """
     kept: dict[str, Any] = {}
 
@@ -158,7 +165,7 @@ def implicit_step(
         adjoint = body.solve_adjoint(1 / dt**2, u, given)
         adjoint = np.where(held.fixed, 0.0, adjoint)
         by_E, by_nu = _by_moduli(grid, mesh, material, body.body.law, u, adjoint)
-        pull = np.asarray(gravity) - (u - kept["target"]) / dt**2
+        pull = np.asarray(gravity_vector) - (u - kept["target"]) / dt**2
         work = (adjoint * pull).sum(axis=1)[grid.space.elements]
         by_rho = mesh.volumes * (work @ mass_shares(grid.space.order))
         return MaterialGradient(by_E, by_nu, by_rho)

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from ..device import checked_device, single_threaded
-from ..discrete.assembly import BlockMatrix, add_diagonal, apply_supports, discretise, stiffness
+from ..discrete.assembly import discretise, stiffness
+from ..discrete.block_matrix import BlockMatrix, add_diagonal
+from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.mass import consistent_mass, lumped_mass
 from ..discrete.space import Space
 from ..errors import ConvergenceError, InputError
+from ..laws.law import Law
 from ..linalg.krylov import Recorder
 from ..linalg.two_level import TwoLevel, scale
+from ..result import Modes
 from ..scene.components import rigid_motions
-from ..scene.mesh import TetMesh
+from ..scene.mesh import TetMesh, material_of
+from ..scene.scene import Scene
 from ..scene.supports import Supports
-from .statics import material_of
+from .discretisation_error import affordable_order
+from .method import FrameProgress
 
 # Unknowns up to which a direct factor of the shifted stiffness is cheap; LOBPCG beyond. A thin body
 # fills in little: 46,000 unknowns of a bonsai took 4 s, and 89 s (without an end) by LOBPCG.
@@ -30,26 +34,6 @@ TOLERANCE = 1e-3
 MAX_ITERATIONS = 200
 # The shift of a free body, as a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Natural vibrations, the slowest first; rigid motions are left out.
-
-    Parameters
-    ----------
-    frequencies
-        Frequencies [Hz], shape (modes,).
-    shapes
-        Displacement of the nodes of unit modal mass, shape (modes, nodes, 3); the first nodes are
-        the mesh points.
-    residual
-        Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
-    """
-
-    frequencies: Float[np.ndarray, "modes"]
-    shapes: Float[np.ndarray, "modes nodes 3"]
-    residual: float
 
 
 @single_threaded
@@ -74,7 +58,7 @@ def natural_modes(
 
     grid = discretise(mesh, order, checked_device(device))
     space = grid.space
-    held = (supports or Supports.none(len(mesh.points))).on(space)
+    held = node_supports(supports or Supports.none(len(mesh.points)), space)
     used = np.ones(len(space.nodes), dtype=bool)
     used[space.unused] = False
     free = (~held.fixed & used[:, None]).reshape(-1)
@@ -107,6 +91,29 @@ def natural_modes(
     return Modes(
         np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes.reshape(count, -1, 3), residual
     )
+
+
+class ModalMethod:
+    """Natural vibrations of a body as it is held; loads do not change them."""
+
+    laws: tuple[str, ...] = (Law.LINEAR,)
+
+    def solve(
+        self,
+        scene: Scene,
+        *,
+        law: str | None = None,
+        order: int | None = None,
+        device: str = "cpu",
+        progress: FrameProgress | None = None,
+    ) -> Modes:
+        """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail."""
+        order = order or affordable_order(scene.mesh)
+        options = {"supports": scene.held, "order": order, "device": device}
+        return natural_modes(scene.mesh, scene.modes, **options)
+
+
+METHOD = ModalMethod()
 
 
 def is_factored(mesh: TetMesh, unknowns: int) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..discrete.assembly import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix
 from ..errors import ConvergenceError
 
 logger = logging.getLogger(__name__)

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..deprecation import renamed_options
 from ..device import start_warp
-from ..discrete.assembly import (
-    BlockMatrix,
-    Discretisation,
-    discretise,
-    displacement_gradients,
-    stiffness,
-)
-from ..discrete.elastic import ElasticBody, Law
-from ..errors import ConvergenceError
-from ..linalg.solver import solve
-from ..scene.mesh import TetMesh
+from ..discrete.assembly import Discretisation, stiffness
+from ..discrete.block_matrix import BlockMatrix
+from ..discrete.constraints import reduced_load
+from ..discrete.elastic import ElasticBody
+from ..discrete.quadrature import CENTROID
+from ..discrete.strain import displacement_gradients
+from ..laws.law import Law
+from ..linalg.solver import solve_system
+from ..result import StaticResult
+from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
-from .statics import (
-    TOLERANCE,
-    StaticResult,
-    check_solution,
-    load_vector,
-    material_of,
-    reduced_load,
-    static_result,
-)
+from .statics import TOLERANCE, check_solution, discrete_problem, static_result
 
 # Tets around a node share a pressure where their first Lame parameters differ less than this
 # factor: a soft filling must not take the pressure of a stiff shell.
@@ -88,11 +81,12 @@ def _matrix(grid: Discretisation, mesh: TetMesh, pressures: Pressures) -> BlockM
     )
 
 
+@renamed_options(gravity="gravity_vector")
 def solve_averaged(
     mesh: TetMesh,
     supports: Supports,
     *,
-    gravity=(0.0, 0.0, 0.0),
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     body=None,
     traction=(),
     forces: np.ndarray | None = None,
@@ -105,16 +99,14 @@ def solve_averaged(
     1998). The pressure in ``stress`` is the averaged one.
     """
     material = material_of(mesh)
-    grid = discretise(mesh, 1, device)
-    held = supports.on(grid.space)
-    if not (held.fixed.any() or held.springs.any()):
-        raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    load = load_vector(mesh, grid, gravity, body, traction, forces)
+    loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
+    grid, held, load = discrete_problem(mesh, supports, order=1, device=device, **loads)
     pressures = nodal_pressures(mesh, material.lame.lam)
     matrix = _matrix(grid, mesh, pressures)
     prescribed = np.where(held.fixed, held.values, 0.0)
     rhs = reduced_load(matrix, load, held, prescribed)
-    solution = solve(matrix, rhs, points=grid.space.nodes, fixed=held.fixed, tolerance=tolerance)
+    nodes = grid.space.nodes
+    solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
     check_solution(mesh, held, solution, tolerance)
     u = np.where(held.fixed, prescribed, solution.x)
     plain = static_result(
@@ -122,7 +114,7 @@ def solve_averaged(
         solution.residual, solution.iterations,
     )  # fmt: skip
     internal = _matrix(grid, mesh, pressures).times(u)
-    H = displacement_gradients(grid, u, np.full((1, 4), 0.25))[:, 0]
+    H = displacement_gradients(grid, u, CENTROID)[:, 0]
     volume_strain = (pressures.mean @ u.reshape(-1))[pressures.group].mean(axis=1)
     lift = material.lame.lam * (volume_strain - np.trace(H, axis1=1, axis2=2))
     return replace(

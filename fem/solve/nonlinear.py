@@ -6,15 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device import checked_device, single_threaded
-from ..discrete.assembly import BlockMatrix, apply_supports, discretise
-from ..discrete.elastic import ElasticBody, Law
-from ..errors import ConvergenceError
-from ..linalg.solver import solve
-from ..scene.mesh import TetMesh
+from ..deprecation import renamed_options
+from ..device import single_threaded
+from ..discrete.block_matrix import BlockMatrix
+from ..discrete.constraints import apply_supports
+from ..discrete.elastic import ElasticBody
+from ..laws.law import Law
+from ..linalg.solver import solve_system
+from ..result import StaticResult
+from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
 from .newton import MAX_ITERATIONS, Point, minimise
-from .statics import StaticResult, load_vector, material_of, static_result
+from .statics import discrete_problem, static_result
 
 # Relative residual of the equilibrium |internal - external| / |external|.
 TOLERANCE = 1e-8
@@ -50,16 +53,17 @@ class Potential:
         return np.inf
 
 
+@renamed_options(gravity="gravity_vector")
 @single_threaded
 def solve_nonlinear(
     mesh: TetMesh,
     supports: Supports,
     *,
-    gravity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     body=None,
     traction=(),
     forces: np.ndarray | None = None,
-    law: Law = Law.NEO_HOOKEAN,
+    law: str = Law.NEO_HOOKEAN,
     order: int = 1,
     device: str = "cpu",
     tolerance: float = TOLERANCE,
@@ -68,26 +72,23 @@ def solve_nonlinear(
 ) -> StaticResult:
     """Find the equilibrium of ``mesh`` under dead loads by Newton's method.
 
-    Parameters are those of ``solve_static``; ``law`` is the elastic law, ``start`` the first guess
-    of the displacement [m], shape (nodes, 3), and ``iterations`` what Newton may take. ``strain``
-    of the result is Green's strain, ``stress`` Cauchy's.
+    Parameters are those of ``solve_static``; ``law`` is the name of the elastic law, ``start`` the
+    first guess of the displacement [m], shape (nodes, 3), and ``iterations`` what Newton may take.
+    ``strain`` of the result is Green's strain, ``stress`` Cauchy's.
 
     Raises
     ------
     ConvergenceError
         If the body is not held, or no equilibrium was found.
     """
-    material = material_of(mesh)
-    grid = discretise(mesh, order, checked_device(device))
-    held = supports.on(grid.space)
-    if not (held.fixed.any() or held.springs.any()):
-        raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    load = load_vector(mesh, grid, gravity, body, traction, forces)
-    elastic = ElasticBody(grid, material, law)
+    loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
+    grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)
+    elastic = ElasticBody(grid, material_of(mesh), law)
     nodes = grid.space.nodes
 
     def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
-        return solve(matrix, b, points=nodes, fixed=held.fixed, tolerance=LINEAR_TOLERANCE).x
+        held_at = {"points": nodes, "fixed": held.fixed}
+        return solve_system(matrix, b, tolerance=LINEAR_TOLERANCE, **held_at).x
 
     u = np.zeros_like(load) if start is None else start.copy()
     u[held.fixed] = held.values[held.fixed]

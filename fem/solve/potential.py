@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..discrete.assembly import BlockMatrix, add_diagonal, apply_supports
+from ..discrete.block_matrix import BlockMatrix, add_diagonal
+from ..discrete.constraints import apply_supports
 from .newton import Point
 
 # Forces of inertia and elasticity are known to this share of what |u| would make of them.

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from ...fem.scene.box import box_mesh
 from ...fem.scene.material import ElementMaterial
 from ...fem.scene.mesh import TetMesh
-from ...fem.scene.support_finder import rest
+from ...fem.scene.support_finder import find_supports
 from ...fem.solve.statics import solve_static
 from ..asset import Asset, Part
 from ..images.cameras import hemisphere
@@ -50,7 +50,7 @@ class Stage:
         self._occupied = np.asarray(self._inside.any(axis=3))
         self._mesh = voxel_mesh(self._occupied)
         self._colours = _HUES[_blocks(part + 1).max(axis=3)[self._occupied] % len(_HUES)]
-        self._supports, _ = rest(self._mesh, 2)
+        self._supports, _ = find_supports(self._mesh, 2)
         self._cameras = hemisphere(self._mesh.bounds, count=VIEWS, pixels=PIXELS)
         moved = self._moved(truth)
         self._size = float(np.ptp(self._mesh.bounds, axis=0).max())
@@ -69,7 +69,7 @@ class Stage:
         at = total / self._inside.sum(axis=3)[self._occupied][:, None]
         material = ElementMaterial(*(np.repeat(v, _PER_CELL) for v in DEFAULT.physical(at)))
         body = self._mesh.with_material(material)
-        return solve_static(body, self._supports, gravity=SLOPE).displacement
+        return solve_static(body, self._supports, gravity_vector=SLOPE).displacement
 
     def _seen(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
         import trimesh

@@ -27,7 +27,7 @@ def beam():
 def test_tip_of_the_bench_problem(beam, device, order, tip):
     """Mean u_z of the end: what dolfinx, pyamg, scikit-fem, CalculiX and Pardiso answer."""
     held = Supports.clamp(len(beam.points), beam.points[:, 0] == 0)
-    result = solve_static(beam, held, gravity=(0, 0, -9.81), order=order, device=device)
+    result = solve_static(beam, held, gravity_vector=(0, 0, -9.81), order=order, device=device)
     assert result.displacement[beam.points[:, 0] == 1, 2].mean() == pytest.approx(tip, rel=1e-7)
     assert result.residual <= 1e-8
 
@@ -36,7 +36,7 @@ def test_tip_of_the_bench_problem(beam, device, order, tip):
 def test_steps_are_those_of_the_cpu(beam, device):
     """Three implicit steps to a tight residual: the same motion."""
     held = Supports.clamp(len(beam.points), beam.points[:, 0] == 0)
-    options = {"supports": held, "gravity": (0, 0, -9.81), "tolerance": 1e-8}
+    options = {"supports": held, "gravity_vector": (0, 0, -9.81), "tolerance": 1e-8}
     there, here = (Dynamics(beam, device=d, **options) for d in (device, "cpu"))
     for a, b in zip(there.run(0.01, 3), here.run(0.01, 3), strict=True):
         assert a.u == pytest.approx(b.u, abs=1e-9)

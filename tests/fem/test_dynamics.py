@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.discrete.mass import consistent_mass, lumped_mass
 from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere, gripper
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.potential import Damping
 from autophyx_tet.fem.solve.schemes import Scheme
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,7 +24,7 @@ G = (0.0, 0.0, -9.81)
 @pytest.mark.parametrize("order", [1, 2])
 def test_free_fall(order):
     """Implicit Euler: z_n = z_0 - g h^2 n (n + 1) / 2, exactly."""
-    body = Dynamics(shaken_box(E=1e6, rho=1e3), gravity=G, order=order, tolerance=1e-11)
+    body = Dynamics(shaken_box(E=1e6, rho=1e3), gravity_vector=G, order=order, tolerance=1e-11)
     h = 0.01
     for n, state in enumerate(body.run(h, 8)):
         assert state.u[:, 2] == pytest.approx(-9.81 * h * h * n * (n + 1) / 2, abs=1e-13)
@@ -100,7 +101,7 @@ def settle(body, dt, steps):
 def test_rest_on_the_ground(order):
     """At rest the contact forces sum to m g, and nothing is below the ground."""
     mesh = lifted(shaken_box((1, 1, 1), (2, 2, 2), E=1e5, nu=0.3, rho=1e3), 0.01)
-    body = Dynamics(mesh, gravity=G, obstacles=[Plane()], order=order, tolerance=1e-10)
+    body = Dynamics(mesh, gravity_vector=G, obstacles=[Plane()], order=order, tolerance=1e-10)
     for _ in range(40):
         state = body.step(0.1)
         assert state.gap > 0
@@ -112,7 +113,7 @@ def test_rest_on_the_ground(order):
 def test_drop_loses_energy_only(modulus):
     """Dropped rubber and steel: always above the ground, energy never grows."""
     mesh = lifted(shaken_box((0.1,) * 3, (2, 2, 2), E=modulus, nu=0.3, rho=1e3), 0.02)
-    body = Dynamics(mesh, gravity=G, obstacles=[Plane()], tolerance=1e-6)
+    body = Dynamics(mesh, gravity_vector=G, obstacles=[Plane()], tolerance=1e-6)
     states = body.run(2e-3, 60)
     assert min(s.gap for s in states) > 0
     energy = np.array([s.energy for s in states])
@@ -126,7 +127,7 @@ def test_incline(slope, slides):
     mesh = lifted(shaken_box((0.2, 0.2, 0.1), (2, 2, 1), E=1e6, nu=0.3, rho=1e3), 2e-4)
     angle = np.arctan(slope)
     gravity = 9.81 * np.array([np.sin(angle), 0, -np.cos(angle)])
-    body = Dynamics(mesh, gravity=gravity, obstacles=[Plane()], friction=0.3)
+    body = Dynamics(mesh, gravity_vector=gravity, obstacles=[Plane()], friction=0.3)
     state = settle(body, 0.01, 60)
     moved, speed = state.u[:, 0].mean(), state.v[:, 0].mean()
     free = 0.5 * 9.81 * (np.sin(angle) - 0.3 * np.cos(angle)) * 0.6**2
@@ -162,7 +163,7 @@ def test_stiff_and_soft_together():
     E = np.where(mesh.centroids[:, 2] > 0.1, 2e11, 1e6)
     mesh = mesh.with_material(type(mesh.material)(E, mesh.material.nu, mesh.material.rho))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
-    state = settle(Dynamics(mesh, supports=held, gravity=G), 0.01, 10)
+    state = settle(Dynamics(mesh, supports=held, gravity_vector=G), 0.01, 10)
     assert 0 < np.abs(state.u).max() < 0.01
 
 

@@ -43,7 +43,7 @@ def test_static_gradient(order):
     mesh = shaken_box(cells=(2, 2, 2))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
     solve = lambda *f: static_displacement(  # noqa: E731
-        mesh, held, *f, gravity=G, order=order, tolerance=1e-12
+        mesh, held, *f, gravity_vector=G, order=order, tolerance=1e-12
     )
     _compare(solve, _fields(mesh), rel=1e-6)
 
@@ -55,9 +55,9 @@ def test_step_gradient():
     rng = np.random.default_rng(5)
     v = rng.normal(size=mesh.points.shape)
     make = lambda m: Dynamics(  # noqa: E731
-        m, supports=held, gravity=G, velocity=v, tolerance=1e-12
+        m, supports=held, gravity_vector=G, velocity=v, tolerance=1e-12
     )
-    step = lambda *f: implicit_step(make, mesh, *f, gravity=G, dt=0.02)  # noqa: E731
+    step = lambda *f: implicit_step(make, mesh, *f, gravity_vector=G, dt=0.02)  # noqa: E731
     _compare(step, _fields(mesh), rel=1e-4)
 
 
@@ -72,7 +72,7 @@ def test_two_material_beam_is_recovered():
 
     def fall(log_E):
         E = 10 ** torch.where(upper, log_E[1], log_E[0])
-        return static_displacement(mesh, held, E, nu, rho, gravity=(0, 0, -9.81))
+        return static_displacement(mesh, held, E, nu, rho, gravity_vector=(0, 0, -9.81))
 
     seen = fall(torch.tensor([6.0, 7.0], dtype=torch.float64))
     guess = torch.tensor([6.5, 6.5], dtype=torch.float64, requires_grad=True)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.errors import ConvergenceError
+from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.obstacles import Plane, Sphere
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve import dynamics
-from autophyx_tet.fem.solve.dynamics import Damping, Dynamics
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.potential import Damping
 from autophyx_tet.fem.solve.schemes import Scheme
 
 from .bodies import ball, lifted, mapped, shaken_box, with_uniform
@@ -22,7 +23,7 @@ G = (0.0, 0.0, -9.81)
 def test_ball_falls_and_rests(material):
     """Never in the ground; energy never grows (implicit Euler, no friction); at rest F = m g."""
     mesh = lifted(ball(0.05, 3, **material), 5e-3)
-    body = Dynamics(mesh, gravity=G, obstacles=[Plane()], tolerance=1e-8)
+    body = Dynamics(mesh, gravity_vector=G, obstacles=[Plane()], tolerance=1e-8)
     states = body.run(1e-3, 50)
     assert min(s.gap for s in states) > 0
     energy = np.array([s.energy for s in states])
@@ -61,7 +62,7 @@ def test_rebound_converges():
 
 def test_failed_step_is_halved(monkeypatch):
     """A step whose Newton fails is made of two halves, and ends at the same time."""
-    options = {"velocity": (0.1, 0, 0), "gravity": G}
+    options = {"velocity": (0.1, 0, 0), "gravity_vector": G}
     whole, halves = (Dynamics(shaken_box(E=1e4, rho=1e3), **options) for _ in range(2))
     halves.run(5e-3, 2)
     real, failures = dynamics.minimise, iter([True])
@@ -83,7 +84,7 @@ def test_step_that_never_converges_is_told(monkeypatch):
 
     monkeypatch.setattr(dynamics, "minimise", fails)
     with pytest.raises(ConvergenceError, match="residual 3 N"):
-        Dynamics(shaken_box(), gravity=G).step(1e-2)
+        Dynamics(shaken_box(), gravity_vector=G).step(1e-2)
 
 
 def test_stiffness_damping():

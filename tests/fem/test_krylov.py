@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.discrete.assembly import add_diagonal, discretise, stiffness
+from autophyx_tet.fem.discrete.assembly import discretise, stiffness
+from autophyx_tet.fem.discrete.block_matrix import add_diagonal
 from autophyx_tet.fem.linalg import kernels_solver
 from autophyx_tet.fem.linalg.krylov import ConjugateGradients, largest_eigenvalue
 from autophyx_tet.fem.linalg.two_level import Rows

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.forces import Traction
 from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
 from autophyx_tet.fem.solve.statics import solve_static

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import verdicts as checks
-from autophyx_tet.fem.discrete.elastic import Law
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scenarios.motions import drop, squeeze
-from autophyx_tet.fem.scenarios.static import hang, poke, sag, wind
+from autophyx_tet.fem.laws.law import Law
+from autophyx_tet.fem.scenarios.drop import drop
+from autophyx_tet.fem.scenarios.hang import hang
+from autophyx_tet.fem.scenarios.poke import poke
+from autophyx_tet.fem.scenarios.sag import sag
+from autophyx_tet.fem.scenarios.squeeze import squeeze
+from autophyx_tet.fem.scenarios.wind import wind
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.solve.modal import natural_modes
 
@@ -49,13 +53,12 @@ def test_drop():
     assert result.contact_forces[:, 2].max() > mesh.mass * 9.81
 
 
-@pytest.mark.parametrize("up", ["x", "y"])
-def test_drop_follows_up(up):
+def test_drop_follows_up():
     mesh = shaken_box((0.1,) * 3, (1, 1, 1), E=1e6, nu=0.4, rho=1000)
-    result = drop(mesh, up=up, height=0.05, frames=20)
-    axis = "xyz".index(up)
-    assert result.displacements[-1, :, axis].mean() < -0.03
-    assert np.abs(np.delete(result.displacements[-1], axis, axis=1)).max() < 0.02
+    for axis, up in enumerate("xy"):
+        moved = drop(mesh, up=up, height=0.05, frames=20).displacements[-1]
+        assert moved[:, axis].mean() < -0.03, up
+        assert np.abs(np.delete(moved, axis, axis=1)).max() < 0.02, up
 
 
 def test_squeeze():

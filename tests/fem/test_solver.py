@@ -33,14 +33,14 @@ def _iterations(n, contrast, layout):
     nu, rho = np.full_like(E, 0.4), np.full_like(E, 1e3)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
     body = mesh.with_material(ElementMaterial(E, nu, rho))
-    return solve_static(body, held, gravity=(0, 0, -9.81)).iterations
+    return solve_static(body, held, gravity_vector=(0, 0, -9.81)).iterations
 
 
-@pytest.mark.parametrize("layout", ["layer", "legs", "random"])
-def test_contrast_hardly_adds_iterations(iterative, layout):
+def test_contrast_hardly_adds_iterations(iterative):
     """From contrast 1 to 1e8 the iterations grow less than 2.5-fold."""
-    counts = [_iterations(8, c, layout) for c in (1, 1e2, 1e4, 1e6, 1e8)]
-    assert max(counts) < 2.5 * counts[0]
+    for layout in ("layer", "legs", "random"):
+        counts = [_iterations(8, c, layout) for c in (1, 1e2, 1e4, 1e6, 1e8)]
+        assert max(counts) < 2.5 * counts[0], layout
 
 
 def test_iterations_hardly_grow_with_the_mesh(iterative):
@@ -53,9 +53,9 @@ def test_both_solvers_agree(monkeypatch):
     mesh = box_mesh((1, 0.2, 0.2), (10, 3, 3))
     mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.4, rho=1e3))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
-    direct = solve_static(mesh, held, gravity=(0, 0, -1))
+    direct = solve_static(mesh, held, gravity_vector=(0, 0, -1))
     monkeypatch.setattr(solver, "DIRECT", 0)
-    iterated = solve_static(mesh, held, gravity=(0, 0, -1))
+    iterated = solve_static(mesh, held, gravity_vector=(0, 0, -1))
     assert direct.iterations == 0 < iterated.iterations
     scale = np.abs(direct.displacement).max()
     assert iterated.displacement == pytest.approx(direct.displacement, abs=1e-6 * scale)
@@ -69,7 +69,7 @@ def test_nearly_incompressible_is_named(iterative, monkeypatch):
     mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.4999, rho=1e3))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     with pytest.raises(ConvergenceError, match=r"nearly incompressible: take nu <= 0\.499"):
-        solve_static(mesh, held, gravity=(0, 0, -1), order=2)
+        solve_static(mesh, held, gravity_vector=(0, 0, -1), order=2)
 
 
 def test_boxes_are_equal():

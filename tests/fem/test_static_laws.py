@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.forces import Traction, pressure
 from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.loads import Traction, pressure
 from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
@@ -129,7 +129,7 @@ def test_scaling(seed, c):
 
     def fall(E, rho):
         body = mesh.with_material(ElementMaterial(E, nu, rho))
-        return solve_static(body, held, gravity=(0, 0, -9.81)).displacement
+        return solve_static(body, held, gravity_vector=(0, 0, -9.81)).displacement
 
     u = fall(E, rho)
     assert fall(c * E, rho) == pytest.approx(u / c, rel=1e-8, abs=1e-14)
@@ -283,5 +283,5 @@ def test_unit_bulk_of_whole_cube_is_invariant_to_shuffling():
     held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
     mix = np.random.default_rng(0).permutation(len(mesh.tets))
     mixed = TetMesh(mesh.points, mesh.tets[mix], mesh.region, material=mesh.material)
-    one, two = (solve_static(m, held, gravity=(1, 2, 3)) for m in (mesh, mixed))
+    one, two = (solve_static(m, held, gravity_vector=(1, 2, 3)) for m in (mesh, mixed))
     assert one.energy == pytest.approx(two.energy, rel=1e-12)

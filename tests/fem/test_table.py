@@ -2,7 +2,9 @@
 
 import csv
 import dataclasses
+import itertools
 import math
+import re
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
@@ -17,7 +19,6 @@ from autophyx_tet.fem.scene.materials import (
 )
 
 TABLE = load_table()
-ROWS = pytest.mark.parametrize("row", TABLE.rows, ids=lambda row: row.name)
 EVERYDAY = """steel iron metal oak pine wood rubber plastic glass ceramic pottery porcelain
 terracotta soil earth dirt foliage leaves moss fabric cloth textile foam leather stone marble
 concrete paper brass gold wicker cardboard wax sponge
@@ -34,33 +35,38 @@ def test_every_row_is_complete_and_says_where_it_comes_from():
         assert bool(record["estimated"]) == ("estimate" in record["source"]), record["name"]
 
 
-@ROWS
-def test_value_is_geometric_in_E_and_rho_and_arithmetic_in_nu(row):
-    value = row.value()
-    assert math.isclose(value.E, math.sqrt(row.E.min * row.E.max), rel_tol=1e-12)
-    assert math.isclose(value.rho, math.sqrt(row.rho.min * row.rho.max), rel_tol=1e-12)
-    assert value.nu == min((row.nu.min + row.nu.max) / 2, NU_CAP) < 0.5
-    assert math.isclose(row.value(0.0).E, row.E.min)
-    assert math.isclose(row.value(1.0).E, row.E.max)
-    assert not outside_band(row.category, *value)
+def test_value_is_geometric_in_E_and_rho_and_arithmetic_in_nu():
+    for row in TABLE:
+        value = row.value()
+        assert math.isclose(value.E, math.sqrt(row.E.min * row.E.max), rel_tol=1e-12), row
+        assert math.isclose(value.rho, math.sqrt(row.rho.min * row.rho.max), rel_tol=1e-12), row
+        assert value.nu == min((row.nu.min + row.nu.max) / 2, NU_CAP) < 0.5, row
+        assert math.isclose(row.value(0.0).E, row.E.min), row
+        assert math.isclose(row.value(1.0).E, row.E.max), row
+        assert not outside_band(row.category, *value), row
 
 
-@ROWS
-@pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9])
-def test_a_unit_slip_in_E_is_rejected(row, factor):
+def _refusal(row) -> str:
+    """What the table says of a row that it does not take; nothing where it takes it."""
+    try:
+        MaterialTable((row,))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_a_unit_slip_in_E_is_rejected():
     """GPa or MPa taken as Pa, or the other way round, leaves the band of the category."""
-    slipped = dataclasses.replace(row, E=Span(row.E.min * factor, row.E.max * factor))
-    with pytest.raises(InputError, match=r"E = .* is outside"):
-        MaterialTable((slipped,))
+    for row, factor in itertools.product(TABLE, (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)):
+        slipped = dataclasses.replace(row, E=Span(row.E.min * factor, row.E.max * factor))
+        assert re.search(r"E = .* is outside", _refusal(slipped)), slipped
 
 
-@ROWS
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
-def test_a_unit_slip_in_rho_is_rejected(row, factor):
+def test_a_unit_slip_in_rho_is_rejected():
     """A density in g/cm^3 taken as kg/m^3, or the other way round, leaves the band."""
-    slipped = dataclasses.replace(row, rho=Span(row.rho.min * factor, row.rho.max * factor))
-    with pytest.raises(InputError, match="rho"):
-        MaterialTable((slipped,))
+    for row, factor in itertools.product(TABLE, (1e-3, 1e3)):
+        slipped = dataclasses.replace(row, rho=Span(row.rho.min * factor, row.rho.max * factor))
+        assert "rho" in _refusal(slipped), slipped
 
 
 def test_swapped_limits_impossible_nu_and_doubled_names_are_rejected():
@@ -89,9 +95,9 @@ def test_rubber_at_a_gigapascal_is_outside_its_band_though_plastic_may_have_it()
         outside_band("plasma", 1, 0.1, 1)
 
 
-@pytest.mark.parametrize("word", EVERYDAY)
-def test_everyday_words_are_in_the_table_whatever_their_case(word):
-    assert TABLE.exact(word) is TABLE.exact(f"  {word.upper()} ")
+def test_everyday_words_are_in_the_table_whatever_their_case():
+    for word in EVERYDAY:
+        assert TABLE.exact(word) is TABLE.exact(f"  {word.upper()} "), word
 
 
 def test_words_mean_what_they_say():

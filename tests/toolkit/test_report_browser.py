@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.mesh import boundary_faces
+from autophyx_tet.fem.scene.boundary import boundary_faces
 from autophyx_tet.toolkit.report.report import write_report
 from PIL import Image
 

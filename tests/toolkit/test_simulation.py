@@ -1,10 +1,15 @@
 """Scenarios through the pipeline: what they answer, write and say."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.pvd import read_pvd
 from autophyx_tet.converters.mesh.table import read_data, write_mesh
+from autophyx_tet.fem import METHODS, SCENARIOS, Scene
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.result import Motion, MotionResult
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.toolkit.options import SimulateOptions
@@ -92,3 +97,50 @@ def test_what_a_scenario_cannot_do_is_told(column, tmp_path):
         simulate(column, output=tmp_path / "x.txt")
     with pytest.raises(InputError, match=r"wanted .html"):
         simulate(column, report=tmp_path / "x.pdf")
+
+
+@dataclass(frozen=True)
+class Lean:
+    """A toy: the load comes from the side, and its method has seen it all before."""
+
+    title: ClassVar[str] = "Leaning"
+    method: ClassVar[str] = "toy"
+    with_modes: ClassVar[bool] = False
+
+    wind_speed: float = 1.0
+
+    def scene(self, mesh, *, up="z"):
+        return Scene(mesh=mesh, gravity_vector=(self.wind_speed, 0.0, 0.0))
+
+
+class Toy:
+    """A toy method: every body moves by its gravity, all at once."""
+
+    laws = ("linear",)
+
+    def solve(self, scene, *, law=None, order=None, device="cpu", progress=None):
+        u = np.tile(np.asarray(scene.gravity_vector), (len(scene.mesh.points), 1))
+        still = dict.fromkeys(("kinetic", "elastic", "potential", "barrier"), 0.0)
+        rest = {"v": 0 * u, "a": 0 * u, "contact_force": 0 * u, "gap": 1.0, "iterations": 0}
+        frames = tuple(Motion(time=t, u=t * u, **rest, **still) for t in (0.0, 1.0))
+        return MotionResult(frames, 1.0, len(scene.mesh.points))
+
+
+def test_a_scenario_and_a_method_of_somebody_else(column, tmp_path):
+    """Registered, they are simulated, judged, written and reported like ours."""
+    SCENARIOS.register("lean", Lean)
+    METHODS.register("toy", Toy())
+    try:
+        options = SimulateOptions(scenario="lean", wind_speed=0.25)
+        page = tmp_path / "lean.html"
+        result = simulate(column, output=tmp_path / "lean.pvd", report=page, options=options)
+        assert result.displacement[:, 0] == pytest.approx(np.full(len(column.points), 0.25))
+        assert [verdict.mark for verdict in result.verdicts()] == ["good"]
+        assert len(list(read_pvd(tmp_path / "lean.pvd"))) == 2
+        assert result.title == "Leaning"
+        assert "lean" in page.read_text(encoding="utf-8")
+        with pytest.raises(UsageError, match="lean knows only --law linear"):
+            simulate(column, options=SimulateOptions(scenario="lean", law="corotated"))
+    finally:
+        SCENARIOS.unregister("lean")
+        METHODS.unregister("toy")

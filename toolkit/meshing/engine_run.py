@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.errors import UsageError
-from ...fem.scene.mesh import boundary_faces, signed_volumes
+from ...fem.scene.boundary import boundary_faces
+from ...fem.scene.mesh import signed_volumes
 from ..native.cache import Runner
 from ..surfaces.samples import facets
 from ..surfaces.solids import Solids

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...converters.mesh.table import read_mesh
-from ...fem.scene.mesh import TetMesh, boundary_faces
+from ...fem.scene.boundary import boundary_faces
+from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, Part, UpAxis
 from ..io.load import scaled
 from ..options import Unit

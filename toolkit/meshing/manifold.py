@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fem.scene.mesh import boundary_faces
+from ...fem.scene.boundary import boundary_faces
 from .quality import corner_nodes
 
 # Each round splits edges that share no tet; a mesh that needs more rounds is not one of ours.

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...fem.scene.boundary import FACES, area_vectors, boundary_faces
 from ...fem.scene.material import wave_speed
-from ...fem.scene.mesh import TetMesh, altitudes, area_vectors, boundary_faces, signed_volumes
+from ...fem.scene.mesh import TetMesh, altitudes, signed_volumes
 from ...fem.verdicts import largest_explicit_step
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
@@ -111,7 +112,7 @@ def dihedral_angles(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets 6"]:
     """Inner dihedral angles [degrees] at the six edges of every tet."""
-    normal = area_vectors(points, tets)
+    normal = area_vectors(points, tets[:, FACES])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     i, j = FACE_PAIRS.T
     cosine = -np.einsum("tek,tek->te", normal[:, i], normal[:, j])
@@ -123,7 +124,7 @@ def radius_ratios(
 ) -> Float[np.ndarray, "tets"]:
     """Return 3 r / R of every tet: inradius by circumradius, 1 for a regular one."""
     volume = signed_volumes(points, tets)
-    area = np.linalg.norm(area_vectors(points, tets), axis=-1).sum(axis=1)
+    area = np.linalg.norm(area_vectors(points, tets[:, FACES]), axis=-1).sum(axis=1)
     a, b, c = (points[tets[:, i]] - points[tets[:, 0]] for i in (1, 2, 3))
     squares = [np.einsum("ti,ti->t", e, e)[:, None] for e in (a, b, c)]
     center = squares[0] * np.cross(b, c) + squares[1] * np.cross(c, a) + squares[2] * np.cross(a, b)

@@ -6,29 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.result import Modes, MotionResult, SagResult
+from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ..io.document import mesh_document
 from .verdict import Verdict
 
-if TYPE_CHECKING:
-    from ...fem.scenarios.motions import MotionResult
-    from ...fem.scenarios.static import SagResult
-    from ...fem.solve.modal import Modes
-
-TITLES = {
-    "sag": "Sag under its own weight",
-    "hang": "Hanging under its own weight",
-    "wind": "In the wind",
-    "poke": "Under a finger",
-    "drop": "Dropped",
-    "squeeze": "Squeezed",
-    "modal": "First natural vibration",
-}
 # Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
 RAMP = np.linspace(0, 1, 6)
 # Frames of one period of a natural vibration.
@@ -94,7 +82,7 @@ class Simulation(ABC):
     @property
     def title(self) -> str:
         """What happens, in a few words."""
-        return TITLES[self.scenario]
+        return SCENARIOS[self.scenario].title
 
     def verdicts(self) -> list[Verdict]:
         """Findings in plain words, each with its number and threshold."""
@@ -154,7 +142,7 @@ class Settled(Simulation):
             "max_von_mises": float(self.solved.von_mises.max()),
             "frequencies": self.frequencies,
             "order": static.order,
-            "gap": self.solved.gap,
+            "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
         }
@@ -267,3 +255,14 @@ class Ringing(Simulation):
         from ...fem.verdicts import first_frequency
 
         return [Verdict.of(first_frequency(self.modes))]
+
+
+def simulation_of(
+    mesh: TetMesh, scenario: str, result: SagResult | MotionResult | Modes
+) -> Simulation:
+    """Answer of ``mesh`` under ``scenario``, by the kind of its result, whatever the method."""
+    if isinstance(result, SagResult):
+        return Settled(mesh, scenario, solved=result)
+    if isinstance(result, MotionResult):
+        return Moving(mesh, scenario, motion=result)
+    return Ringing(mesh, scenario, modes=result)

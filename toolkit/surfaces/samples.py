@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fem.scene.mesh import FACES
+from ...fem.scene.boundary import FACES
 
 SAMPLES = 20_000  # points on a surface: the distances of a smooth field to 3 digits
 

@@ -1,9 +1,9 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels of the matrix pattern: which nodes couple, and where an element's blocks go."""
+"""Warp kernels of block matrices: pattern, where an element's blocks go, products, supports."""
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 
 @wp.kernel
@@ -76,3 +76,83 @@ def element_slots(
     for a in range(size):
         for b in range(size):
             slots[t, a * size + b] = find_slot(rows, columns, elements[t, a], elements[t, b])
+
+
+@wp.kernel
+def add_diagonal(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    blocks: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    i = wp.tid()
+    s = find_slot(rows, columns, i, i)
+    values[s] = values[s] + blocks[i]
+
+
+@wp.kernel
+def add_scaled(
+    factor: wp.float64,
+    other: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    s = wp.tid()
+    values[s] = values[s] + factor * other[s]
+
+
+@wp.kernel
+def fix_rows(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    free: wp.array(dtype=wp.vec3d),  # 1 where free, 0 where prescribed
+    values: wp.array(dtype=wp.mat33d),
+):
+    """Drop prescribed rows and columns; their own diagonal entry stays, to keep the scale.
+
+    A node of no element has a zero row: it gets a 1, and stays where it is.
+    """
+    i = wp.tid()
+    for s in range(rows[i], rows[i + 1]):
+        j = columns[s]
+        block = values[s]
+        for a in range(3):
+            for b in range(3):
+                if i != j or a != b:
+                    block[a, b] = block[a, b] * free[i][a] * free[j][b]
+            if i == j and block[a, a] == wp.float64(0.0):
+                block[a, a] = wp.float64(1.0)
+        values[s] = block
+
+
+@wp.func
+def row_times(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=wp.vec3d),
+    i: int,
+) -> wp.vec3d:
+    """Row i of A x, two blocks at a time: on a GPU their loads overlap."""
+    end = rows[i + 1]
+    s = rows[i]
+    even = wp.vec3d()
+    odd = wp.vec3d()
+    while s + 1 < end:
+        even += values[s] * x[columns[s]]
+        odd += values[s + 1] * x[columns[s + 1]]
+        s += 2
+    if s < end:
+        even += values[s] * x[columns[s]]
+    return even + odd
+
+
+@wp.kernel
+def multiply(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=wp.vec3d),
+    y: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    y[i] = row_times(rows, columns, values, x, i)

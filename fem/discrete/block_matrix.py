@@ -1,0 +1,67 @@
+"""Square sparse matrices of 3 x 3 blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..device import start_warp
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """Square sparse matrix of 3 x 3 blocks [N/m] on a device: CSR of blocks."""
+
+    rows: Any
+    columns: Any
+    values: Any
+
+    @property
+    def nodes(self) -> int:
+        """Number of block rows."""
+        return self.rows.shape[0] - 1
+
+    def multiply(self, x: Any, out: Any) -> None:
+        """Write A x to ``out``, both warp arrays of vec3d (nodes,)."""
+        from . import kernels_matrix as k
+
+        arrays = [self.rows, self.columns, self.values, x]
+        start_warp().launch(
+            k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
+        )
+
+    def add(self, other: BlockMatrix, factor: float) -> None:
+        """Add ``factor`` times ``other``, a matrix of the same pattern, in place."""
+        from . import kernels_matrix as k
+
+        size, device = self.values.shape[0], self.values.device
+        inputs = [factor, other.values, self.values]
+        start_warp().launch(k.add_scaled, size, inputs=inputs, device=device)
+
+    def times(self, x: np.ndarray) -> np.ndarray:
+        """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
+        wp = start_warp()
+        given = wp.array(x, dtype=wp.vec3d, device=self.values.device)
+        out = wp.empty_like(given)
+        self.multiply(given, out)
+        return out.numpy()
+
+    def to_scipy(self) -> Any:
+        """Return the same matrix as ``scipy.sparse.bsr_array``."""
+        from scipy.sparse import bsr_array
+
+        arrays = (self.values.numpy(), self.columns.numpy(), self.rows.numpy())
+        return bsr_array(arrays, shape=(3 * self.nodes, 3 * self.nodes))
+
+
+def add_diagonal(matrix: BlockMatrix, blocks: np.ndarray) -> None:
+    """Add 3 x 3 ``blocks`` (nodes, 3, 3) [N/m] to the diagonal, in place."""
+    from . import kernels_matrix as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    added = wp.array(blocks, dtype=wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, added, matrix.values]
+    wp.launch(k.add_diagonal, matrix.nodes, inputs=inputs, device=device)

@@ -1,0 +1,56 @@
+"""Supports as constraints of the discrete system: on every node, out of matrix and load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device import start_warp
+from ..errors import InputError
+from ..scene.supports import Supports
+from .block_matrix import BlockMatrix, add_diagonal
+from .space import Space, extend_linear
+
+
+def node_supports(supports: Supports, space: Space) -> Supports:
+    """Continue ``supports`` to all nodes of ``space``: an edge is held where both its ends are."""
+    if len(supports.fixed) == len(space.nodes):
+        return supports
+    if len(supports.fixed) != space.points:
+        raise InputError(
+            f"supports of {len(supports.fixed)} points: wanted {space.points} (mesh points) "
+            f"or {len(space.nodes)} (nodes of the order-{space.order} space)"
+        )
+    edges = space.edges
+    return Supports(
+        np.concatenate([supports.fixed, supports.fixed[edges].all(axis=1)]),
+        extend_linear(space, supports.values),
+        np.concatenate([supports.springs, np.zeros((len(edges), 3))]),
+    )
+
+
+def apply_supports(
+    matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray | None = None
+) -> None:
+    """Add ``springs`` [N/m] (nodes, 3) and drop the ``fixed`` (nodes, 3) rows, in place."""
+    from . import kernels_matrix as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    if springs is not None and springs.any():
+        add_diagonal(matrix, springs[:, :, None] * np.eye(3))
+    free = wp.array(~fixed, dtype=wp.vec3d, device=device)
+    inputs = [matrix.rows, matrix.columns, free, matrix.values]
+    wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
+
+
+def reduced_load(
+    matrix: BlockMatrix, load: np.ndarray, held: Supports, prescribed: np.ndarray
+) -> np.ndarray:
+    """Right-hand side (nodes, 3) once prescribed components are dropped from ``matrix``, in place.
+
+    Prescribed unknowns of the reduced system are zero: they are known, and put back afterwards.
+    """
+    rhs = load - (matrix.times(prescribed) if prescribed.any() else 0.0)
+    rhs[held.fixed] = 0.0
+    apply_supports(matrix, held.fixed, held.springs)
+    return rhs

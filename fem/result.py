@@ -1,0 +1,225 @@
+"""What the methods answer: a body at rest, in motion, or ringing. Verdicts and reports read these.
+
+A method of solution returns one of the three, whichever way it found it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .deprecation import say_renamed
+from .discrete.space import Space
+from .discrete.strain import von_mises
+from .scene.mesh import TetMesh, material_of
+
+# Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
+LOCKING = 0.45
+
+
+class DiscretisationError(NamedTuple):
+    """Relative error of the largest displacement [1].
+
+    ``kind`` is 'P1/P2' (the answers of both orders compared) or 'stress recovery' (an estimate from
+    the jumps of stress between tets).
+    """
+
+    value: float
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class StaticResult:
+    """A body at rest under its loads.
+
+    Parameters
+    ----------
+    displacement
+        Displacement of the mesh points [m], shape (points, 3).
+    node_displacement
+        Displacement of all nodes of the space [m], shape (nodes, 3); edges follow the points in P2.
+    law
+        Name of the elastic law of the solution.
+    strain, stress
+        Strain tensor [1] (small strain, or Green's under a finite law) and Cauchy stress [Pa],
+        means over every tet, shape (tets, 3, 3).
+    reaction
+        Force of the supports on the body [N], shape (nodes, 3).
+    energy
+        Elastic energy [J].
+    residual, iterations
+        Relative residual of the linear system, and iterations (0: direct).
+    """
+
+    mesh: TetMesh
+    space: Space
+    displacement: Float[np.ndarray, "points 3"]
+    node_displacement: Float[np.ndarray, "nodes 3"]
+    law: str
+    strain: Float[np.ndarray, "tets 3 3"]
+    stress: Float[np.ndarray, "tets 3 3"]
+    reaction: Float[np.ndarray, "nodes 3"]
+    energy: float
+    residual: float
+    iterations: int
+
+    @property
+    def order(self) -> int:
+        """Order of the elements: 1 or 2."""
+        return self.space.order
+
+    @property
+    def von_mises(self) -> Float[np.ndarray, "tets"]:
+        """Von Mises stress [Pa] of every tet."""
+        return von_mises(self.stress)
+
+    @property
+    def locking_share(self) -> float:
+        """Share of the volume that P1 makes too stiff: nu above 0.45; zero for P2."""
+        if self.order == 2:
+            return 0.0
+        volumes = self.mesh.volumes
+        return float(volumes[material_of(self.mesh).nu > LOCKING].sum() / volumes.sum())
+
+    @property
+    def max_strain(self) -> float:
+        """Largest principal strain of any tet, in size [1]."""
+        return float(np.abs(np.linalg.eigvalsh(self.strain)).max())
+
+
+@dataclass(frozen=True, eq=False)
+class SagResult:
+    """How a body settles under its own weight, or another static load.
+
+    Parameters
+    ----------
+    static
+        The full static solution.
+    height
+        Extent along the up axis [m].
+    max_displacement
+        Largest displacement of a point [m].
+    sag_ratio
+        ``max_displacement / height``.
+    discretisation_error
+        Relative error of the largest displacement, and how it was found.
+    supported
+        Points that are held, shape (points,).
+    warnings
+        What was assumed: components that do not touch the ground, no common base, ...
+    """
+
+    static: StaticResult
+    height: float
+    max_displacement: float
+    sag_ratio: float
+    discretisation_error: DiscretisationError
+    supported: Bool[np.ndarray, "points"]
+    warnings: tuple[str, ...]
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of the mesh points."""
+        return self.static.displacement
+
+    @property
+    def von_mises(self) -> Float[np.ndarray, "tets"]:
+        """Von Mises stress [Pa] of every tet."""
+        return self.static.von_mises
+
+    @property
+    def gap(self) -> DiscretisationError:
+        """Old name of ``discretisation_error``."""
+        say_renamed("SagResult", "gap", "discretisation_error")
+        return self.discretisation_error
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """State of a body in motion at ``time`` [s].
+
+    Parameters
+    ----------
+    u, v, a
+        Displacement [m], velocity [m/s] and acceleration [m/s^2], shape (nodes, 3).
+    contact_force
+        Force of the obstacles on every node [N], shape (nodes, 3).
+    gap
+        Smallest distance of the surface from an obstacle [m]; infinite without obstacles.
+    kinetic, elastic, potential, barrier
+        Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
+    iterations
+        Newton iterations of the step.
+    """
+
+    time: float
+    u: Float[np.ndarray, "nodes 3"]
+    v: Float[np.ndarray, "nodes 3"]
+    a: Float[np.ndarray, "nodes 3"]
+    contact_force: Float[np.ndarray, "nodes 3"]
+    gap: float
+    kinetic: float
+    elastic: float
+    potential: float
+    barrier: float
+    iterations: int
+
+    @property
+    def energy(self) -> float:
+        """Total energy [J]."""
+        return self.kinetic + self.elastic + self.potential + self.barrier
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResult:
+    """A body in motion.
+
+    Parameters
+    ----------
+    frames
+        States at equal intervals ``dt`` [s], the start first.
+    points
+        Number of mesh points: the first rows of every frame.
+    """
+
+    frames: tuple[Motion, ...]
+    dt: float
+    points: int
+
+    @property
+    def displacements(self) -> Float[np.ndarray, "frames points 3"]:
+        """Displacement [m] of the mesh points in every frame."""
+        return np.stack([f.u[: self.points] for f in self.frames])
+
+    @property
+    def contact_forces(self) -> Float[np.ndarray, "frames 3"]:
+        """Total force of the obstacles on the body [N] in every frame."""
+        return np.stack([f.contact_force.sum(axis=0) for f in self.frames])
+
+    @property
+    def smallest_gap(self) -> float:
+        """Smallest distance from an obstacle [m] ever; positive means no penetration."""
+        return min(f.gap for f in self.frames)
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural vibrations, the slowest first; rigid motions are left out.
+
+    Parameters
+    ----------
+    frequencies
+        Frequencies [Hz], shape (modes,).
+    shapes
+        Displacement of the nodes of unit modal mass, shape (modes, nodes, 3); the first nodes are
+        the mesh points.
+    residual
+        Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    """
+
+    frequencies: Float[np.ndarray, "modes"]
+    shapes: Float[np.ndarray, "modes nodes 3"]
+    residual: float

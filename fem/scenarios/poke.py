@@ -1,0 +1,79 @@
+"""A finger presses on a standing body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..result import SagResult
+from ..scene.boundary import face_areas
+from ..scene.loads import Traction
+from ..scene.mesh import TetMesh
+from ..scene.scene import Scene
+from ..scene.support_finder import Axis, find_supports, up_axis
+from ..solve.equilibrium import StaticMethod
+
+# Radius of a finger as a share of the body's diagonal.
+FINGER_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Poke:
+    """A finger pushes with ``force`` [N] along ``direction`` (down), ``at`` a point [m] (highest).
+
+    The force is spread over a patch of a twentieth of the diagonal; the weight is left out.
+    """
+
+    title: ClassVar[str] = "Under a finger"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = False
+
+    force: float = 10.0
+    at: Sequence[float] | None = None
+    direction: Sequence[float] | None = None
+
+    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+        """Scene of the standing ``mesh``."""
+        axis = up_axis(up)
+        used = np.unique(mesh.tets)
+        highest = mesh.points[used[np.argmax(mesh.points[used, axis])]]
+        place = highest if self.at is None else np.asarray(self.at, dtype=float)
+        down = -np.eye(3)[axis]
+        pushes = down if self.direction is None else np.asarray(self.direction, dtype=float)
+        faces = mesh.boundary.faces
+        away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
+        patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+        touched = faces[away <= max(patch, float(away.min()))]
+        pressure = self.force / face_areas(mesh.points, touched).sum() / np.linalg.norm(pushes)
+        held, warnings = find_supports(mesh, axis)
+        loads = (Traction(touched, np.broadcast_to(pressure * pushes, touched.shape)),)
+        return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
+
+
+def poke(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    force: float = 10.0,
+    at: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    order: int = 1,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Press a finger on a standing ``mesh``; the weight is left out.
+
+    Parameters
+    ----------
+    force
+        Force of the finger [N], spread over a patch of a twentieth of the diagonal.
+    at
+        Where [m], shape (3,); by default the highest point.
+    direction
+        Where the finger pushes to; by default down.
+    """
+    scene = Poke(force, at, direction).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)

@@ -1,0 +1,77 @@
+"""A body settles under its own weight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ..result import SagResult
+from ..scene.mesh import TetMesh
+from ..scene.scene import Scene
+from ..scene.support_finder import Axis, find_supports, up_axis
+from ..solve.equilibrium import StaticMethod
+
+
+@dataclass(frozen=True)
+class Sag:
+    """It stands on its ``supports`` under ``gravity`` [m/s^2], downwards.
+
+    'base': the nodes near the lowest point are clamped; 'three-point': it rests on three of them,
+    free to expand sideways.
+    """
+
+    title: ClassVar[str] = "Sag under its own weight"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = True
+
+    supports: Literal["base", "three-point"] = "base"
+    gravity: float = 9.81
+
+    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+        """Scene of the standing ``mesh``."""
+        axis = up_axis(up)
+        held, warnings = find_supports(mesh, axis, three_point=self.supports == "three-point")
+        weight = -self.gravity * np.eye(3)[axis]
+        return Scene(mesh=mesh, up=axis, supports=held, gravity_vector=weight, warnings=warnings)
+
+
+def sag(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    order: int = 1,
+    supports: Literal["base", "three-point"] = "base",
+    gravity: float = 9.81,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Let ``mesh`` settle under its weight.
+
+    Parameters
+    ----------
+    mesh
+        Tets with a material.
+    up
+        The axis that points up.
+    order
+        1: linear tets, 2: quadratic.
+    supports
+        'base': the nodes near the lowest point are clamped; 'three-point': it rests on three of
+        them, free to expand sideways.
+    gravity
+        Acceleration [m/s^2], downwards.
+    law
+        None: the linear law, and neo-Hookean where the linear answer strains more than 5 %.
+        ``Law.LINEAR``: never repeat.
+    device
+        'cpu' or 'cuda'.
+
+    Raises
+    ------
+    ConvergenceError
+        If the linear solve does not reach its tolerance.
+    """
+    scene = Sag(supports, gravity).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)

@@ -1,0 +1,88 @@
+"""A body is squeezed between two plates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..deprecation import renamed_options
+from ..errors import InputError
+from ..laws.law import Law
+from ..result import MotionResult
+from ..scene.mesh import TetMesh, material_of
+from ..scene.obstacles import gripper
+from ..scene.scene import Scene
+from ..scene.support_finder import Axis, up_axis
+from ..solve.dynamics import DynamicMethod
+from ..solve.method import FrameProgress
+
+FRAMES = 20
+# A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
+SLOWNESS = 50.0
+# And at least this long [s]: friction sticks below a speed that is a share of the size per second,
+# so the corners of a squeeze in milliseconds (stiff bodies) would be too sharp for Newton.
+LEAST = 10.0
+# The plates start this share of the body's diagonal away from it.
+ROOM = 5e-4
+
+
+@dataclass(frozen=True)
+class Squeeze:
+    """Two plates close by ``share`` of the width along ``axis``, slowly, without gravity.
+
+    By default along the first horizontal axis; ``friction`` is that of the plates [1].
+    """
+
+    title: ClassVar[str] = "Squeezed"
+    method: ClassVar[str] = "dynamics"
+    with_modes: ClassVar[bool] = False
+
+    axis: Axis | None = None
+    share: float = 0.1
+    friction: float = 0.5
+    frames: int = FRAMES
+
+    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+        """Scene of ``mesh`` between the plates; ``InputError`` where the share is not one."""
+        if not 0 < self.share < 1:
+            raise InputError(f"share {self.share:g}: wanted between 0 and 1")
+        k = up_axis(self.axis or ("x" if up != "x" else "y"))
+        low, high = mesh.bounds
+        diagonal = float(np.linalg.norm(high - low))
+        room = ROOM * diagonal * np.eye(3)[k]
+        material = material_of(mesh)
+        slowest = float(np.sqrt((material.lame.mu / material.rho).min()))
+        duration = max(LEAST, SLOWNESS * diagonal / slowest)
+        speed = self.share * float(high[k] - low[k]) / 2 / duration
+        return Scene(
+            mesh=mesh,
+            up=up_axis(up),
+            obstacles=gripper(tuple(low - room), tuple(high + room), k, speed),
+            friction=self.friction,
+            duration=duration,
+            frames=self.frames,
+        )
+
+
+@renamed_options(tell="progress")
+def squeeze(
+    mesh: TetMesh,
+    *,
+    axis: Axis = "x",
+    share: float = 0.1,
+    friction: float = 0.5,
+    frames: int = FRAMES,
+    law: str = Law.NEO_HOOKEAN,
+    order: int = 1,
+    device: str = "cpu",
+    progress: FrameProgress | None = None,
+) -> MotionResult:
+    """Squeeze ``mesh`` between two plates that close by ``share`` of its width along ``axis``.
+
+    The plates close slowly against the waves in the body; gravity is left out; ``progress`` is
+    called after every frame.
+    """
+    scene = Squeeze(axis, share, friction, frames).scene(mesh)
+    return DynamicMethod().solve(scene, law=law, order=order, device=device, progress=progress)

@@ -1,0 +1,81 @@
+"""The wind blows on a standing body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..errors import InputError
+from ..result import SagResult
+from ..scene.boundary import face_normals
+from ..scene.loads import Traction
+from ..scene.mesh import TetMesh
+from ..scene.scene import Scene
+from ..scene.support_finder import Axis, find_supports, up_axis
+from ..solve.equilibrium import StaticMethod
+
+AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
+
+
+@dataclass(frozen=True)
+class Wind:
+    """Drag on every face that looks into a wind of ``speed`` [m/s] along ``direction``.
+
+    By default along the first horizontal axis; ``drag`` is the coefficient [1] of a face across the
+    wind. The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    """
+
+    title: ClassVar[str] = "In the wind"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = False
+
+    direction: Sequence[float] | None = None
+    speed: float = 10.0
+    drag: float = 1.2
+
+    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+        """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
+        axis = up_axis(up)
+        given = np.eye(3)[(axis + 1) % 3] if self.direction is None else self.direction
+        blows = np.asarray(given, dtype=float)
+        if not np.linalg.norm(blows) > 0:
+            raise InputError(f"wind direction {given}: wanted a vector that is not zero")
+        blows = blows / np.linalg.norm(blows)
+        faces = mesh.boundary.faces
+        facing = -face_normals(mesh.points, faces) @ blows
+        windward = facing > 0
+        push = 0.5 * AIR_DENSITY * self.speed**2 * self.drag * facing[windward, None] * blows
+        held, warnings = find_supports(mesh, axis)
+        loads = (Traction(faces[windward], push),)
+        return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
+
+
+def wind(
+    mesh: TetMesh,
+    *,
+    up: Axis = "z",
+    direction: Sequence[float] | None = None,
+    speed: float = 10.0,
+    drag: float = 1.2,
+    order: int = 1,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Blow on a standing ``mesh``: drag on every face that looks into the wind.
+
+    Parameters
+    ----------
+    direction
+        Where the wind blows to; by default along the first horizontal axis.
+    speed
+        Speed of the wind [m/s].
+    drag
+        Drag coefficient [1] of a face across the wind.
+
+    The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    """
+    scene = Wind(direction, speed, drag).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)

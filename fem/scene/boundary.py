@@ -1,0 +1,56 @@
+"""The boundary of a body of tets: its outward faces, their areas and normals."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+# Outward faces of a positively oriented tet (vertex i is opposite to face i).
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+class Boundary(NamedTuple):
+    """Outward faces of the boundary: ``faces`` (faces, 3) point ids, ``tet`` (faces,) owners."""
+
+    faces: np.ndarray
+    tet: np.ndarray
+
+
+def boundary_faces(tets: Int[np.ndarray, "tets 4"]) -> Boundary:
+    """Faces that belong to one tet only, oriented outward for positively oriented tets."""
+    faces = tets[:, FACES].reshape(-1, 3)
+    key = np.sort(faces, axis=1)
+    order = np.lexsort(key.T[::-1])
+    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    single = np.ones(len(faces), dtype=bool)
+    single[order[1:][same]] = single[order[:-1][same]] = False
+    index = np.flatnonzero(single)
+    return Boundary(faces[index], index // 4)
+
+
+def area_vectors(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "*faces 3"]
+) -> Float[np.ndarray, "*faces 3"]:
+    """Area vector [m^2] of every face: its area along its normal.
+
+    The four outward faces of every tet are ``tets[:, FACES]``.
+    """
+    a, b, c = (points[faces[..., k]] for k in range(3))
+    return np.cross(b - a, c - a) / 2
+
+
+def face_areas(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+) -> Float[np.ndarray, "faces"]:
+    """Area [m^2] of every face."""
+    return np.linalg.norm(area_vectors(points, faces), axis=1)
+
+
+def face_normals(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+) -> Float[np.ndarray, "faces 3"]:
+    """Unit normal of every face, outward where the faces are those of ``mesh.boundary``."""
+    vectors = area_vectors(points, faces)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

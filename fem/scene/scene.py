@@ -1,0 +1,69 @@
+"""The scene: a body, what holds it, what acts on it, and what is asked of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .loads import Traction
+from .mesh import TetMesh
+from .obstacles import Obstacle
+from .supports import Supports
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """What every method of solution is given: physics only, in SI.
+
+    Parameters
+    ----------
+    mesh
+        Tets with a material.
+    up
+        Index of the axis that points up: the body's height is measured along it.
+    supports
+        What holds the body; None: nothing does.
+    gravity_vector
+        Acceleration of gravity [m/s^2], shape (3,).
+    tractions
+        Forces per area [Pa] on boundary faces.
+    forces
+        Forces [N] at the points of the mesh, shape (points, 3).
+    obstacles, friction
+        Rigid obstacles, and the coefficient of Coulomb friction [1] on all of them.
+    velocity
+        Initial velocity [m/s], shape (3,) or (points, 3).
+    duration, frames
+        How long a motion is followed [s], and how many states of it are wanted after the start.
+    modes
+        How many natural vibrations are wanted.
+    warnings
+        What had to be assumed when the scene was built.
+    """
+
+    mesh: TetMesh
+    up: int = 2
+    supports: Supports | None = None
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    tractions: tuple[Traction, ...] = ()
+    forces: Float[np.ndarray, "points 3"] | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    friction: float = 0.0
+    velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    duration: float = 1.0
+    frames: int = 60
+    modes: int = 6
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def held(self) -> Supports:
+        """What holds the body, on the points of the mesh."""
+        return self.supports or Supports.none(len(self.mesh.points))
+
+    @property
+    def height(self) -> float:
+        """Extent of the body along the up axis [m]."""
+        return float(np.ptp(self.mesh.bounds[:, self.up]))

@@ -1,0 +1,111 @@
+"""Method of statics: linear, with its discretisation error, and again where strains are large."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConvergenceError, UsageError
+from ..laws.law import LAWS, Law
+from ..result import SagResult, StaticResult
+from ..scene.scene import Scene
+from .discretisation_error import affordable_order, find_discretisation_error
+from .method import FrameProgress
+from .nonlinear import solve_nonlinear
+from .statics import solve_static
+
+logger = logging.getLogger(__name__)
+
+# Beyond this strain the linear law is not enough.
+LINEAR_LIMIT = 0.05
+# Share of the height beyond which a linear displacement means collapse: large strains would have to
+# be followed through folding and self-contact, minutes for what the eye has seen already.
+COLLAPSE = 0.5
+# Newton steps of the repeat: one that converges takes 5 to 15.
+ITERATIONS = 30
+
+
+class StaticMethod:
+    """Equilibrium under dead loads.
+
+    Without a law: the linear one, and neo-Hookean where the linear answer strains more than 5 %;
+    with a finite law that one is taken there; ``Law.LINEAR`` is never repeated.
+    """
+
+    laws: tuple[str, ...] = ()
+
+    def solve(
+        self,
+        scene: Scene,
+        *,
+        law: str | None = None,
+        order: int | None = None,
+        device: str = "cpu",
+        progress: FrameProgress | None = None,
+    ) -> SagResult:
+        """Body at rest; by default with quadratic elements while they are affordable.
+
+        Raises
+        ------
+        UsageError
+            If the scene has obstacles or a velocity: it needs a motion.
+        ConvergenceError
+            If the linear solve does not reach its tolerance.
+        """
+        if scene.obstacles or np.any(scene.velocity):
+            raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
+        warnings = [*scene.warnings]
+        loads = {
+            "gravity_vector": scene.gravity_vector,
+            "traction": scene.tractions,
+            "forces": scene.forces,
+            "device": device,
+        }
+        solve = partial(solve_static, scene.mesh, scene.held, **loads)
+        static = solve(order=order or affordable_order(scene.mesh))
+        error = find_discretisation_error(static, solve, warnings)
+        if law is None or LAWS[law].finite:
+            static = _checked_strain(scene, static, law or Law.NEO_HOOKEAN, warnings, loads)
+        for warning in warnings:
+            logger.warning(warning)
+        largest, height = _largest(static), scene.height
+        supported = np.asarray(scene.held.fixed.any(axis=1))
+        return SagResult(
+            static, height, largest, largest / height, error, supported, tuple(warnings)
+        )
+
+
+METHOD = StaticMethod()
+
+
+def _largest(static: StaticResult) -> float:
+    """Largest displacement of a point [m]."""
+    return float(np.linalg.norm(static.displacement, axis=1).max())
+
+
+def _checked_strain(
+    scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
+) -> StaticResult:
+    """Solve again under ``law`` where the linear answer strains too much; or keep it."""
+    share = _largest(linear) / scene.height
+    if share > COLLAPSE:
+        warnings.append(
+            f"it collapses: the linear answer moves {share:.1f} times its height, which "
+            "says that it cannot stand, not how it lies"
+        )
+        return linear
+    if linear.max_strain <= LINEAR_LIMIT:
+        return linear
+    said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+    title = LAWS[law].title
+    options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
+    try:
+        static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
+    except ConvergenceError as error:
+        warnings.append(f"{said}it is not to be trusted, and no {title} rest exists ({error})")
+        return linear
+    warnings.append(f"{said}repeated with the {title} law")
+    return static
