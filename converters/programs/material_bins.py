@@ -14,7 +14,6 @@ from ...fem.scene.mesh import TetMesh
 
 log = logging.getLogger(__name__)
 
-UpAxis = Literal["x", "y", "z"]
 NameStyle = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 # What E, nu, rho are called on export. Newton takes the Lame parameters instead.

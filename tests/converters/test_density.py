@@ -6,7 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import read_density, write_density
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import HealthCheck, given, settings
@@ -147,10 +148,11 @@ def test_volumes_start_without_a_banner(tmp_path):
     """The standard output belongs to --json: writing and reading NanoVDB prints nothing."""
     script = (
         "import sys, numpy as np\n"
-        "from autophyx_tet.converters.grids import density\n"
-        "grid = density.DensityGrid(np.zeros(3), np.ones(3), np.ones((2, 2, 2), 'f4'), 0.5, {})\n"
-        "density.write_density(sys.argv[1], grid)\n"
-        "density.read_density(sys.argv[1])\n"
+        "from autophyx_tet.converters.grids.density import DensityGrid\n"
+        "from autophyx_tet.converters.grids.density_file import read_density, write_density\n"
+        "grid = DensityGrid(np.zeros(3), np.ones(3), np.ones((2, 2, 2), 'f4'), 0.5, {})\n"
+        "write_density(sys.argv[1], grid)\n"
+        "read_density(sys.argv[1])\n"
     )
     command = [sys.executable, "-c", script, str(tmp_path / "g.nvdb")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

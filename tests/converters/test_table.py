@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh, write_mesh
 from autophyx_tet.converters.mesh.pvd import read_pvd, write_pvd
-from autophyx_tet.converters.mesh.table import FORMATS, read_data, read_mesh, write_mesh
 from autophyx_tet.converters.mesh.vtu import load_vtu
+from autophyx_tet.converters.registry import MESH_FORMATS
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
@@ -14,7 +15,7 @@ from autophyx_tet.fem.scene.mesh import TetMesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-BOTH = [suffix for suffix, f in FORMATS.items() if f.read and f.write]
+BOTH = [s for s in MESH_FORMATS if MESH_FORMATS[s].read and MESH_FORMATS[s].write]
 RICH = [suffix for suffix in BOTH if suffix != ".npz"]  # those with room for further arrays
 in_one_folder = settings(
     max_examples=15,
@@ -91,7 +92,7 @@ def test_wrong_array_length_is_told_and_nothing_is_written(suffix, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", MESH_FORMATS)
 @pytest.mark.parametrize(
     "content", [b"", b"\x00" * 400, b"solid nothing\n", b"$MeshFormat\n2.2 0 8"]
 )

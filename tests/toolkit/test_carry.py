@@ -7,19 +7,21 @@ from typing import get_args
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
-from autophyx_tet.converters.mesh.table import write_mesh
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
-from autophyx_tet.converters.programs.export import TARGETS
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import read_density, write_density
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.programs.material_bins import NameStyle
+from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.io.references import References
 from autophyx_tet.toolkit.io.sidecar import Sidecar
-from autophyx_tet.toolkit.options import ExportOptions, Names, Target, TransferOptions
+from autophyx_tet.toolkit.options import ExportOptions, Names, TransferOptions
 
 OAK = (1.1e10, 0.35, 700.0)
 
@@ -69,7 +71,6 @@ def cli(folder, monkeypatch, capfd):
 
 
 def test_options_name_all_that_the_writers_know():
-    assert get_args(Target) == tuple(TARGETS)
     assert get_args(Names) == get_args(NameStyle)
 
 
@@ -129,15 +130,15 @@ def test_a_field_a_density_grid_and_labelled_points_are_carried_too(cli, folder)
     np.testing.assert_allclose(grid.fields["E"], np.where(solid > 0, OAK[0], 0), rtol=1e-6)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_every_program_gets_its_files(target, cli):
     """The document lists what is there; one material is exact with any number of bins."""
     code, out, err = cli("export", "oak.msh", "--for", target, "-o", "model", "--json")
     assert (code, err) == (0, "")
     document = json.loads(out)
     assert document["mass"] == pytest.approx(OAK[2] * 0.2**3, rel=1e-6)
-    assert document["files"][0] == "model" + TARGETS[target].suffixes[0]
-    binned = TARGETS[target].binned
+    assert document["files"][0] == "model" + PROGRAMS[target].suffixes[0]
+    binned = PROGRAMS[target].binned
     assert document["bins"] == (1 if binned else None)
     assert (document["quantisation"] is None) != binned
     assert all(Path(file).stat().st_size for file in document["files"])

@@ -10,8 +10,8 @@ import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.io.bonsai import write_bonsai
 from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers import absolute_indices
-from autophyx_tet.toolkit.options import METRES
+from autophyx_tet.toolkit.io.readers.obj import absolute_indices
+from autophyx_tet.toolkit.io.units import METRES
 from autophyx_tet.toolkit.surfaces.repair import repair
 from autophyx_tet.toolkit.surfaces.surface import component_volumes
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.mesh.mesh_file import read_data, write_mesh
 from autophyx_tet.converters.mesh.pvd import read_pvd
-from autophyx_tet.converters.mesh.table import read_data, write_mesh
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...converters.mesh.table import read_mesh
+from ...converters.mesh.mesh_file import read_mesh
 from ...fem.scene.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset, Part, UpAxis
 from ..io.load import scaled

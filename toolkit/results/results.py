@@ -19,7 +19,7 @@ from ..report.content import ADVICE, Verdict
 from .simulation import Settled, Simulation
 
 if TYPE_CHECKING:
-    from ...converters.sampling import Assigned
+    from ...converters.material_sampling import SampledMesh
     from ...predictors.images.features import VoxelFeatures
     from ...predictors.prediction import PartChoice
     from ..meshing.conversion_report import ConversionReport
@@ -64,7 +64,7 @@ class Assignment:
     text: str
     field: MaterialField
     choices: tuple[PartChoice, ...]
-    sampling: Assigned
+    sampling: SampledMesh
     sidecar: Sidecar
     warnings: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
