@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -66,8 +67,8 @@ class Format:
     suffixes: tuple[str, ...]
     read: Callable[..., Any] | None = None
     write: Callable[..., Any] | None = None
-    keeps: frozenset[Keeps] = frozenset()
-    binned: frozenset[Keeps] = frozenset()
+    keeps: AbstractSet[Keeps] = frozenset()
+    binned: AbstractSet[Keeps] = frozenset()
 
     def loses(self, given: Iterable[Keeps]) -> tuple[Keeps, ...]:
         """Return those of the items ``given`` that a file neither keeps nor bins."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import os
 
 import numpy as np
@@ -36,7 +35,7 @@ def write_las(path: str | os.PathLike, table: PointTable) -> None:
     read = None if table.others is None else table.others.value
     if not isinstance(read, laspy.LasData):
         raise InputError(f"{path}: only a cloud read from LAS or LAZ can be written as one")
-    cloud = laspy.LasData(copy.deepcopy(read.header), read.points.copy())
+    cloud = laspy.LasData(read.header, read.points.copy())
     known = {*cloud.point_format.dimension_names, *XYZ}
     new = [name for name in table.columns if name not in known]
     cloud.add_extra_dims([laspy.ExtraBytesParams(name, table.columns[name].dtype) for name in new])
