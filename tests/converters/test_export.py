@@ -1,6 +1,7 @@
 """Exports without the programs: binning laws, files listed, contents that any reader would see."""
 
 import json
+from typing import get_args
 from xml.etree import ElementTree
 
 import numpy as np
@@ -9,6 +10,7 @@ from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh
 from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import (
+    NameStyle,
     bin_materials,
     named_arrays,
     vertex_masses,
@@ -106,29 +108,28 @@ def test_unknown_target_and_names():
         named_arrays(varying(), "mine")
 
 
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        ("symbols", ("E", "nu", "rho")),
-        ("usd", ("youngsModulus", "poissonsRatio", "density")),
-        ("vomp", ("youngs_modulus", "poisson_ratio", "density")),
-        ("pixie", ("E", "nu", "density")),
-        ("newton", ("k_mu", "k_lambda", "rho")),
-    ],
-)
-def test_names_on_export(names, expected, tmp_path):
+def test_names_on_export(tmp_path):
     """The same numbers under the names of other programs; regions keep theirs."""
     mesh = varying()
     assert mesh.material is not None
-    export_mesh(mesh, "gmsh", tmp_path / "m", names=names)
-    data = read_data(tmp_path / "m.msh")
-    assert data.mesh.region_names == mesh.region_names
-    found = data.cell_data
-    if names == "symbols":
-        assert data.mesh.material is not None
-        found = {name: getattr(data.mesh.material, name) for name in expected}
-    assert tuple(found) == expected
-    np.testing.assert_array_equal(found[expected[2]], mesh.material.rho)
+    expected = {
+        "symbols": ("E", "nu", "rho"),
+        "usd": ("youngsModulus", "poissonsRatio", "density"),
+        "vomp": ("youngs_modulus", "poisson_ratio", "density"),
+        "pixie": ("E", "nu", "density"),
+        "newton": ("k_mu", "k_lambda", "rho"),
+    }
+    assert set(expected) == set(get_args(NameStyle))
+    for names, arrays in expected.items():
+        export_mesh(mesh, "gmsh", tmp_path / names, names=names)
+        data = read_data(tmp_path / f"{names}.msh")
+        assert data.mesh.region_names == mesh.region_names
+        found = data.cell_data
+        if names == "symbols":
+            assert data.mesh.material is not None
+            found = {name: getattr(data.mesh.material, name) for name in arrays}
+        assert tuple(found) == arrays
+        np.testing.assert_array_equal(found[arrays[2]], mesh.material.rho, err_msg=names)
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".npz"])
