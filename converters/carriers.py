@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from .grids.density import DensityGrid
 from .grids.density_file import density_losses, read_density, write_density
 from .points.point_file import point_losses, read_points, write_points
 from .points.splats.gaussians import gaussians
+from .points.table import PointTable
 from .registry import GRID_FORMATS, POINT_FORMATS, Keeps, format_of
 
 _UNITS = {name: npz.UNITS[name] for name in ("E", "nu", "rho")}
@@ -42,7 +44,7 @@ class Transferred:
     n_invalid: int = 0
     volume: float | None = None
     mass: float | None = None
-    lost: tuple[Keeps, ...] = ()
+    lost: tuple[str, ...] = ()
 
 
 def append_material(
@@ -129,8 +131,17 @@ def _onto_points(field: MaterialField, target_path: Path, out_path: Path) -> Tra
         volume, mass = float(volumes.sum()), float(volumes @ sample.rho)
     return Transferred(
         tuple(files), len(table), sample.n_fallback, sample.max_fallback_distance,
-        int((~valid).sum()), volume, mass, () if roomless else point_losses(out_path, table),
+        int((~valid).sum()), volume, mass, () if roomless else tuple(_left_out(out_path, table)),
     )  # fmt: skip
+
+
+def _left_out(path: Path, table: PointTable) -> Iterator[str]:
+    """What a file of the table does not keep, in words."""
+    for item in point_losses(path, table):
+        if item is Keeps.OTHERS and table.others is not None:
+            yield from table.others.names
+        else:
+            yield item
 
 
 def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:

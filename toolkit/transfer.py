@@ -23,7 +23,6 @@ from .options import ExportOptions, TransferOptions
 if TYPE_CHECKING:
     from ..converters.carriers import Transferred
     from ..converters.programs.export import Exported
-    from ..converters.registry import Keeps
 
 AWAY = 0.05  # of the field's diagonal: a carrier this far out is not that of the same body
 NU_MOST = 0.49  # Poisson's ratio above which linear tets of most programs lock
@@ -248,7 +247,7 @@ def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
         yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
 
 
-def _left_out(name: str, lost: Sequence[Keeps]) -> Iterator[str]:
+def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:
     """Say what of the given the files have no place for."""
     if lost:
         yield f"not kept in {name}: {', '.join(lost)}"

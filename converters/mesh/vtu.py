@@ -12,6 +12,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from .vtu_arrays import VtuArrays
@@ -31,8 +32,8 @@ class VtuGrid(NamedTuple):
     ``ignored`` counts the other cells by kind.
     """
 
-    points: np.ndarray
-    tets: np.ndarray
+    points: Float[np.ndarray, "points 3"]
+    tets: Int[np.ndarray, "tets 4"]
     point_data: dict[str, np.ndarray]
     cell_data: dict[str, np.ndarray]
     field_data: dict[str, np.ndarray]
@@ -94,6 +95,8 @@ def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int
     if (np.diff(ends.astype(np.int64), prepend=0)[is_tet] != 4).any() or (first < 0).any():
         raise InputError("a tet has other than four corners")
     tets = corners[first[:, None] + np.arange(4)].astype(np.int64)
+    if tets.size and not 0 <= tets.min() <= tets.max() < count:
+        raise InputError(f"tets name points {tets.min()}..{tets.max()} of {count}")
     on_points = arrays.under(piece.find("PointData"), count)
     on_cells = arrays.under(piece.find("CellData"), cells)
     return points, tets, on_points, {name: values[is_tet] for name, values in on_cells.items()}

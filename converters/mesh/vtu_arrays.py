@@ -24,7 +24,7 @@ class VtuArrays:
         self._allowed = self._left = allowed
         self._header = _dtype(root.get("header_type", "UInt32")).newbyteorder(self._order)
         self._compressor = root.get("compressor")
-        self._appended, self._raw = appended
+        self._appended, self._raw = memoryview(appended[0]), appended[1]
 
     def under(self, parent: ElementTree.Element | None, rows: int | None = None):
         """Arrays by name of a parent element, each of ``rows`` rows where that is known."""
@@ -61,7 +61,7 @@ class VtuArrays:
             raise InputError(f"an array announces {size} bytes and holds {len(data)}")
         return data
 
-    def _unpacked(self, source: _Raw | _Base64) -> bytes:
+    def _unpacked(self, source: _Raw | _Base64) -> bytearray:
         """Blocks behind a header of their count, their size, the last one's, and packed sizes."""
         count = int(np.frombuffer(source.head(self._header.itemsize), self._header)[0])
         length = (3 + count) * self._header.itemsize
@@ -73,7 +73,7 @@ class VtuArrays:
         data = bytearray()
         for end, size in zip(ends, sizes, strict=True):
             data += self._block(packed[end - size : end])
-        return bytes(data)
+        return data
 
     def _block(self, packed: bytes) -> bytes:
         """The bytes of a block, at most those that are left of all that are allowed."""
@@ -96,22 +96,22 @@ class VtuArrays:
 class _Raw:
     """Bytes of an array that stand as they are."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: memoryview) -> None:
         self._data = data
 
     def head(self, count: int) -> bytes:
         """The first ``count`` bytes."""
-        return self._data[:count]
+        return bytes(self._data[:count])
 
     def after(self, head: int, count: int) -> bytes:
         """``count`` bytes behind a header of ``head``."""
-        return self._data[head : head + count]
+        return bytes(self._data[head : head + count])
 
 
 class _Base64:
     """Bytes of an array as base64, the header encoded with the rest or before it."""
 
-    def __init__(self, text: bytes) -> None:
+    def __init__(self, text: bytes | memoryview) -> None:
         self._text = text
 
     def head(self, count: int) -> bytes:

@@ -25,7 +25,9 @@ def read_las(path: str | os.PathLike) -> PointTable:
         for name in cloud.point_format.dimension_names:
             if name not in ("X", "Y", "Z"):
                 columns[name] = np.asarray(cloud[name])
-        records = (str(record.description or record.record_id) for record in cloud.header.vlrs)
+        records = (
+            f"record {record.description or record.record_id}" for record in cloud.header.vlrs
+        )
         return PointTable(columns, others=Others(_TITLE, tuple(records), cloud))
 
 

@@ -54,9 +54,9 @@ class Ply:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Names of the elements beside the vertices."""
+        """What stands beside the vertices, in words."""
         lists = [line.split()[1] for line in self.rest[0] if line.startswith("element ")]
-        return tuple(name for name in (*self.elements, *lists) if name != "vertex")
+        return tuple(f"element {name}" for name in (*self.elements, *lists) if name != "vertex")
 
 
 def read_ply(path: str | os.PathLike) -> Ply:

@@ -33,8 +33,8 @@ _TRIANGLES = re.compile(rb"element\s+(face|tristrips)\s+[1-9]")
 class ColouredGrid(NamedTuple):
     """Density [1/m] (nx, ny, nz) and colour (nx, ny, nz, 3), sRGB in [0, 1], of cells."""
 
-    density: np.ndarray
-    colour: np.ndarray
+    density: Float[np.ndarray, "nx ny nz"]
+    colour: Float[np.ndarray, "nx ny nz 3"]
     grid: Grid
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ....fem.errors import InputError
 from ..table import PointTable
@@ -24,13 +25,13 @@ class Gaussians(NamedTuple):
     wxyz (n, 4), ``opacity`` in [0, 1] (n,).
     """
 
-    means: np.ndarray
-    sigmas: np.ndarray
-    rotations: np.ndarray
-    opacity: np.ndarray
+    means: Float[np.ndarray, "n 3"]
+    sigmas: Float[np.ndarray, "n 3"]
+    rotations: Float[np.ndarray, "n 4"]
+    opacity: Float[np.ndarray, "n"]
 
     @property
-    def volumes(self) -> np.ndarray:
+    def volumes(self) -> Float[np.ndarray, "n"]:
         """Opacity-weighted volume [m^3] of each: its opacity integrated over space."""
         return self.opacity * (2 * np.pi) ** 1.5 * self.sigmas.prod(axis=1)
 
