@@ -1,1 +1,6 @@
-"""A field or a mesh to and from every carrier: tets, points, splats, grids, solver files."""
+"""Converters: a field or a mesh to and from every carrier, by formats that say what they keep.
+
+In: files of meshes, points and density grids; a material field [SI]; a mesh with E, nu, rho a tet.
+Out: the same in other files, for other programs, or as fields, voxels and values a tet.
+Read: registry, npz, mesh, grids, points, material_sampling, field_sources, carriers, programs.
+"""

@@ -58,21 +58,42 @@ def _help(command: str) -> str:
 
 
 def formats(kind: str) -> str:
-    """Table of the suffixes that the readers and writers know."""
-    from autophyx_tet.converters.mesh import table
-    from autophyx_tet.converters.points import table as points
-    from autophyx_tet.converters.programs import export
-    from autophyx_tet.toolkit.io import readers
+    """Table of the suffixes that the readers and writers know, and of what survives in a file."""
+    from autophyx_tet.converters.registry import GRID_FORMATS, MESH_FORMATS, POINT_FORMATS, PROGRAMS
+    from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS
 
-    if kind == "surfaces":
-        return ", ".join(f"`{suffix}`" for suffix in readers.READERS)
     if kind == "exports":
-        rows = [(f"`{name}`", ", ".join(t.suffixes)) for name, t in export.TARGETS.items()]
-        return _table(("program", "files"), rows)
-    known = {"meshes": table.FORMATS, "points": points.FORMATS}[kind]
-    says = lambda given: "yes" if given else ""  # noqa: E731
-    rows = [(f"`{s}`", f[0], says(f.read), says(f.write)) for s, f in known.items()]
-    return _table(("suffix", "what", "read", "written"), rows)
+        rows = [
+            (
+                f"`{name}`",
+                f"`{form.suffixes[0]}`",
+                form.title,
+                _listed(form.keeps),
+                _listed(form.binned),
+            )
+            for name in PROGRAMS
+            for form in PROGRAMS[name].formats
+        ]
+        return _table(("program", "file", "what", "keeps", "a value a bin"), rows)
+    known = {
+        "surfaces": ASSET_FORMATS,
+        "meshes": MESH_FORMATS,
+        "points": POINT_FORMATS,
+        "grids": GRID_FORMATS,
+    }[kind]
+    rows = []
+    for form in dict.fromkeys(known[suffix] for suffix in known):
+        suffixes = ", ".join(f"`{suffix}`" for suffix in known if known[suffix] is form)
+        says = ["yes" if given else "" for given in (form.read, form.write)]
+        rows.append((suffixes, form.title, *says, _listed(form.keeps)))
+    return _table(("suffix", "what", "read", "written", "keeps"), rows)
+
+
+def _listed(items) -> str:
+    """Items in the order in which the program lists them."""
+    from autophyx_tet.converters.registry import Keeps
+
+    return "; ".join(item for item in Keeps if item in items)
 
 
 def measured(name: str, *columns: str) -> str:

@@ -26,7 +26,8 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import read_density, write_density
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
 from autophyx_tet.toolkit.report.picture import render_png, story

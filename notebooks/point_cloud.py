@@ -25,9 +25,10 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.fields import field_from_points
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
-from autophyx_tet.converters.sampling import assign
+from autophyx_tet.converters.field_sources import field_from_points
+from autophyx_tet.converters.material_sampling import sample_material
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
 from autophyx_tet.toolkit.report.picture import render_png, story
@@ -105,6 +106,6 @@ labelled = {name: points[name][seen].astype(float) for name in "xyz"}
 labelled = {name: values * 1e-3 for name, values in labelled.items()}  # to metres
 for name in ("E", "nu", "rho"):
     labelled[name] = np.where(front, getattr(rubber, name), getattr(cork, name))[seen]
-two = assign(solid.mesh, field_from_points(PointTable(labelled), cells=48)).mesh
+two = sample_material(solid.mesh, field_from_points(PointTable(labelled), cells=48)).mesh
 print(f"{two.mass * 1e3:.0f} g with the front half in rubber")
 assert abs(two.mass / (volume * (cork.rho + rubber.rho) / 2) - 1) < 0.05

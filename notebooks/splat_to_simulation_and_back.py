@@ -26,8 +26,9 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.options import ConvertOptions
 from autophyx_tet.toolkit.report.picture import render_png, story

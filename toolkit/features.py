@@ -13,7 +13,7 @@ from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
 from ..predictors.images.features import VoxelFeatures, features_of_views
 from ..predictors.images.features import features as features_of
 from ..predictors.images.segmentation import Segmentation, best_segmentation
-from .io.carriers import is_carrier, read_matter
+from .io.coloured_grid import is_carrier, read_coloured_grid
 from .io.outputs import check_file
 from .native.cache import digest, recalled, remember
 from .options import FeatureOptions
@@ -126,7 +126,7 @@ def _carried(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> Voxe
     from ..predictors.images.cameras import hemisphere
     from ..predictors.images.grid_views import matter_bounds, render_grid
 
-    density, colour, grid = read_matter(path, cells=options.cells)
+    density, colour, grid = read_coloured_grid(path, cells=options.cells)
     cameras = hemisphere(matter_bounds(density, grid), count=options.views, lower=options.lower)
     views = render_grid(density, colour, grid, cameras)
     return features_of_views(views, density, grid, encoder=encoder)

@@ -33,7 +33,7 @@ def materials(query: str = "") -> dict[str, Any]:
 
 def info(file: Path) -> dict[str, Any]:
     """Size, regions, volume [m^3], mass [kg] and quality of a mesh file."""
-    from ..converters.mesh.table import read_mesh
+    from ..converters.mesh.mesh_file import read_mesh
     from .meshing.quality import quality
 
     mesh = read_mesh(file)

@@ -17,12 +17,10 @@ from ..fem.errors import UsageError
 from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
 from ..fem.scenarios.scenario import SCENARIOS
+from .io.units import Unit
 
 UpAxis = Literal["x", "y", "z"]
-Unit = Literal["mm", "cm", "m", "in"]
-Target = Literal["gmsh", "calculix", "newton", "mujoco", "usd", "sofa", "fenics"]
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
-METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 
 
 def choice(registry: Registry) -> PrimitiveConstructorSpec[str]:

@@ -20,7 +20,7 @@ from .results.run import RunCase, RunResult, Stopwatch
 from .results.simulation import Simulation
 
 if TYPE_CHECKING:
-    from ..converters.sampling import Assigned
+    from ..converters.material_sampling import SampledMesh
     from ..predictors.assignment import Answer
 
 # Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
@@ -53,7 +53,7 @@ def convert(
     NoVolumeError
         Where the asset encloses no volume.
     """
-    from ..converters.mesh.table import write_mesh
+    from ..converters.mesh.mesh_file import write_mesh
     from .io.load import load_asset
     from .meshing.import_tets import SUFFIXES, import_tets
     from .meshing.tetrahedralize import tetrahedralize
@@ -95,8 +95,9 @@ def assign(
         Under ``options.strict``, where a value leaves the band of its category.
     """
     from ..converters import npz
-    from ..converters import sampling as tets
-    from ..converters.mesh.table import write_mesh
+    from ..converters.material_sampling import sample_material
+    from ..converters.mesh.mesh_file import write_mesh
+    from ..converters.voxelisation import divided_by_voxels, voxelize
     from ..predictors.assignment import answer
     from ..predictors.film.predictor import FilmPredictor
     from .appearance import appearance
@@ -108,7 +109,7 @@ def assign(
         check_file(field_output, (".npz",))
     mesh, sidecar, seen, warnings = _read(mesh, asset)
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
-    voxels = replace(tets.voxelize(mesh, cells=options.cells), labels=labels)
+    voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
     found = answer(
         voxels,
         text,
@@ -121,9 +122,9 @@ def assign(
         film=FilmPredictor() if options.predictor == "film" else None,
     )
     if len(found.choices) > len(mesh.region_names):
-        mesh = tets.divide(mesh, found.parts, found.parents)
+        mesh = divided_by_voxels(mesh, found.parts, found.parents)
         sidecar = sidecar.divided(found.parts)
-    sampled = tets.assign(mesh, found.field)
+    sampled = sample_material(mesh, found.field)
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
@@ -244,7 +245,7 @@ def run(
 
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     """Return the mesh, what is known of its regions, the asset, and what the user should know."""
-    from ..converters.mesh.table import read_mesh
+    from ..converters.mesh.mesh_file import read_mesh
 
     found = None
     if not isinstance(mesh, TetMesh):
@@ -265,7 +266,7 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     return mesh, found, asset, warnings if lost else []
 
 
-def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
+def _doubts(found: Answer, sampled: SampledMesh) -> Iterator[str]:
     """Sentences about what was guessed rather than known."""
     spoken = {choice.why.removeprefix("text: ") for choice in found.choices}
     for choice in found.choices:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,18 +18,18 @@ from .io.document import mesh_document
 from .io.outputs import check_file, mesh_suffixes
 from .io.references import References
 from .io.sidecar import Sidecar
-from .options import ExportOptions, Target, TransferOptions
+from .options import ExportOptions, TransferOptions
 
 if TYPE_CHECKING:
+    from ..converters.carriers import Transferred
     from ..converters.programs.export import Exported
-    from ..converters.transfer import Transferred
 
 AWAY = 0.05  # of the field's diagonal: a carrier this far out is not that of the same body
 NU_MOST = 0.49  # Poisson's ratio above which linear tets of most programs lock
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class TransferResult:
     """What a transfer did, in metres, and the metres per unit of the target."""
 
     done: Transferred
@@ -54,7 +54,7 @@ class Transfer:
 
 
 @dataclass(frozen=True, eq=False)
-class Export:
+class ExportResult:
     """What an export wrote, and what binning changed."""
 
     mesh: TetMesh
@@ -93,7 +93,7 @@ def transfer(
     *,
     output: Path,
     options: TransferOptions | None = None,
-) -> Transfer:
+) -> TransferResult:
     """Write splats, a point cloud or a density grid again with E, nu, rho appended.
 
     Parameters
@@ -110,8 +110,8 @@ def transfer(
     InputError
         Where a file cannot be read or written, or the source has no material.
     """
-    from ..converters.fields import field_from_tets
-    from ..converters.transfer import transfer as carry
+    from ..converters.carriers import append_material
+    from ..converters.field_sources import field_from_tets
 
     options, target = options or TransferOptions(), Path(target)
     check_file(output, _room(target))
@@ -123,9 +123,10 @@ def transfer(
         given = field_from_tets(given, cells=options.cells)
     grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
-        done = carry(replace(given, grid=grid), target, Path(scratch) / output.name)
+        done = append_material(replace(given, grid=grid), target, Path(scratch) / output.name)
         files = _publish(done.files, output.parent, source)
-    return Transfer(done, scale, files, tuple(_misfit(done, grid)))
+    warnings = (*_misfit(done, grid), *_left_out(output.name, done.lost))
+    return TransferResult(done, scale, files, warnings)
 
 
 def export(
@@ -134,7 +135,7 @@ def export(
     *,
     output: Path,
     options: ExportOptions | None = None,
-) -> Export:
+) -> ExportResult:
     """Write a mesh with materials as the files of another program.
 
     Parameters
@@ -142,7 +143,7 @@ def export(
     mesh
         Mesh with E [Pa], nu, rho [kg/m^3] on its tets.
     target
-        gmsh, calculix, newton, mujoco, usd, sofa or fenics.
+        Name of one of ``converters.registry.PROGRAMS``: gmsh, calculix ...
     output
         Main file; without a suffix it is a stem.
 
@@ -153,17 +154,16 @@ def export(
     InputError
         Where the mesh has no material or the output cannot be written.
     """
-    from ..converters.mesh.table import read_mesh
-    from ..converters.programs.export import TARGETS, export_mesh
+    from ..converters.mesh.mesh_file import read_mesh
+    from ..converters.programs.export import export_mesh
+    from ..converters.registry import PROGRAMS
 
     options = options or ExportOptions()
-    if target not in get_args(Target):
-        raise UsageError(f"unknown program {target!r}, wanted {', '.join(get_args(Target))}")
+    suffixes = PROGRAMS[target].suffixes
     if options.bins < 1:
         raise UsageError(f"--bins must be at least 1, got {options.bins}")
     if options.names != "symbols" and target != "gmsh":
         raise UsageError(f"--names {options.names} is for gmsh: {target} has names of its own")
-    suffixes = TARGETS[target].suffixes
     output = output if output.suffix else output.with_name(output.name + suffixes[0])
     check_file(output, suffixes)
     body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
@@ -179,37 +179,36 @@ def export(
             gravity=options.gravity,
         )
         files = _publish(done.files, output.parent, mesh)
-    result = Export(body, target, done, files)
+    result = ExportResult(body, target, done, files)
     return replace(result, warnings=tuple(_losses(result)))
 
 
 def read_source(path: Path) -> MaterialField | TetMesh:
     """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
     from ..converters import npz
-    from ..converters.fields import read_field_points
-    from ..converters.mesh import table
-    from ..converters.points import table as points
+    from ..converters.field_sources import read_field_points
+    from ..converters.mesh.mesh_file import read_mesh
+    from ..converters.registry import MESH_FORMATS, POINT_FORMATS
 
     suffix = path.suffix.lower()
     if suffix == ".npz" and "meta" in npz.load_npz(path):
         return npz.load(path)
-    if suffix in points.FORMATS:
+    if suffix in POINT_FORMATS:
         return read_field_points(path)
-    if suffix in table.FORMATS:
-        return table.read_mesh(path)
-    known = ", ".join(sorted({*table.FORMATS, *points.FORMATS}))
+    if suffix in MESH_FORMATS:
+        return read_mesh(path)
+    known = ", ".join(sorted({*MESH_FORMATS, *POINT_FORMATS}))
     raise InputError(f"{path}: no field or mesh is read from {suffix!r}; known are {known}")
 
 
 def _room(target: Path) -> tuple[str, ...]:
     """Suffixes a carrier may be written as: those with room, and its own."""
-    from ..converters.points import table as points
-    from ..converters.transfer import is_density
+    from ..converters.carriers import is_density
+    from ..converters.registry import GRID_FORMATS, POINT_FORMATS, written
 
     if is_density(target):
-        return (".npz", ".nvdb")
-    room = [suffix for suffix, form in points.FORMATS.items() if form.write]
-    return tuple(dict.fromkeys([target.suffix.lower(), *room]))
+        return written(GRID_FORMATS)
+    return tuple(dict.fromkeys([target.suffix.lower(), *written(POINT_FORMATS)]))
 
 
 def _known_scale(source: str | Path | MaterialField | TetMesh, target: Path) -> float:
@@ -248,7 +247,13 @@ def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
         yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
 
 
-def _losses(result: Export) -> Iterator[str]:
+def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:
+    """Say what of the given the files have no place for."""
+    if lost:
+        yield f"not kept in {name}: {', '.join(lost)}"
+
+
+def _losses(result: ExportResult) -> Iterator[str]:
     """Say what the program will not see as it is in the mesh."""
     change = result.quantisation()
     if change and max(change["largest"].values()) > 0:
@@ -258,6 +263,7 @@ def _losses(result: Export) -> Iterator[str]:
             f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
             "(E and rho relative); --bins allows more"
         )
+    yield from _left_out(f"the files for {result.target}", result.done.lost)
     material = result.mesh.material
     if material is not None and (soft := int((material.nu > NU_MOST).sum())):
         yield f"{soft} tets have nu > {NU_MOST}: linear tets of most programs lock there"

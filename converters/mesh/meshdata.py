@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -14,16 +14,19 @@ import numpy as np
 from ...fem.errors import InputError
 from ...fem.scene.material import ElementMaterial
 from ...fem.scene.mesh import TetMesh, signed_volumes
+from ..registry import MATERIAL, Keeps
 
 if TYPE_CHECKING:
     import meshio
 
 log = logging.getLogger(__name__)
 
-MATERIAL = ("E", "nu", "rho")
+COLUMNS = ("E", "nu", "rho")  # arrays of the material, in this order
+# All that a mesh and its arrays may hold: what a format with room for everything keeps.
+WHOLE = MATERIAL | {Keeps.REGIONS, Keeps.POINT_DATA, Keeps.CELL_DATA}
 # Cell arrays that say which region a tet belongs to, the most specific first.
 REGION_TAGS = ("region", "gmsh:physical", "medit:ref", "mat_id")
-_OURS = {*MATERIAL, *REGION_TAGS, "gmsh:geometrical"}
+_OURS = {*COLUMNS, *REGION_TAGS, "gmsh:geometrical"}
 
 # What a name between quotes or on a line of its own cannot hold, and the escape itself.
 _SPECIAL = re.compile(r'[\x00-\x1f\x7f-\xa0"%\u2028\u2029]')
@@ -45,6 +48,20 @@ class MeshData:
     ignored: Mapping[str, int] = field(default_factory=dict)
 
 
+def items_of(
+    mesh: TetMesh, point_data: Arrays | None = None, cell_data: Arrays | None = None
+) -> Iterator[Keeps]:
+    """What a file of the mesh and its arrays has to keep; one region needs no name."""
+    if len(mesh.region_names) > 1:
+        yield Keeps.REGIONS
+    if mesh.material is not None:
+        yield from (Keeps.E, Keeps.NU, Keeps.RHO)
+    if point_data:
+        yield Keeps.POINT_DATA
+    if cell_data:
+        yield Keeps.CELL_DATA
+
+
 def escape(name: str) -> str:
     """Name without quotes and line ends: those are percent-encoded, ``unquote`` gives them back."""
     return _SPECIAL.sub(lambda match: quote(match[0]), name)
@@ -52,7 +69,7 @@ def escape(name: str) -> str:
 
 def cell_arrays(mesh: TetMesh, extra: Arrays | None = None) -> dict[str, np.ndarray]:
     """Cell arrays of a mesh by the names of the project: E, nu, rho, region, mat_id, and more."""
-    arrays = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in MATERIAL}
+    arrays = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in COLUMNS}
     arrays |= {"region": mesh.region, "mat_id": mesh.region + 1}
     return arrays | checked(extra, len(mesh.tets), "tet")
 
@@ -93,10 +110,10 @@ def assemble(
         log.info("turned %d mirrored tets of %d", mirrored, len(tets))
     region, region_names = _regions(cell_data, names, len(tets))
     material = None
-    if all(name in cell_data for name in MATERIAL):
-        material = ElementMaterial(*(np.ravel(cell_data[name]) for name in MATERIAL))
+    if all(name in cell_data for name in COLUMNS):
+        material = ElementMaterial(*(np.ravel(cell_data[name]) for name in COLUMNS))
     mesh = TetMesh.oriented(points, tets, region, region_names=region_names, material=material)
-    known = _OURS if material is not None else _OURS - set(MATERIAL)
+    known = _OURS if material is not None else _OURS - set(COLUMNS)
     extra = {name: values for name, values in cell_data.items() if name not in known}
     return MeshData(mesh, point_data, extra, ignored)
 

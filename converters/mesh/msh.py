@@ -18,7 +18,8 @@ from ...fem.errors import InputError
 from ...fem.scene.mesh import TetMesh
 from ..announced_sizes import check_counts
 from ..files import reading, writing
-from .meshdata import MATERIAL, Arrays, MeshData, assemble, checked, escape, from_meshio
+from ..registry import Format
+from .meshdata import COLUMNS, WHOLE, Arrays, MeshData, assemble, checked, escape, from_meshio
 
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
 WANTED = "a Gmsh .msh file (2.2 or 4.1) with tets"
@@ -39,7 +40,7 @@ def write_msh(
 
     ``point_data`` and ``cell_data`` are further arrays of 1, 3 or 9 components a row.
     """
-    values = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in MATERIAL}
+    values = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in COLUMNS}
     cells = values | checked(cell_data, len(mesh.tets), "tet")
     nodes = checked(point_data, len(mesh.points), "point")
     with writing(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
@@ -65,6 +66,9 @@ def read_msh(path: str | os.PathLike) -> MeshData:
         import meshio
 
         return from_meshio(meshio.gmsh.read(str(source)))
+
+
+MSH = Format("Gmsh", (".msh",), read_msh, write_msh, keeps=WHOLE)
 
 
 def _topology(mesh: TetMesh) -> Iterator[str]:

@@ -1,9 +1,10 @@
-"""VTK: .vtu and legacy .vtk through meshio, with the names of the regions kept in the file."""
+"""VTK: .vtu and legacy .vtk, with the names of the regions kept in the file."""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Container
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -13,7 +14,17 @@ from ...fem.errors import InputError
 from ...fem.scene.mesh import TetMesh
 from ..announced_sizes import check_counts
 from ..files import reading, writing
-from .meshdata import Arrays, MeshData, cell_arrays, checked, escape, from_meshio
+from ..registry import Format
+from .meshdata import (
+    WHOLE,
+    Arrays,
+    MeshData,
+    assemble,
+    cell_arrays,
+    checked,
+    escape,
+    from_meshio,
+)
 from .vtu import load_vtu
 
 WANTED = "a VTK unstructured grid (.vtu or legacy .vtk) with tets"
@@ -54,21 +65,42 @@ def write_vtk(
 
 def read_vtk(path: str | os.PathLike) -> MeshData:
     """Read tets, regions and all arrays of a .vtu or legacy .vtk file."""
+    with reading(path, WANTED) as source:
+        return _read_xml(source) if source.suffix.lower() == ".vtu" else _read_legacy(source)
+
+
+VTU = Format("VTK XML", (".vtu",), read_vtk, write_vtk, keeps=WHOLE)
+VTK = Format("legacy VTK", (".vtk",), read_vtk, write_vtk, keeps=WHOLE)
+
+
+def _read_xml(source: Path) -> MeshData:
+    grid = load_vtu(source)
+    raw = grid.field_data.get(_NAMES)
+    listed = None if raw is None else np.asarray(raw, dtype=np.uint8).tobytes()
+    return assemble(
+        grid.points,
+        grid.tets,
+        point_data=grid.point_data,
+        cell_data=grid.cell_data,
+        names=_names(listed, grid.cell_data),
+        ignored=grid.ignored,
+    )
+
+
+def _read_legacy(source: Path) -> MeshData:
     import meshio
 
-    with reading(path, WANTED) as source:
-        if source.suffix.lower() == ".vtu":
-            grid = load_vtu(source)
-            raw = grid.field_data.pop(_NAMES, None)
-            names = None if raw is None else np.asarray(raw, dtype=np.uint8).tobytes()
-        else:
-            check_counts(source)
-            grid = meshio.vtk.read(str(source))
-            names = _legacy_names(source)
-        lines = [] if names is None else names.decode("utf-8").split("\n")[:-1]
-        if lines and "region" not in grid.cell_data:
-            raise InputError(f"{path} names {len(lines)} regions but has no cell array 'region'")
-        return from_meshio(grid, {tag: unquote(line) for tag, line in enumerate(lines)})
+    check_counts(source)
+    grid = meshio.vtk.read(str(source))
+    return from_meshio(grid, _names(_legacy_names(source), grid.cell_data))
+
+
+def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
+    """Names of the regions by tag, of a list of a line each."""
+    lines = [] if listed is None else listed.decode("utf-8").split("\n")[:-1]
+    if lines and "region" not in cell_data:
+        raise InputError(f"it names {len(lines)} regions but has no cell array 'region'")
+    return {tag: unquote(line) for tag, line in enumerate(lines)}
 
 
 def _insert_names(file: Path, names: tuple[str, ...]) -> None:

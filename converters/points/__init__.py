@@ -1,1 +1,6 @@
-"""Points with columns: clouds and Gaussian splats in all their files."""
+"""Points: clouds and Gaussian splats as tables of named columns, in all their files.
+
+In: a PointTable, or a file of one.
+Out: the file with every column, remark and further element that its format keeps, or the table.
+Read: table, point_file, ply, column_archive, pcd, las, xyz, splats.
+"""

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...fem.errors import InputError
 from ..announced_sizes import check_las
 from ..files import reading, writing
-from .table import PointTable
-
-if TYPE_CHECKING:
-    pass
+from ..registry import Format, Keeps
+from .table import XYZ, Others, PointTable
 
 WANTED = "a LAS or LAZ point cloud"
-_XYZ = ("x", "y", "z")
+_TITLE = "LAS or LAZ cloud"
 
 
 def read_las(path: str | os.PathLike) -> PointTable:
@@ -24,20 +21,24 @@ def read_las(path: str | os.PathLike) -> PointTable:
     with reading(path, WANTED) as source:
         check_las(source)
         cloud = _laspy().read(source)
-        columns = {name: np.asarray(cloud[name]) for name in _XYZ}
+        columns = {name: np.asarray(cloud[name]) for name in XYZ}
         for name in cloud.point_format.dimension_names:
             if name not in ("X", "Y", "Z"):
                 columns[name] = np.asarray(cloud[name])
-        return PointTable(columns, keep=cloud)
+        records = (
+            f"record {record.description or record.record_id}" for record in cloud.header.vlrs
+        )
+        return PointTable(columns, others=Others(_TITLE, tuple(records), cloud))
 
 
 def write_las(path: str | os.PathLike, table: PointTable) -> None:
     """Write a cloud that was read from LAS: its own dimensions as they were, new ones appended."""
     laspy = _laspy()
-    if not isinstance(table.keep, laspy.LasData):
+    read = None if table.others is None else table.others.value
+    if not isinstance(read, laspy.LasData):
         raise InputError(f"{path}: only a cloud read from LAS or LAZ can be written as one")
-    cloud = laspy.LasData(table.keep.header, table.keep.points.copy())
-    known = {*cloud.point_format.dimension_names, *_XYZ}
+    cloud = laspy.LasData(read.header, read.points.copy())
+    known = {*cloud.point_format.dimension_names, *XYZ}
     new = [name for name in table.columns if name not in known]
     cloud.add_extra_dims([laspy.ExtraBytesParams(name, table.columns[name].dtype) for name in new])
     for name, values in table.columns.items():
@@ -45,6 +46,15 @@ def write_las(path: str | os.PathLike, table: PointTable) -> None:
             cloud[name] = values
     with writing(path) as target:
         cloud.write(str(target))
+
+
+LAS = Format(
+    _TITLE,
+    (".las", ".laz"),
+    read_las,
+    write_las,
+    keeps=frozenset({Keeps.COLUMNS, Keeps.HARMONICS, Keeps.OTHERS}),
+)
 
 
 def _laspy():

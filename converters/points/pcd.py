@@ -9,11 +9,14 @@ import numpy as np
 
 from ...fem.errors import InputError
 from ..files import reading, writing
-from .table import PointTable
+from ..registry import Format, Keeps
+from .table import Others, PointTable
 
 WANTED = "a PCD point cloud"
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 _MAX_FIELDS = 10_000
+_TITLE = "PCL cloud"
+_VIEWPOINT = "0 0 0 1 0 0 0".split()  # at the origin, not turned
 
 
 def read_pcd(path: str | os.PathLike) -> PointTable:
@@ -35,7 +38,7 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
             return _by_column(_unpack(body), fields, n, header)
         rows = _ascii(body, dtype, n) if encoding == "ascii" else _binary(body, dtype, n)
         columns = {name: rows[name] for name in dtype.names or ()}
-        return PointTable(columns, tuple(header["#"]), keep=header)
+        return PointTable(columns, tuple(header["#"]), _others(header))
 
 
 def write_pcd(path: str | os.PathLike, table: PointTable) -> None:
@@ -50,7 +53,8 @@ def write_pcd(path: str | os.PathLike, table: PointTable) -> None:
     rows = np.empty(len(table), dtype=dtype)
     for name, values in columns.items():
         rows[name] = values
-    kept = table.keep if isinstance(table.keep, dict) else {}
+    read = table.others
+    kept = read.value if read is not None and read.title == _TITLE else {}
     counts = [values.shape[1] if values.ndim == 2 else 1 for values in columns.values()]
     lines = [
         *(f"# {' '.join(comment.split())}" for comment in table.comments),
@@ -61,13 +65,29 @@ def write_pcd(path: str | os.PathLike, table: PointTable) -> None:
         f"COUNT {' '.join(map(str, counts))}",
         f"WIDTH {' '.join(kept.get('WIDTH', [str(len(table))]))}",
         f"HEIGHT {' '.join(kept.get('HEIGHT', ['1']))}",
-        f"VIEWPOINT {' '.join(kept.get('VIEWPOINT', '0 0 0 1 0 0 0'.split()))}",
+        f"VIEWPOINT {' '.join(kept.get('VIEWPOINT', _VIEWPOINT))}",
         f"POINTS {len(table)}",
         "DATA binary\n",
     ]
     with writing(path) as target, target.open("wb") as file:
         file.write("\n".join(lines).encode("utf-8"))
         file.write(rows.tobytes())
+
+
+PCD = Format(
+    _TITLE,
+    (".pcd",),
+    read_pcd,
+    write_pcd,
+    keeps=frozenset({Keeps.COLUMNS, Keeps.REMARKS, Keeps.HARMONICS, Keeps.OTHERS}),
+)
+
+
+def _others(header: dict[str, list[str]]) -> Others:
+    """The header, and what of it says more than the points do."""
+    rows = [] if header.get("HEIGHT", ["1"]) == ["1"] else ["rows of a camera"]
+    turned = [] if header.get("VIEWPOINT", _VIEWPOINT) == _VIEWPOINT else ["viewpoint"]
+    return Others(_TITLE, (*rows, *turned), header)
 
 
 def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
@@ -116,7 +136,7 @@ def _by_column(body: bytes, fields: list, n: int, header: dict) -> PointTable:
         count = n * int(np.prod(shape))
         columns[name] = np.frombuffer(body, kind, count, at).reshape(n, *shape).copy()
         at += count * np.dtype(kind).itemsize
-    return PointTable(columns, tuple(header["#"]), keep=header)
+    return PointTable(columns, tuple(header["#"]), _others(header))
 
 
 def _unpack(body: bytes) -> bytes:

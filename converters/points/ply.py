@@ -1,16 +1,22 @@
-"""PLY: the vertex table with every property and its order kept; other elements pass through."""
+"""PLY: the vertex table with every property and its order kept; other elements pass through.
+
+Splats packed in chunks are unpacked.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import BinaryIO, Literal
 
 import numpy as np
 
 from ...fem.errors import InputError
 from ..files import reading, writing
+from ..registry import Format, Keeps
+from .splats.packed_ply import is_packed, unpack
+from .table import Others, PointTable
 
 WANTED = "a PLY file with a vertex element of scalar properties"
 _TYPES = {
@@ -45,6 +51,12 @@ class Ply:
     def vertex(self) -> np.ndarray:
         """The table of vertices."""
         return self.elements["vertex"]
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """What stands beside the vertices, in words."""
+        lists = [line.split()[1] for line in self.rest[0] if line.startswith("element ")]
+        return tuple(f"element {name}" for name in (*self.elements, *lists) if name != "vertex")
 
 
 def read_ply(path: str | os.PathLike) -> Ply:
@@ -90,6 +102,38 @@ def columns_table(columns: dict[str, np.ndarray]) -> np.ndarray:
     for name, values in columns.items():
         table[name] = values
     return table
+
+
+def read_ply_points(path: str | os.PathLike) -> PointTable:
+    """Read the vertices as points; splats packed in chunks become the columns of the common PLY."""
+    with reading(path, "a PLY point cloud or 3D Gaussian splat"):
+        ply = read_ply(path)
+        if is_packed(ply.elements):
+            return PointTable(unpack(ply.elements), ply.comments)
+        names = ply.vertex.dtype.names or ()
+        columns = {name: ply.vertex[name] for name in names}
+        return PointTable(columns, ply.comments, Others(_TITLE, ply.others, ply))
+
+
+def write_ply_points(path: str | os.PathLike, table: PointTable) -> None:
+    """Write the columns as vertices, in the encoding and with the elements they were read with."""
+    vertex = {"vertex": columns_table(dict(table.columns))}
+    if table.others is not None and isinstance(table.others.value, Ply):
+        ply = table.others.value
+        elements = {**ply.elements, **vertex}
+        write_ply(path, replace(ply, elements=elements, comments=table.comments))
+    else:
+        write_ply(path, Ply(vertex, table.comments))
+
+
+_TITLE = "PLY cloud or splats"
+PLY = Format(
+    _TITLE,
+    (".ply",),
+    read_ply_points,
+    write_ply_points,
+    keeps=frozenset({Keeps.COLUMNS, Keeps.REMARKS, Keeps.HARMONICS, Keeps.OTHERS}),
+)
 
 
 def _header(file: BinaryIO) -> list[str]:

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
 from ..files import writing
+from ..registry import MATERIAL, Format, Keeps, Program
 from .material_bins import Bins
-
-if TYPE_CHECKING:
-    from .export import ExportOptions
+from .scene_options import SceneOptions
 
 _A_LINE = 16  # entries of a set on one line, the format's limit
 
 
-def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list[Path]:
+def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write the deck; ``ccx STEM`` then writes displacement and stress to STEM.frd and .dat."""
     with writing(path) as target, target.open("w", encoding="ascii", newline="\n") as file:
         file.write("*HEADING\nGravity sag; SI units: m, kg, s, N, Pa\n")
@@ -27,6 +25,19 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
         file.writelines(_materials(bins))
         file.writelines(_step(mesh, options))
     return [path]
+
+
+CALCULIX = Program(
+    (
+        Format(
+            "CalculiX and Abaqus deck",
+            (".inp",),
+            write=_write,
+            keeps=frozenset({Keeps.REGIONS, Keeps.HELD, Keeps.ROLLERS, Keeps.PRESCRIBED}),
+            binned=MATERIAL,
+        ),
+    )
+)
 
 
 def _mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
@@ -56,7 +67,7 @@ def _materials(bins: Bins) -> Iterator[str]:
         yield f"*SOLID SECTION, ELSET=BIN{i}, MATERIAL=MAT{i}\n"
 
 
-def _step(mesh: TetMesh, options: ExportOptions) -> Iterator[str]:
+def _step(mesh: TetMesh, options: SceneOptions) -> Iterator[str]:
     axis = "xyz".index(options.up)
     supports = options.supports or find_supports(mesh, axis)[0]
     down = -np.eye(3, dtype=int)[axis]

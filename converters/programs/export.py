@@ -1,56 +1,30 @@
-"""Export to external solvers: the table target -> writer, binned or exact materials."""
+"""Export to other programs: the files of each, and what of mesh and scene they do not hold."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from ...fem.errors import InputError, UsageError
+from ...fem.errors import UsageError
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.supports import Supports
-from ..mesh.msh import write_msh
-from .material_bins import BinError, NameStyle, UpAxis, bin_materials, named_arrays
-
-
-@dataclass(frozen=True)
-class ExportOptions:
-    """What the writers of the table may use: see ``export_mesh``."""
-
-    names: NameStyle = "symbols"
-    up: UpAxis = "z"
-    gravity: float = 9.81
-    supports: Supports | None = None
+from ...predictors.asset import UpAxis
+from ..registry import PROGRAMS, Keeps
+from .material_bins import BinError, NameStyle, bin_materials, material_of
+from .scene_options import SceneOptions
 
 
 class Exported(NamedTuple):
-    """Files written, the number of bins and what they changed (None: exact, per element)."""
+    """Files written, the number of bins and what they changed (None: exact, per element).
+
+    ``lost`` is what was given and is not in the files; of what is binned ``error`` tells.
+    """
 
     files: list[Path]
     bins: int | None
     error: BinError | None
-
-
-class _Target(NamedTuple):
-    """Suffixes of the main file, the first is the default; module with ``write``; binned or not."""
-
-    suffixes: tuple[str, ...]
-    module: str
-    binned: bool
-
-
-TARGETS: dict[str, _Target] = {
-    "gmsh": _Target((".msh",), "export", False),
-    "calculix": _Target((".inp",), "calculix", True),
-    "newton": _Target((".vtk", ".npz"), "newton", False),
-    "mujoco": _Target((".xml",), "mujoco", True),
-    "usd": _Target((".usda",), "usd", True),
-    "sofa": _Target((".scn",), "sofa", False),
-    "fenics": _Target((".msh",), "fenics", True),
-}
+    lost: tuple[Keeps, ...] = ()
 
 
 def export_mesh(
@@ -64,7 +38,7 @@ def export_mesh(
     gravity: float = 9.81,
     supports: Supports | None = None,
 ) -> Exported:
-    """Write what ``target`` reads, one of ``TARGETS``; ``out`` without a suffix is a stem.
+    """Write what ``target`` reads, one of ``PROGRAMS``; ``out`` without a suffix is a stem.
 
     Parameters
     ----------
@@ -88,28 +62,21 @@ def export_mesh(
     Raises
     ------
     UsageError
-        For an unknown target, or a suffix that the target does not read.
+        For an unknown program, or a suffix that it does not read.
+    InputError
+        Where the mesh has no material.
     """
-    if target not in TARGETS:
-        raise UsageError(f"unknown target {target!r}; known are {', '.join(TARGETS)}")
-    chosen = TARGETS[target]
-    out = Path(out)
-    suffix = out.suffix.lower() or chosen.suffixes[0]
-    if suffix not in chosen.suffixes:
-        raise UsageError(f"{out}: {target} is written as {' or '.join(chosen.suffixes)}")
+    program, out = PROGRAMS[target], Path(out)
+    suffix = out.suffix.lower() or program.suffixes[0]
+    if suffix not in program.suffixes:
+        raise UsageError(f"{out}: {target} is written as {' or '.join(program.suffixes)}")
     path = out if out.suffix else out.with_name(out.name + suffix)
-    options = ExportOptions(names, up, gravity, supports)
-    writer: Callable[..., list[Path]] = import_module(f".{chosen.module}", __package__).write
-    if not chosen.binned:
-        return Exported(writer(path, mesh, options), None, None)
+    form, options = program.format(suffix), SceneOptions(names, up, gravity, supports)
+    if form.write is None:
+        raise UsageError(f"{out}: {form.title} is not written")
+    material_of(mesh)
+    lost = form.loses(options.items(mesh))
+    if not form.binned:
+        return Exported(form.write(path, mesh, options), None, None, lost)
     binned = bin_materials(mesh, bins=bins)
-    return Exported(writer(path, mesh, binned, options), len(binned), binned.error)
-
-
-def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
-    """Write for Gmsh: groups by region, one view an array under the wanted names."""
-    if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
-    arrays = named_arrays(mesh, options.names)
-    write_msh(path, mesh.with_material(None), cell_data=arrays)
-    return [path]
+    return Exported(form.write(path, mesh, binned, options), len(binned), binned.error, lost)

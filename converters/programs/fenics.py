@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...fem.scene.mesh import TetMesh
 from ..files import writing
 from ..mesh.msh import write_msh
+from ..registry import MATERIAL, Format, Program
 from .material_bins import Bins
-
-if TYPE_CHECKING:
-    from .export import ExportOptions
+from .scene_options import SceneOptions
 
 _LOADER = '''"""Load {mesh} into FEniCSx: mesh, and E [Pa], nu, rho [kg/m^3] as DG0 functions."""
 
@@ -56,7 +54,7 @@ def load(comm=MPI.COMM_WORLD):
 '''
 
 
-def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list[Path]:
+def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write STEM.msh, STEM.materials.json and STEM_fenics.py, which reads the other two."""
     table = path.with_name(f"{path.stem}.materials.json")
     loader = path.with_name(f"{path.stem}_fenics.py")
@@ -72,3 +70,6 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
     with writing(loader) as target:
         target.write_text(_LOADER.format(mesh=path.name, table=table.name), encoding="utf-8")
     return [path, table, loader]
+
+
+FENICS = Program((Format("Gmsh 2.2, table and loader", (".msh",), write=_write, binned=MATERIAL),))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...fem.scene.material import ElementMaterial
@@ -14,7 +15,6 @@ from ...fem.scene.mesh import TetMesh
 
 log = logging.getLogger(__name__)
 
-UpAxis = Literal["x", "y", "z"]
 NameStyle = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 # What E, nu, rho are called on export. Newton takes the Lame parameters instead.
@@ -44,10 +44,10 @@ class BinError(NamedTuple):
 class Bins:
     """One material a bin: ``E`` [Pa], ``nu``, ``rho`` [kg/m^3] (bins,), ``label`` (tets,)."""
 
-    E: np.ndarray
-    nu: np.ndarray
-    rho: np.ndarray
-    label: np.ndarray
+    E: Float[np.ndarray, "bins"]
+    nu: Float[np.ndarray, "bins"]
+    rho: Float[np.ndarray, "bins"]
+    label: Int[np.ndarray, "tets"]
     error: BinError
 
     def __len__(self) -> int:
@@ -155,7 +155,7 @@ def named_arrays(mesh: TetMesh, names: str) -> dict[str, np.ndarray]:
     return dict(zip(NAMES[names], (material.E, material.nu, material.rho), strict=True))
 
 
-def vertex_masses(mesh: TetMesh) -> np.ndarray:
+def vertex_masses(mesh: TetMesh) -> Float[np.ndarray, "points"]:
     """Mass [kg] of every point: a quarter of rho V of each tet around it, shape (points,)."""
     share = material_of(mesh).rho * mesh.volumes / 4
     return np.bincount(mesh.tets.ravel(), np.repeat(share, 4), len(mesh.points))

@@ -5,16 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...fem.scene.mesh import TetMesh
 from ..files import writing
+from ..registry import Format, Keeps, Program
 from .material_bins import Bins, vertex_masses
-
-if TYPE_CHECKING:
-    from .export import ExportOptions
+from .scene_options import SceneOptions
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +21,7 @@ _TINY = 1e-9  # kg m^2: a point mass has no inertia, but MuJoCo wants one
 _RADIUS = 1e-3  # of the box's diagonal: contact margin around each vertex
 
 
-def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list[Path]:
+def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write a body that falls on the ground plane below it; masses are lumped to the vertices."""
     used = np.unique(mesh.tets)
     if len(used) > _MANY:
@@ -40,7 +38,12 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
     return [path]
 
 
-def _world(mesh: TetMesh, used: np.ndarray, options: ExportOptions) -> Iterator[str]:
+MUJOCO = Program(
+    (Format("MJCF scene", (".xml",), write=_write, binned=frozenset({Keeps.E, Keeps.NU})),)
+)
+
+
+def _world(mesh: TetMesh, used: np.ndarray, options: SceneOptions) -> Iterator[str]:
     axis = "xyz".index(options.up)
     gravity = -options.gravity * np.eye(3)[axis]
     turn = {"x": "0 1 0 1.5707963267948966", "y": "1 0 0 -1.5707963267948966", "z": "0 0 1 0"}

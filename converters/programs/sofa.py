@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +10,9 @@ from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
 from ..files import writing
 from ..mesh.msh import write_msh
+from ..registry import Format, Keeps, Program
 from .material_bins import material_of, vertex_masses
-
-if TYPE_CHECKING:
-    from .export import ExportOptions
+from .scene_options import SceneOptions
 
 _SCENE = """<?xml version="1.0"?>
 <Node name="root" dt="0.01" gravity="{gravity}">
@@ -36,7 +34,7 @@ _SCENE = """<?xml version="1.0"?>
 """
 
 
-def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
+def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
     """Write scene and mesh: largest E times a factor a tet, masses at the points.
 
     SOFA knows one Poisson's ratio a force field: it is the mean over the volume.
@@ -59,6 +57,18 @@ def write(path: Path, mesh: TetMesh, options: ExportOptions) -> list[Path]:
     with writing(path) as target:
         target.write_text(scene, encoding="utf-8")
     return [path, mesh_path]
+
+
+SOFA = Program(
+    (
+        Format(
+            "SOFA scene",
+            (".scn",),
+            write=_write,
+            keeps=frozenset({Keeps.REGIONS, Keeps.E, Keeps.HELD}),
+        ),
+    )
+)
 
 
 def _row(values: np.ndarray) -> str:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...fem.errors import UsageError
 from ...fem.scene.mesh import TetMesh
 from ..files import writing
+from ..registry import MATERIAL, Format, Program
 from .material_bins import Bins, material_of
-
-if TYPE_CHECKING:
-    from .export import ExportOptions
+from .scene_options import SceneOptions
 
 
-def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list[Path]:
+def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write metres and kilograms; exact E, nu, rho stay beside the bins as uniform primvars."""
     if options.up == "x":
         raise UsageError("USD knows the up axes y and z; turn the mesh or take another target")
@@ -33,6 +31,9 @@ def write(path: Path, mesh: TetMesh, bins: Bins, options: ExportOptions) -> list
             file.writelines(_material(bins, i))
         file.write("    }\n}\n")
     return [path]
+
+
+USD = Program((Format("USD stage", (".usda",), write=_write, keeps=MATERIAL, binned=MATERIAL),))
 
 
 def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:

@@ -1,18 +1,21 @@
 """Exports without the programs: binning laws, files listed, contents that any reader would see."""
 
 import json
+from typing import get_args
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.table import read_data, read_mesh
+from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh
 from autophyx_tet.converters.npz import load_npz
-from autophyx_tet.converters.programs.export import TARGETS, export_mesh
+from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import (
+    NameStyle,
     bin_materials,
     named_arrays,
     vertex_masses,
 )
+from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
@@ -85,13 +88,13 @@ def test_vertex_masses_sum_to_the_mass():
     np.testing.assert_allclose(vertex_masses(mesh).sum(), mesh.mass, rtol=1e-12)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_every_target_lists_the_files_it_wrote(target, tmp_path):
     """A path without suffix is a stem; with one of a stranger it is refused."""
     result = export_mesh(varying(), target, tmp_path / "out", bins=8)
     assert sorted(result.files) == sorted(tmp_path.iterdir())
     assert all(file.name.startswith("out") for file in result.files)
-    assert (result.bins is not None) == TARGETS[target].binned
+    assert (result.bins is not None) == PROGRAMS[target].binned
     with pytest.raises(UsageError, match="is written as"):
         export_mesh(varying(), target, tmp_path / "out.doc")
     with pytest.raises(InputError, match="run `assign` first"):
@@ -99,35 +102,34 @@ def test_every_target_lists_the_files_it_wrote(target, tmp_path):
 
 
 def test_unknown_target_and_names():
-    with pytest.raises(UsageError, match="unknown target 'ansys'; known are gmsh, calculix"):
+    with pytest.raises(UsageError, match="unknown program 'ansys': known are gmsh, calculix"):
         export_mesh(varying(), "ansys", "x")
     with pytest.raises(InputError, match="unknown names"):
         named_arrays(varying(), "mine")
 
 
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        ("symbols", ("E", "nu", "rho")),
-        ("usd", ("youngsModulus", "poissonsRatio", "density")),
-        ("vomp", ("youngs_modulus", "poisson_ratio", "density")),
-        ("pixie", ("E", "nu", "density")),
-        ("newton", ("k_mu", "k_lambda", "rho")),
-    ],
-)
-def test_names_on_export(names, expected, tmp_path):
+def test_names_on_export(tmp_path):
     """The same numbers under the names of other programs; regions keep theirs."""
     mesh = varying()
     assert mesh.material is not None
-    export_mesh(mesh, "gmsh", tmp_path / "m", names=names)
-    data = read_data(tmp_path / "m.msh")
-    assert data.mesh.region_names == mesh.region_names
-    found = data.cell_data
-    if names == "symbols":
-        assert data.mesh.material is not None
-        found = {name: getattr(data.mesh.material, name) for name in expected}
-    assert tuple(found) == expected
-    np.testing.assert_array_equal(found[expected[2]], mesh.material.rho)
+    expected = {
+        "symbols": ("E", "nu", "rho"),
+        "usd": ("youngsModulus", "poissonsRatio", "density"),
+        "vomp": ("youngs_modulus", "poisson_ratio", "density"),
+        "pixie": ("E", "nu", "density"),
+        "newton": ("k_mu", "k_lambda", "rho"),
+    }
+    assert set(expected) == set(get_args(NameStyle))
+    for names, arrays in expected.items():
+        export_mesh(mesh, "gmsh", tmp_path / names, names=names)
+        data = read_data(tmp_path / f"{names}.msh")
+        assert data.mesh.region_names == mesh.region_names
+        found = data.cell_data
+        if names == "symbols":
+            assert data.mesh.material is not None
+            found = {name: getattr(data.mesh.material, name) for name in arrays}
+        assert tuple(found) == arrays
+        np.testing.assert_array_equal(found[arrays[2]], mesh.material.rho, err_msg=names)
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".npz"])

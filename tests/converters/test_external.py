@@ -6,9 +6,10 @@ import subprocess
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.table import read_mesh, write_mesh
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.mesh.mesh_file import read_mesh, write_mesh
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import bin_materials
 from autophyx_tet.fem.scene.box import box_mesh

@@ -82,11 +82,11 @@ def test_an_archive_bomb_is_refused_before_it_unpacks(tmp_path):
         load_npz(tmp_path / "bomb.npz", max_bytes=1 << 20)
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"\x93NUMPY"])
-def test_corrupt_archives_end_in_a_clear_error(content, tmp_path):
-    (tmp_path / "bad.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"bad\.npz"):
-        load(tmp_path / "bad.npz")
+def test_corrupt_archives_end_in_a_clear_error(tmp_path):
+    for content in (b"", b"PK\x03\x04 cut", b"\x93NUMPY"):
+        (tmp_path / "bad.npz").write_bytes(content)
+        with pytest.raises(InputError, match=r"bad\.npz"):
+            load(tmp_path / "bad.npz")
 
 
 def test_a_strangers_archive_is_told_apart(tmp_path):

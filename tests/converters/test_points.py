@@ -5,12 +5,14 @@ import struct
 import numpy as np
 import pytest
 from autophyx_tet.converters.points.ply import Ply, columns_table, read_ply, write_ply
-from autophyx_tet.converters.points.table import FORMATS, PointTable, read_points, write_points
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.registry import POINT_FORMATS, written
 from autophyx_tet.fem.errors import InputError
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-ROOMY = [suffix for suffix, f in FORMATS.items() if f.write and suffix not in (".las", ".laz")]
+ROOMY = [s for s in written(POINT_FORMATS) if s not in (".las", ".laz")]
 NAMES = st.lists(
     st.text("abcdefghijklmnopqrstuvwxyz_0123456789", min_size=1, max_size=12).filter(
         lambda name: name not in ("x", "y", "z", "points", "comments")

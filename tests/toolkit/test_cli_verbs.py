@@ -43,7 +43,7 @@ def test_a_configuration_that_is_none_or_wrong_is_refused(tmp_path):
 @pytest.mark.slow
 def test_assign_and_simulate_from_files(cube_msh, tmp_path):
     """oak cube: table values on every tet; then a sag that scales with 1/E."""
-    from autophyx_tet.converters.mesh.table import read_mesh
+    from autophyx_tet.converters.mesh.mesh_file import read_mesh
     from autophyx_tet.fem.scene.materials import load_table
 
     target = tmp_path / "m.msh"

@@ -16,7 +16,8 @@ import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers import CARRIERS, READERS, read
+from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS, read_content
+from autophyx_tet.toolkit.io.readers.carrier import CARRIER
 from autophyx_tet.toolkit.io.references import References
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.surfaces.repair import repair
@@ -65,8 +66,8 @@ def _valid_files() -> dict[str, bytes]:
     box = trimesh.creation.box((1, 2, 3))
     files = {
         suffix: trimesh.exchange.export.export_mesh(box, None, file_type=suffix[1:])
-        for suffix in READERS
-        if suffix not in (".gltf", ".xyz", *CARRIERS)
+        for suffix in ASSET_FORMATS
+        if suffix not in (".gltf", ".xyz", *CARRIER.suffixes)
     }
     files[".gltf"] = _embedded_gltf()
     cloud = np.random.default_rng(0).normal(size=(30, 3))
@@ -124,7 +125,7 @@ def test_corrupted_files_are_read_or_refused(suffix, keep, strikes):
         data[at : at + len(number)] = number
     path = Path(f"fuzz{suffix}")
     try:
-        content = read(path, bytes(data), References(Path()))
+        content = read_content(path, bytes(data), References(Path()))
     except InputError:
         return
     for surface in content.surfaces:

@@ -11,13 +11,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid, write_density
-from autophyx_tet.converters.mesh.table import write_mesh
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, write_points
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import write_density
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.points.point_file import write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import AutophyxError, InputError
 from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.toolkit.io.readers import CARRIERS, read
+from autophyx_tet.toolkit.io.readers.asset_formats import read_content
+from autophyx_tet.toolkit.io.readers.carrier import CARRIER
 from autophyx_tet.toolkit.io.references import References
 from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, import_tets
 from hypothesis import HealthCheck, given, settings
@@ -77,7 +80,7 @@ def _read(path):
     """Read as `convert` does, short of the engine."""
     if path.suffix in SUFFIXES:
         return import_tets(path)
-    return read(path, path.read_bytes(), References(path.parent))
+    return read_content(path, path.read_bytes(), References(path.parent))
 
 
 def _guarded(path):
@@ -105,7 +108,7 @@ def test_most_formats_are_here_as_valid_files(tmp_path):
 
 
 DAMAGE = st.tuples(
-    st.sampled_from((*CARRIERS, *SUFFIXES)),
+    st.sampled_from((*CARRIER.suffixes, *SUFFIXES)),
     st.floats(0, 1),
     st.lists(st.tuples(st.floats(0, 1), st.sampled_from(NUMBERS)), max_size=4),
 )

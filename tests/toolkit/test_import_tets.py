@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.table import write_mesh
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh

@@ -10,8 +10,8 @@ import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.io.bonsai import write_bonsai
 from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers import absolute_indices
-from autophyx_tet.toolkit.options import METRES
+from autophyx_tet.toolkit.io.readers.obj import absolute_indices
+from autophyx_tet.toolkit.io.units import METRES
 from autophyx_tet.toolkit.surfaces.repair import repair
 from autophyx_tet.toolkit.surfaces.surface import component_volumes
 
@@ -28,24 +28,24 @@ def _box(tmp_path, suffix, **extents):
     return path
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off", ".glb", ".gltf"])
-def test_every_format_gives_the_same_box(tmp_path, suffix):
+def test_every_format_gives_the_same_box(tmp_path):
     """A box of 1 x 2 x 4 m keeps its area and volume in every format."""
-    asset = load_asset(_box(tmp_path, suffix))
-    (part,) = asset.parts
-    assert part.name == "box"
-    assert asset.size == pytest.approx((1, 2, 4))
-    assert abs(part.mesh.volume) == pytest.approx(8)
-    metric = suffix in (".glb", ".gltf")
-    assert asset.up == ("y" if metric or suffix == ".obj" else "z")
-    assert bool(asset.warnings) != metric
+    for suffix in (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"):
+        asset = load_asset(_box(tmp_path, suffix))
+        (part,) = asset.parts
+        assert part.name == "box"
+        assert asset.size == pytest.approx((1, 2, 4)), suffix
+        assert abs(part.mesh.volume) == pytest.approx(8), suffix
+        metric = suffix in (".glb", ".gltf")
+        assert asset.up == ("y" if metric or suffix == ".obj" else "z"), suffix
+        assert bool(asset.warnings) != metric, suffix
 
 
-@pytest.mark.parametrize(("unit", "factor"), METRES.items())
-def test_units(tmp_path, unit, factor):
-    asset = load_asset(_box(tmp_path, ".stl"), units=unit)
-    assert asset.size.max() == pytest.approx(4 * factor)
-    assert asset.metres_per_unit == factor
+def test_units(tmp_path):
+    for unit, factor in METRES.items():
+        asset = load_asset(_box(tmp_path, ".stl"), units=unit)
+        assert asset.size.max() == pytest.approx(4 * factor), unit
+        assert asset.metres_per_unit == factor
 
 
 def test_size_is_the_longest_side(tmp_path):
@@ -115,14 +115,14 @@ def test_missing_texture_is_a_warning_and_the_hash_sees_what_is_there(tmp_path):
     assert load_asset(path).source_hash == other.source_hash
 
 
-@pytest.mark.parametrize("reference", ["../secret.mtl", "/etc/passwd", "..\\secret.mtl"])
-def test_references_stay_in_the_folder(tmp_path, reference):
+def test_references_stay_in_the_folder(tmp_path):
     (tmp_path / "secret.mtl").write_text("newmtl m\nKd 1 0 0\n")
     folder = tmp_path / "asset"
     folder.mkdir()
-    (folder / "a.obj").write_text(f"mtllib {reference}\n{TRIANGLE}usemtl m\nf 1 2 3\n")
-    asset = load_asset(folder / "a.obj")
-    assert any("outside the asset's folder" in w for w in asset.warnings)
+    for reference in ("../secret.mtl", "/etc/passwd", "..\\secret.mtl"):
+        (folder / "a.obj").write_text(f"mtllib {reference}\n{TRIANGLE}usemtl m\nf 1 2 3\n")
+        asset = load_asset(folder / "a.obj")
+        assert any("outside the asset's folder" in w for w in asset.warnings), reference
 
 
 def test_gltf_buffer_outside_the_folder_is_an_error(tmp_path):
@@ -164,15 +164,15 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_bad_files_end_in_one_clear_sentence(tmp_path, name):
-    path = tmp_path / name
-    path.write_bytes(BAD[name])
-    with pytest.raises(InputError) as error:
-        load_asset(path)
-    assert error.value.exit_code == 3
-    assert name in str(error.value)
-    assert "\n" not in str(error.value)
+def test_bad_files_end_in_one_clear_sentence(tmp_path):
+    for name, content in BAD.items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(InputError) as error:
+            load_asset(path)
+        assert error.value.exit_code == 3
+        assert name in str(error.value)
+        assert "\n" not in str(error.value), name
 
 
 def test_missing_path_and_folder(tmp_path):
@@ -182,10 +182,10 @@ def test_missing_path_and_folder(tmp_path):
         load_asset(tmp_path)
 
 
-@pytest.mark.parametrize("scale", [{"size": 1.0, "units": "mm"}, {"size": 0.0}, {"size": np.nan}])
-def test_wrong_scale_is_a_usage_error(tmp_path, scale):
-    with pytest.raises(UsageError):
-        load_asset(_box(tmp_path, ".stl"), **scale)
+def test_wrong_scale_is_a_usage_error(tmp_path):
+    for scale in ({"size": 1.0, "units": "mm"}, {"size": 0.0}, {"size": np.nan}):
+        with pytest.raises(UsageError):
+            load_asset(_box(tmp_path, ".stl"), **scale)
 
 
 def test_draco(tmp_path):
@@ -206,16 +206,14 @@ def test_bonsai_parts(tmp_path):
     assert not asset.warnings
 
 
-@pytest.mark.parametrize(
-    ("suffix", "polygon"), [(".off", "4 0 1 2 3\n3 0 1 4\n"), (".OFF", "5 0 1 2 3 4 255 0 0\n")]
-)
-def test_off_polygons(tmp_path, suffix, polygon):
+def test_off_polygons(tmp_path):
     """A polygon of n corners gives n - 2 triangles; colours after the corners are no corners."""
-    path = tmp_path / f"house{suffix}"
-    faces = polygon.count("\n")
     points = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0.5 0\n"
-    path.write_text(f"COFF # colours\n5 {faces} 0\n{points}{polygon}")
-    assert len(load_asset(path).parts[0].mesh.faces) == 3
+    cases = {".off": "4 0 1 2 3\n3 0 1 4\n", ".OFF": "5 0 1 2 3 4 255 0 0\n"}
+    for suffix, polygon in cases.items():
+        path = tmp_path / f"house{suffix}"
+        path.write_text(f"COFF # colours\n5 {polygon.count(chr(10))} 0\n{points}{polygon}")
+        assert len(load_asset(path).parts[0].mesh.faces) == 3, suffix
 
 
 def test_ply_triangle_strips(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.converters import npz
-from autophyx_tet.converters.mesh.table import read_data, read_mesh
+from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.mesh import TetMesh

@@ -4,7 +4,7 @@ import json
 
 import pytest
 import trimesh
-from autophyx_tet.converters.mesh.table import write_mesh
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.toolkit import pipeline

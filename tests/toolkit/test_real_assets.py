@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.table import read_mesh
+from autophyx_tet.converters.mesh.mesh_file import read_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.io import sweethome3d

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.mesh.mesh_file import read_data, write_mesh
 from autophyx_tet.converters.mesh.pvd import read_pvd
-from autophyx_tet.converters.mesh.table import read_data, write_mesh
 from autophyx_tet.fem import METHODS, SCENARIOS, Scene
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.result import Motion, MotionResult

@@ -7,19 +7,22 @@ from typing import get_args
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid, read_density, write_density
-from autophyx_tet.converters.mesh.table import write_mesh
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
-from autophyx_tet.converters.programs.export import TARGETS
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import read_density, write_density
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.programs.material_bins import NameStyle
+from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.io.references import References
 from autophyx_tet.toolkit.io.sidecar import Sidecar
-from autophyx_tet.toolkit.options import ExportOptions, Names, Target, TransferOptions
+from autophyx_tet.toolkit.options import ExportOptions, Names, TransferOptions
 
 OAK = (1.1e10, 0.35, 700.0)
 
@@ -68,9 +71,11 @@ def cli(folder, monkeypatch, capfd):
     return call
 
 
-def test_options_name_all_that_the_writers_know():
-    assert get_args(Target) == tuple(TARGETS)
+def test_options_name_all_that_the_writers_know(cli, capfd):
     assert get_args(Names) == get_args(NameStyle)
+    with pytest.raises(SystemExit):
+        cli("export", "--help")
+    assert "{" + ",".join(PROGRAMS) + "}" in "".join(capfd.readouterr().out.split())
 
 
 def test_splats_carry_the_values_of_the_mesh(cli, folder):
@@ -129,15 +134,15 @@ def test_a_field_a_density_grid_and_labelled_points_are_carried_too(cli, folder)
     np.testing.assert_allclose(grid.fields["E"], np.where(solid > 0, OAK[0], 0), rtol=1e-6)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_every_program_gets_its_files(target, cli):
     """The document lists what is there; one material is exact with any number of bins."""
     code, out, err = cli("export", "oak.msh", "--for", target, "-o", "model", "--json")
     assert (code, err) == (0, "")
     document = json.loads(out)
     assert document["mass"] == pytest.approx(OAK[2] * 0.2**3, rel=1e-6)
-    assert document["files"][0] == "model" + TARGETS[target].suffixes[0]
-    binned = TARGETS[target].binned
+    assert document["files"][0] == "model" + PROGRAMS[target].suffixes[0]
+    binned = PROGRAMS[target].binned
     assert document["bins"] == (1 if binned else None)
     assert (document["quantisation"] is None) != binned
     assert all(Path(file).stat().st_size for file in document["files"])
@@ -159,6 +164,30 @@ def test_binning_says_what_it_changed(cli):
     assert "grouped into 2" in " ".join(err.split())
 
 
+def test_what_the_files_do_not_hold_is_a_warning(cli, folder):
+    """Regions that a program does not know, and faces of a PLY that another format has not."""
+    mesh = oak_box()
+    halves = TetMesh(
+        mesh.points, mesh.tets, (mesh.centroids[:, 0] > 0.1).astype(int), ("a", "b"), mesh.material
+    )
+    write_mesh(folder / "halves.msh", halves)
+    words = "not kept in the files for mujoco: regions and their names"
+    for target, said in (("mujoco", [words]), ("calculix", [])):
+        code, out, _ = cli("export", "halves.msh", "--for", target, "-o", "out", "--json")
+        assert code == 0
+        assert json.loads(out)["warnings"] == said, target
+    (folder / "face.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n0.2 0 0\n0 0.2 0\n3 0 1 2\n"
+    )
+    for name, said in (("out.npz", ["not kept in out.npz: element face"]), ("out.ply", [])):
+        code, out, _ = cli("transfer", "halves.msh", "face.ply", "-o", name, "--json")
+        assert code == 0
+        found = json.loads(out)["warnings"]
+        assert [warning[: len(s)] for warning, s in zip(found, said, strict=True)] == said, name
+
+
 def test_gravity_and_up_reach_the_scene(cli, folder):
     Sidecar(up="y").write(folder / "oak.msh")
     assert cli("export", "oak.msh", "--for", "calculix", "-o", "a", "--gravity", "1.62")[0] == 0
@@ -167,40 +196,40 @@ def test_gravity_and_up_reach_the_scene(cli, folder):
     assert "EALL, GRAV, 9.81, -1., 0., 0." in (folder / "b.inp").read_text()
 
 
-@pytest.mark.parametrize(
-    ("line", "code", "words"),
-    [
-        ("transfer bare.msh splats.ply -o out.ply", 3, "assign"),
-        ("transfer nowhere.msh splats.ply -o out.ply", 3, "nowhere.msh"),
-        ("transfer oak.msh nowhere.ply -o out.ply", 3, "nowhere.ply"),
-        ("transfer oak.msh text.ply -o out.ply", 3, "text.ply"),
-        ("transfer text.npz splats.ply -o out.ply", 3, "text.npz"),
-        ("transfer oak.msh oak.msh -o out.ply", 3, ".msh"),
-        ("transfer oak.docx splats.ply -o out.ply", 3, ".docx"),
-        ("transfer oak.msh splats.ply -o out.docx", 3, ".docx"),
-        ("transfer oak.msh splats.ply -o no/folder/out.ply", 3, "folder"),
-        ("transfer oak.msh splats.ply -o out.ply --scale 0", 2, "--scale"),
-        ("transfer splats.ply splats.ply -o out.ply", 3, "no E"),
-        ("export bare.msh --for calculix -o out.inp", 3, "assign"),
-        ("export bare.msh --for fenics -o out", 3, "assign"),
-        ("export nowhere.msh --for usd -o out", 3, "nowhere.msh"),
-        ("export oak.msh --for usd -o out.obj", 3, ".usda"),
-        ("export oak.msh --for usd -o no/folder/out", 3, "folder"),
-        ("export oak.msh --for calculix -o out --bins 0", 2, "--bins"),
-        ("export oak.msh --for usd -o out --names vomp", 2, "--names"),
-        ("export oak.msh --for gmsh -o oak", 3, "overwritten"),
-    ],
+BAD = (
+    ("transfer bare.msh splats.ply -o out.ply", 3, "assign"),
+    ("transfer nowhere.msh splats.ply -o out.ply", 3, "nowhere.msh"),
+    ("transfer oak.msh nowhere.ply -o out.ply", 3, "nowhere.ply"),
+    ("transfer oak.msh text.ply -o out.ply", 3, "text.ply"),
+    ("transfer text.npz splats.ply -o out.ply", 3, "text.npz"),
+    ("transfer oak.msh oak.msh -o out.ply", 3, ".msh"),
+    ("transfer oak.docx splats.ply -o out.ply", 3, ".docx"),
+    ("transfer oak.msh splats.ply -o out.docx", 3, ".docx"),
+    ("transfer oak.msh splats.ply -o no/folder/out.ply", 3, "folder"),
+    ("transfer oak.msh splats.ply -o out.ply --scale 0", 2, "--scale"),
+    ("transfer splats.ply splats.ply -o out.ply", 3, "no E"),
+    ("export bare.msh --for calculix -o out.inp", 3, "assign"),
+    ("export bare.msh --for fenics -o out", 3, "assign"),
+    ("export nowhere.msh --for usd -o out", 3, "nowhere.msh"),
+    ("export oak.msh --for usd -o out.obj", 3, ".usda"),
+    ("export oak.msh --for usd -o no/folder/out", 3, "folder"),
+    ("export oak.msh --for calculix -o out --bins 0", 2, "--bins"),
+    ("export oak.msh --for usd -o out --names vomp", 2, "--names"),
+    ("export oak.msh --for gmsh -o oak", 3, "overwritten"),
 )
-def test_bad_input_ends_in_one_line_and_leaves_nothing(line, code, words, cli, folder):
+
+
+def test_bad_input_ends_in_one_line_and_leaves_nothing(cli, folder):
     for name in ("text.ply", "text.npz"):
         (folder / name).write_text("hello")
     before = {file: file.read_bytes() for file in folder.rglob("*")}
-    done, out, err = cli(*line.split())
-    assert done == code, err
-    assert out == ""
-    assert len(err.strip().splitlines()) == 1, err
-    assert words in err
-    assert {file: file.read_bytes() for file in folder.rglob("*")} == before
+    for line, code, words in BAD:
+        done, out, err = cli(*line.split())
+        assert done == code, f"{line}: {err}"
+        assert out == "", line
+        assert len(err.strip().splitlines()) == 1, f"{line}: {err}"
+        assert words in err, line
+        assert {file: file.read_bytes() for file in folder.rglob("*")} == before, line
 
 
 def test_an_unknown_program_is_exit_2(cli):

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from ..options import Common, ExportOptions, Flat, Output, Target, TransferOptions
+from ...converters.registry import PROGRAMS
+from ..options import Common, ExportOptions, Flat, Output, TransferOptions, choice
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class ExportCommand:
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`."""
-    target: Annotated[Target, tyro.conf.arg(name="for")]
+    target: Annotated[str, choice(PROGRAMS), tyro.conf.arg(name="for")]
     """Program that shall read it."""
     output: Output
     """Main file to write; without a suffix it is a stem."""

@@ -1,6 +1,6 @@
-"""Files: assets are read, documents and sidecars written, outputs checked before the work.
+"""Files: assets and carriers read, documents and sidecars written.
 
-In: a path to an asset of any format, or a result.
-Out: an asset in metres, a JSON document.
-Read: load, references, document, sidecar, outputs.
+In: paths that a user gives, with units and an up axis where the file has none.
+Out: assets in metres, coloured grids, checked output paths, JSON documents.
+Read: load, readers, references, units, clouds, coloured_grid, outputs, document, sidecar.
 """

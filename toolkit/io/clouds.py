@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError, NoVolumeError
 from ..native.child import ChildFailure, run_guarded
-from .readers import Content, Surface
+from .readers.asset_formats import AssetContent, NamedSurface
 
 if TYPE_CHECKING:
     import trimesh
@@ -28,7 +28,7 @@ GUESS_TOLD, GUESS_MOST = 0.05, 0.4  # shares of the area: said as a warning, ref
 JOGGLE = 1e-7
 
 
-def reconstructed(path: Path, content: Content) -> Content:
+def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     """Replace a cloud by the surface through it, by screened Poisson reconstruction."""
     import trimesh
 
@@ -65,7 +65,7 @@ def reconstructed(path: Path, content: Content) -> Content:
         )
     told = f"{guess:.0%} of the surface through the {len(cloud)} points is a guess: none is near"
     return content._replace(
-        surfaces=[Surface(mesh)],
+        surfaces=[NamedSurface(mesh)],
         warnings=(*content.warnings, *([told] if guess > GUESS_TOLD else [])),
     )
 

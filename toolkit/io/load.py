@@ -13,10 +13,10 @@ import numpy as np
 
 from ...fem.errors import InputError, UsageError
 from ...predictors.asset import Asset, Part, UpAxis
-from ..options import METRES, Unit
 from .clouds import reconstructed
-from .readers import READERS, Surface, read
+from .readers.asset_formats import ASSET_FORMATS, NamedSurface, read_content
 from .references import References
+from .units import METRES, Unit
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,7 +44,7 @@ def load_asset(
     Parameters
     ----------
     path
-        File of one of the suffixes in ``READERS``.
+        File of one of the suffixes in ``ASSET_FORMATS``.
     size
         Longest side of the bounding box [m]; the file's own numbers only give the shape then.
     units
@@ -65,7 +65,7 @@ def load_asset(
     _check_path(path)
     data = path.read_bytes()
     references = References(path.parent)
-    content = read(path, data, references)
+    content = read_content(path, data, references)
     if not content.surfaces and content.cloud is not None:
         content = reconstructed(path, content)
     surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
@@ -122,9 +122,11 @@ def _check_path(path: Path) -> None:
     if not path.exists():
         raise InputError(f"{path}: no such file")
     if path.is_dir():
-        raise InputError(f"{path}: is a folder, wanted one file of {', '.join(READERS)}")
-    if suffix not in READERS:
-        raise InputError(f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(READERS)}")
+        raise InputError(f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}")
+    if suffix not in ASSET_FORMATS:
+        raise InputError(
+            f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(ASSET_FORMATS)}"
+        )
     bytes_ = path.stat().st_size
     if bytes_ == 0:
         raise InputError(f"{path}: is empty (0 bytes): export it again")
@@ -134,7 +136,7 @@ def _check_path(path: Path) -> None:
         )
 
 
-def _checked(path: Path, surface: Surface) -> Surface:
+def _checked(path: Path, surface: NamedSurface) -> NamedSurface:
     """Refuse what no later step could make sense of: indices, numbers, counts."""
     points, faces = surface.mesh.vertices, surface.mesh.faces
     if points.shape[1:] != (3,) or faces.shape[1:] != (3,):
@@ -161,7 +163,7 @@ def _checked(path: Path, surface: Surface) -> Surface:
     return surface
 
 
-def _with_extent(path: Path, surfaces: list[Surface]) -> tuple[list[Surface], list[str]]:
+def _with_extent(path: Path, surfaces: list[NamedSurface]) -> tuple[list[NamedSurface], list[str]]:
     """Surfaces that are more than one point, and a sentence about the others."""
     if not surfaces:
         raise InputError(f"{path}: holds no triangle: wanted a surface mesh")
@@ -172,7 +174,7 @@ def _with_extent(path: Path, surfaces: list[Surface]) -> tuple[list[Surface], li
     return kept, [f"{dropped} surfaces that shrink to one point were left out"] * bool(dropped)
 
 
-def _parts(surfaces: Sequence[Surface], stem: str, warnings: list[str]) -> tuple[Part, ...]:
+def _parts(surfaces: Sequence[NamedSurface], stem: str, warnings: list[str]) -> tuple[Part, ...]:
     """One part per (node, material); per material alone where that would be too many."""
     groups = _grouped(surfaces, [(s.node[:1], s.material) for s in surfaces])
     if len(groups) > MAX_PARTS:
@@ -184,8 +186,8 @@ def _parts(surfaces: Sequence[Surface], stem: str, warnings: list[str]) -> tuple
     )
 
 
-def _grouped(surfaces: Sequence[Surface], keys: Sequence[Any]) -> list[list[Surface]]:
-    groups: dict[Any, list[Surface]] = {}
+def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list[NamedSurface]]:
+    groups: dict[Any, list[NamedSurface]] = {}
     for surface, key in zip(surfaces, keys, strict=True):
         groups.setdefault(key, []).append(surface)
     return list(groups.values())
@@ -197,7 +199,7 @@ def _joined(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
     return meshes[0] if len(meshes) == 1 else trimesh.util.concatenate(meshes)  # type: ignore
 
 
-def _labels(group: Sequence[Surface]) -> tuple[str, ...]:
+def _labels(group: Sequence[NamedSurface]) -> tuple[str, ...]:
     """All real names around a part, without repeats."""
     names = [n for s in group for n in (*s.node, *([s.material] if s.material else []))]
     return tuple(dict.fromkeys(n for n in names if _is_name(n)))
@@ -207,7 +209,7 @@ def _is_name(name: str | None) -> bool:
     return name is not None and MADE_UP_NAME.fullmatch(name) is None
 
 
-def _unique_names(groups: Sequence[Sequence[Surface]], stem: str) -> list[str]:
+def _unique_names(groups: Sequence[Sequence[NamedSurface]], stem: str) -> list[str]:
     """The node's name where it has one part, else its material's, else both; counted if equal."""
     nodes = [_first_name(group[0].node[:1]) for group in groups]
     materials = [_first_name((group[0].material,)) for group in groups]

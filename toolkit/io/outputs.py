@@ -90,6 +90,6 @@ def _check_writable(folder: Path) -> None:
 
 def mesh_suffixes() -> tuple[str, ...]:
     """Suffixes of the mesh formats that can be written."""
-    from ...converters.mesh.table import FORMATS
+    from ...converters.registry import MESH_FORMATS, written
 
-    return tuple(suffix for suffix, form in FORMATS.items() if form.write)
+    return written(MESH_FORMATS)

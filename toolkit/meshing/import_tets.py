@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...converters.mesh.table import read_mesh
+from ...converters.mesh.mesh_file import read_mesh
 from ...fem.scene.boundary import boundary_faces
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, Part, UpAxis

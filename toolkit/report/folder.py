@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...converters import npz
-from ...converters.mesh.table import write_mesh
+from ...converters.mesh.mesh_file import write_mesh
 from ..io.document import SCHEMA, write_json
 from ..results.run import RunCase, RunResult
 from .pages import run_page

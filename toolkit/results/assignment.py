@@ -17,7 +17,7 @@ from ..io.sidecar import Sidecar
 from .verdict import ADVICE, Verdict
 
 if TYPE_CHECKING:
-    from ...converters.sampling import Assigned
+    from ...converters.material_sampling import SampledMesh
     from ...predictors.prediction import PartChoice
 
 
@@ -29,7 +29,7 @@ class Assignment:
     text: str
     field: MaterialField
     choices: tuple[PartChoice, ...]
-    sampling: Assigned
+    sampling: SampledMesh
     sidecar: Sidecar
     warnings: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()

@@ -90,8 +90,8 @@ class Simulation(ABC):
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, or the whole motion as .pvd; return the files."""
+        from ...converters.mesh.mesh_file import write_mesh
         from ...converters.mesh.pvd import write_pvd
-        from ...converters.mesh.table import write_mesh
 
         if path.suffix.lower() != ".pvd":
             fields = {"point_data": self.point_data, "cell_data": self.cell_data}

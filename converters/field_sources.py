@@ -1,4 +1,4 @@
-"""The way back: a material field from tets, from labelled points, from VoMP or Pixie output."""
+"""Where else a material field comes from: tets, labelled points, output of VoMP or Pixie."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
-from .points.table import PointTable, read_points
-from .sampling import containing_tets, voxelize
+from .points.point_file import read_points
+from .points.table import PointTable
+from .voxelisation import containing_tets, voxelize
 
 # What other programs call the three values and the label, ours first.
 ALIASES: Mapping[str, tuple[str, ...]] = {

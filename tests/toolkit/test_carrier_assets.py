@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.grids.density import DensityGrid, write_density
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, write_points
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import write_density
+from autophyx_tet.converters.points.point_file import write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.toolkit.io import clouds
 from autophyx_tet.toolkit.io.clouds import guessed_share

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.sampling import assign, containing_tets, voxelize
+from autophyx_tet.converters.material_sampling import sample_material
+from autophyx_tet.converters.voxelisation import containing_tets, voxelize
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.field import MaterialField
@@ -30,7 +31,7 @@ def test_linear_field_reaches_the_centroids(mode):
     """log10 E = 6 + x is linear: one point or four give its value at the centroid of the tet."""
     mesh = two_regions()
     grid = Grid.around([[-0.5, -0.5, -0.5], [2.5, 1.5, 1.5]], cells=24)
-    mesh, n_fallback, distance, unmatched = assign(
+    mesh, n_fallback, distance, unmatched = sample_material(
         mesh, field_of(grid, 6 + grid.centers()[..., 0]), mode=mode
     )
     assert mesh.material is not None
@@ -44,7 +45,7 @@ def test_regions_meet_the_parts_of_their_name():
     grid = Grid.around(mesh.bounds, cells=7)  # the interface crosses a layer of voxels
     part = (grid.centers()[..., 0] < 1).astype(int)
     field = field_of(grid, np.where(part == 1, 4.0, 11.0), part=part, part_names=("right", "left"))
-    done = assign(mesh, field).mesh.material
+    done = sample_material(mesh, field).mesh.material
     assert done is not None
     np.testing.assert_allclose(done.E, np.where(mesh.region == 0, 1e4, 1e11), rtol=1e-12)
 
@@ -54,7 +55,7 @@ def test_a_region_without_a_part_is_told_and_takes_the_nearest():
     grid = Grid.around(mesh.bounds, cells=8)
     part = (grid.centers()[..., 0] > 1).astype(int)
     field = field_of(grid, np.where(part == 1, 4.0, 11.0), part=part, part_names=("left", "top"))
-    result = assign(mesh, field)
+    result = sample_material(mesh, field)
     assert result.unmatched == ("right",)
     assert result.mesh.material is not None
     assert set(np.round(np.log10(result.mesh.material.E))) == {4, 11}

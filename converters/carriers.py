@@ -1,9 +1,10 @@
-"""Transfer: E, nu, rho of a field or a mesh onto splats, point clouds and density grids."""
+"""Carriers written again with E, nu, rho: splats, point clouds and density grids."""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +15,16 @@ from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.sampling import FieldSample, sample_field
 from . import npz
-from .fields import field_from_tets
+from .field_sources import field_from_tets
 from .files import writing
-from .grids import density
-from .points import table as points
-from .points.splats import gaussians
+from .grids.density import DensityGrid
+from .grids.density_file import density_losses, read_density, write_density
+from .points.point_file import point_losses, read_points, write_points
+from .points.splats.gaussians import gaussians
+from .points.table import PointTable
+from .registry import GRID_FORMATS, POINT_FORMATS, Keeps, format_of
 
-UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}
+_UNITS = {name: npz.UNITS[name] for name in ("E", "nu", "rho")}
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Transferred:
     ``points`` are the splats, points or cells; ``n_fallback`` of them found no voxel around them
     and took the nearest, at most ``max_fallback_distance`` [m] away; ``n_invalid`` have no finite
     position and got NaN. ``volume`` [m^3] and ``mass`` [kg] of splats are weighted by opacity.
+    ``lost`` is what the files do not keep of the target.
     """
 
     files: tuple[Path, ...]
@@ -39,9 +44,10 @@ class Transferred:
     n_invalid: int = 0
     volume: float | None = None
     mass: float | None = None
+    lost: tuple[str, ...] = ()
 
 
-def transfer(
+def append_material(
     source: MaterialField | TetMesh,
     target_path: str | os.PathLike,
     out_path: str | os.PathLike,
@@ -75,17 +81,17 @@ def is_density(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return "aabb_min" in npz.load_npz(path)
-    if suffix in density.FORMATS:
+    if suffix in GRID_FORMATS:
         return True
-    if suffix in points.FORMATS:
+    if suffix in POINT_FORMATS:
         return False
-    known = ", ".join(sorted({*density.FORMATS, *points.FORMATS}))
+    known = ", ".join(sorted({*GRID_FORMATS, *POINT_FORMATS}))
     raise InputError(f"{path}: cannot transfer onto {suffix!r}; known are {known}")
 
 
 def sample_columns(field: MaterialField, sample: FieldSample, *, real: str) -> dict:
     """Columns E, nu, rho of type ``real``, and part, material as int32 where they are known."""
-    columns = {name: getattr(sample, name).astype(real) for name in UNITS}
+    columns = {name: getattr(sample, name).astype(real) for name in _UNITS}
     for name in ("part", "material"):
         if getattr(sample, name) is not None:
             columns[name] = getattr(sample, name).astype(np.int32)
@@ -95,15 +101,15 @@ def sample_columns(field: MaterialField, sample: FieldSample, *, real: str) -> d
 def _remark(field: MaterialField) -> str:
     """One line of ASCII that says what the columns mean."""
     names = {"part": field.part_names, "material": field.material_names}
-    return json.dumps({**UNITS, **{key: value for key, value in names.items() if value}})
+    return json.dumps({**_UNITS, **{key: value for key, value in names.items() if value}})
 
 
 def _onto_points(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
     same_suffix = target_path.suffix.lower() == out_path.suffix.lower()
-    roomless = points.point_format(out_path).write is None
+    roomless = format_of(out_path, POINT_FORMATS).write is None
     if roomless and not same_suffix:
         raise InputError(f"{out_path}: {target_path.suffix} is not converted to {out_path.suffix}")
-    table = points.read_points(target_path)
+    table = read_points(target_path)
     positions = table.positions
     valid = np.asarray(np.isfinite(positions).all(axis=1))
     sample = sample_field(field, positions[valid])
@@ -117,15 +123,25 @@ def _onto_points(field: MaterialField, target_path: Path, out_path: Path) -> Tra
         with writing(out_path) as copy:
             copy.write_bytes(target_path.read_bytes())
     else:
-        points.write_points(out_path, table.with_columns(columns, comment=_remark(field)))
+        table = table.with_columns(columns, comment=_remark(field))
+        write_points(out_path, table)
     volume = mass = None
     if table.is_splat:
         volumes = gaussians(table).volumes[valid]
         volume, mass = float(volumes.sum()), float(volumes @ sample.rho)
     return Transferred(
         tuple(files), len(table), sample.n_fallback, sample.max_fallback_distance,
-        int((~valid).sum()), volume, mass,
+        int((~valid).sum()), volume, mass, () if roomless else tuple(_left_out(out_path, table)),
     )  # fmt: skip
+
+
+def _left_out(path: Path, table: PointTable) -> Iterator[str]:
+    """What a file of the table does not keep, in words."""
+    for item in point_losses(path, table):
+        if item is Keeps.OTHERS and table.others is not None:
+            yield from table.others.names
+        else:
+            yield item
 
 
 def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -139,7 +155,7 @@ def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 def _onto_density(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
     """Values in the cells above the threshold; 0 in empty ones, where there is no material."""
-    grid = density.read_density(target_path)
+    grid = read_density(target_path)
     full = grid.density.ravel() > grid.threshold
     sample = sample_field(field, grid.centers()[full])
     arrays = {}
@@ -147,10 +163,9 @@ def _onto_density(field: MaterialField, target_path: Path, out_path: Path) -> Tr
         array = np.full(grid.density.size, -1 if values.dtype.kind == "i" else 0, values.dtype)
         array[full] = values
         arrays[name] = array.reshape(grid.density.shape)
-    written = density.DensityGrid(
-        grid.lo, grid.hi, grid.density, grid.threshold, {**grid.fields, **arrays}
-    )
-    files = density.write_density(out_path, written)
+    written = DensityGrid(grid.lo, grid.hi, grid.density, grid.threshold, {**grid.fields, **arrays})
+    files = write_density(out_path, written)
     return Transferred(
-        tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance
-    )
+        tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance,
+        lost=density_losses(out_path, written),
+    )  # fmt: skip

@@ -11,10 +11,11 @@ import zlib
 
 import numpy as np
 
-from ...fem.errors import InputError
-from ..files import reading
-from .splats import standard_columns
-from .table import PointTable
+from ....fem.errors import InputError
+from ...files import reading
+from ...registry import Format, Keeps
+from ..table import PointTable
+from .gaussians import standard_columns
 
 WANTED = "an .spz splat file of version 1 to 4"
 _MAGIC, _HEADER = b"NGSP", 16
@@ -50,6 +51,9 @@ def read_spz(path: str | os.PathLike) -> PointTable:
                 (planes[5].reshape(n, k, 3).transpose(0, 2, 1) - 128.0) / 128 if k else None,
             )
         )
+
+
+SPZ = Format("Niantic splats", (".spz",), read_spz, keeps=frozenset({Keeps.HARMONICS}))
 
 
 def _plain_planes(content: bytes, n: int, widths: list[int]) -> list[bytes]:

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 from autophyx_tet.converters import npz
-from autophyx_tet.converters.fields import field_from_points, field_from_tets, read_field_points
-from autophyx_tet.converters.grids import density
-from autophyx_tet.converters.points.splats import standard_columns
-from autophyx_tet.converters.points.table import PointTable, read_points, write_points
-from autophyx_tet.converters.sampling import assign
-from autophyx_tet.converters.transfer import transfer
+from autophyx_tet.converters.carriers import append_material
+from autophyx_tet.converters.field_sources import (
+    field_from_points,
+    field_from_tets,
+    read_field_points,
+)
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import read_density, write_density
+from autophyx_tet.converters.material_sampling import sample_material
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.splats.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
@@ -41,7 +47,7 @@ def assert_two_parts(columns, x, rtol=1e-6):
 def test_splat_ply_gets_three_values_and_keeps_the_rest(tmp_path):
     columns = {**standard_columns(**encoders.standard(200, 15)), "id": np.arange(200, dtype="u2")}
     write_points(tmp_path / "in.ply", PointTable(columns))
-    result = transfer(two_parts(), tmp_path / "in.ply", tmp_path / "out.ply")
+    result = append_material(two_parts(), tmp_path / "in.ply", tmp_path / "out.ply")
     back = read_points(tmp_path / "out.ply")
     assert list(back.columns) == [*columns, "E", "nu", "rho", "part"]
     for name, values in columns.items():
@@ -61,12 +67,12 @@ def test_carriers_without_room_get_a_sidecar_in_the_same_order(suffix, tmp_path)
               ".ksplat": lambda v: encoders.ksplat(v, 1)}[suffix]  # fmt: skip
     source = tmp_path / f"in{suffix}"
     source.write_bytes(encode(encoders.standard(300)))
-    result = transfer(two_parts(), source, tmp_path / f"out{suffix}")
+    result = append_material(two_parts(), source, tmp_path / f"out{suffix}")
     assert [f.name for f in result.files] == [f"out{suffix}", "out.npz"]
     assert (tmp_path / f"out{suffix}").read_bytes() == source.read_bytes()
     sidecar = npz.load_npz(tmp_path / "out.npz")
     assert_two_parts(sidecar, read_points(source).columns["x"])
-    transfer(two_parts(), source, tmp_path / "as.ply")
+    append_material(two_parts(), source, tmp_path / "as.ply")
     assert_two_parts(read_points(tmp_path / "as.ply").columns, read_points(source).columns["x"])
 
 
@@ -75,7 +81,7 @@ def test_clouds_keep_invalid_points_as_nan(suffix, tmp_path):
     """A depth camera's missing point stays in its place, without a value."""
     x = np.array([-1.0, np.nan, 1.0])
     write_points(tmp_path / f"in{suffix}", PointTable({"x": x, "y": x, "z": x}))
-    result = transfer(two_parts(), tmp_path / f"in{suffix}", tmp_path / f"out{suffix}")
+    result = append_material(two_parts(), tmp_path / f"in{suffix}", tmp_path / f"out{suffix}")
     columns = read_points(tmp_path / f"out{suffix}").columns
     np.testing.assert_allclose(columns["E"], [FOAM[0], np.nan, STEEL[0]], rtol=1e-12)
     np.testing.assert_array_equal(columns["part"], [0, -1, 1])
@@ -86,10 +92,10 @@ def test_density_grid_gets_values_where_it_is_dense(tmp_path):
     """E, nu, rho in cells above the threshold, 0 elsewhere; density itself is not touched."""
     sigma = np.zeros((8, 8, 8), dtype="f4")
     sigma[2:6] = 10.0
-    grid = density.DensityGrid(np.full(3, -1.0), np.full(3, 1.0), sigma, threshold=1.0)
-    density.write_density(tmp_path / "in.npz", grid)
-    transfer(two_parts(), tmp_path / "in.npz", tmp_path / "out.npz")
-    back = density.read_density(tmp_path / "out.npz")
+    grid = DensityGrid(np.full(3, -1.0), np.full(3, 1.0), sigma, threshold=1.0)
+    write_density(tmp_path / "in.npz", grid)
+    append_material(two_parts(), tmp_path / "in.npz", tmp_path / "out.npz")
+    back = read_density(tmp_path / "out.npz")
     np.testing.assert_array_equal(back.density, sigma)
     full = sigma > 1
     x = back.centers().reshape(8, 8, 8, 3)[full][:, 0]
@@ -99,10 +105,10 @@ def test_density_grid_gets_values_where_it_is_dense(tmp_path):
 
 def test_unknown_targets_are_told(tmp_path):
     with pytest.raises(InputError, match=r"cannot transfer onto '.doc'; known are"):
-        transfer(two_parts(), tmp_path / "a.doc", tmp_path / "b.doc")
+        append_material(two_parts(), tmp_path / "a.doc", tmp_path / "b.doc")
     (tmp_path / "a.xyz").write_text("0 0 0\n1 1 1\n")
     with pytest.raises(InputError, match=r".xyz is not converted to .splat"):
-        transfer(two_parts(), tmp_path / "a.xyz", tmp_path / "b.splat")
+        append_material(two_parts(), tmp_path / "a.xyz", tmp_path / "b.splat")
 
 
 def test_mesh_to_field_and_back_is_exact_per_region():
@@ -113,7 +119,7 @@ def test_mesh_to_field_and_back_is_exact_per_region():
     mesh = TetMesh(box.points, box.tets, region, ("foam", "steel"), ElementMaterial(*values))
     field = field_from_tets(mesh, cells=16)
     assert field.part_names == ("foam", "steel")
-    back = assign(mesh, field).mesh.material
+    back = sample_material(mesh, field).mesh.material
     assert back is not None
     np.testing.assert_allclose(back.E, values[0], rtol=1e-12)
     np.testing.assert_allclose(back.rho, values[2], rtol=1e-12)
@@ -126,7 +132,7 @@ def test_a_mesh_transfers_like_its_field(tmp_path):
     mesh = box.with_material(ElementMaterial.uniform(len(box.tets), E=3e6, nu=0.4, rho=1100))
     points = np.random.default_rng(0).uniform(0, 1, (50, 3))
     write_points(tmp_path / "in.npz", PointTable(dict(zip("xyz", points.T, strict=True))))
-    transfer(mesh, tmp_path / "in.npz", tmp_path / "out.npz", cells=8)
+    append_material(mesh, tmp_path / "in.npz", tmp_path / "out.npz", cells=8)
     np.testing.assert_allclose(read_points(tmp_path / "out.npz").columns["E"], 3e6, rtol=1e-12)
 
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.grids.density import DensityGrid, write_density
-from autophyx_tet.converters.points.splats import SH_C0, standard_columns
-from autophyx_tet.converters.points.table import PointTable, write_points
+from autophyx_tet.converters.grids.density import DensityGrid
+from autophyx_tet.converters.grids.density_file import write_density
+from autophyx_tet.converters.points.point_file import write_points
+from autophyx_tet.converters.points.splats.gaussians import SH_C0, standard_columns
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.features import features
-from autophyx_tet.toolkit.io.carriers import is_carrier, read_matter
+from autophyx_tet.toolkit.io.coloured_grid import is_carrier, read_coloured_grid
 from autophyx_tet.toolkit.options import FeatureOptions
 
 RED, BLUE = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.1, 0.9])
@@ -87,7 +89,7 @@ def test_a_sparse_cloud_gets_cells_that_it_closes(tmp_path):
     """Of 2,000 points the cells are so large that the ball's inside is still enclosed."""
     points, _ = sphere(2_000)
     write_points(tmp_path / "c.ply", PointTable(dict(zip("xyz", points.T, strict=True))))
-    matter = read_matter(tmp_path / "c.ply", cells=64)
+    matter = read_coloured_grid(tmp_path / "c.ply", cells=64)
     assert max(matter.grid.shape) < 40
     voxels = features(tmp_path / "c.ply", options=QUICK).voxels
     assert voxels.occupied[np.linalg.norm(voxels.grid.centers(), axis=-1) < 0.7].all()

@@ -1,4 +1,4 @@
-"""Carriers on a grid: density and colour of splats, of a point cloud, of a radiance field."""
+"""Density and colour on a grid: of splats, of a point cloud, of a radiance field."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...converters.grids import density as density_files
+from ...converters.carriers import is_density
 from ...converters.grids.density import DensityGrid
-from ...converters.points import table as point_files
-from ...converters.points.splats import SH_C0, Gaussians, gaussians, opacity_grid
+from ...converters.grids.density_file import read_density
+from ...converters.points.point_file import read_points
+from ...converters.points.splats.gaussians import SH_C0, Gaussians, gaussians
+from ...converters.points.splats.opacity_surface import opacity_grid
 from ...converters.points.table import PointTable
-from ...converters.transfer import is_density
+from ...converters.registry import GRID_FORMATS, POINT_FORMATS
 from ...fem.errors import InputError
 from ...predictors.grid import Grid
 from ...predictors.images.appearance import GREY
@@ -28,11 +30,11 @@ _HEAD_BYTES = 1 << 16  # of a PLY header
 _TRIANGLES = re.compile(rb"element\s+(face|tristrips)\s+[1-9]")
 
 
-class Matter(NamedTuple):
+class ColouredGrid(NamedTuple):
     """Density [1/m] (nx, ny, nz) and colour (nx, ny, nz, 3), sRGB in [0, 1], of cells."""
 
-    density: np.ndarray
-    colour: np.ndarray
+    density: Float[np.ndarray, "nx ny nz"]
+    colour: Float[np.ndarray, "nx ny nz 3"]
     grid: Grid
 
 
@@ -41,21 +43,21 @@ def is_carrier(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix == ".ply":
         return not _TRIANGLES.search(_head(path))
-    return suffix in point_files.FORMATS or suffix in density_files.FORMATS
+    return suffix in POINT_FORMATS or suffix in GRID_FORMATS
 
 
-def read_matter(path: Path, *, cells: int) -> Matter:
+def read_coloured_grid(path: Path, *, cells: int) -> ColouredGrid:
     """Read a carrier onto a grid of at most ``cells`` along its longest side.
 
     Lengths are taken as metres. Clouds that are sparser than that get larger cells.
     """
     if is_density(path):
-        return _of_field(density_files.read_density(path), cells)
-    table = point_files.read_points(path)
+        return _of_field(read_density(path), cells)
+    table = read_points(path)
     return _of_splats(table, cells) if table.is_splat else _of_cloud(table, cells)
 
 
-def _of_splats(table: PointTable, cells: int) -> Matter:
+def _of_splats(table: PointTable, cells: int) -> ColouredGrid:
     """A cell's opacity is the summed one of the splats there, its colour their weighted mean."""
     splats = gaussians(table)
     keep = (splats.opacity > FAINT) & np.isfinite(splats.means).all(axis=1)
@@ -74,10 +76,10 @@ def _of_splats(table: PointTable, cells: int) -> Matter:
     colour = np.stack(sums, axis=-1) / np.expand_dims(weight, -1)
     opacity = np.minimum(cover, 1 - np.exp(-OPAQUE))
     depth = np.where(opacity >= SOLID, -np.log1p(-opacity), 0.0)
-    return _checked(Matter(depth / grid.h, colour.clip(0, 1), grid))
+    return _checked(ColouredGrid(depth / grid.h, colour.clip(0, 1), grid))
 
 
-def _of_cloud(table: PointTable, cells: int) -> Matter:
+def _of_cloud(table: PointTable, cells: int) -> ColouredGrid:
     """Cells that hold a point are opaque and have the mean colour of their points."""
     from scipy.spatial import KDTree
 
@@ -94,10 +96,10 @@ def _of_cloud(table: PointTable, cells: int) -> Matter:
     count = np.maximum(np.bincount(flat, minlength=density.size), 1)
     sums = [np.bincount(flat, c, density.size) for c in _colours(table, keep).T]
     colour = (np.stack(sums, axis=-1) / count[:, None]).reshape(*grid.shape, 3)
-    return Matter(density, colour, grid)
+    return ColouredGrid(density, colour, grid)
 
 
-def _of_field(source: DensityGrid, cells: int) -> Matter:
+def _of_field(source: DensityGrid, cells: int) -> ColouredGrid:
     """Cells above the field's threshold that stop light; it has the colour of its own fields."""
     grid = Grid.around(source.occupied_box(), cells=cells)
     density = source.on_grid(grid)
@@ -110,13 +112,13 @@ def _of_field(source: DensityGrid, cells: int) -> Matter:
             for v in fields
         ]
         colour = np.stack(shown, axis=-1).clip(0, 1)
-    return _checked(Matter(np.where(solid, density, 0.0), colour, grid))
+    return _checked(ColouredGrid(np.where(solid, density, 0.0), colour, grid))
 
 
-def _checked(matter: Matter) -> Matter:
-    if not matter.density.any():
-        raise InputError(f"no cell of {matter.grid.h:g} m stops {SOLID:.0%} of the light")
-    return matter
+def _checked(coloured: ColouredGrid) -> ColouredGrid:
+    if not coloured.density.any():
+        raise InputError(f"no cell of {coloured.grid.h:g} m stops {SOLID:.0%} of the light")
+    return coloured
 
 
 def _colours(table: PointTable, keep: Bool[np.ndarray, "n"]) -> Float[np.ndarray, "m 3"]:

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...fem.errors import InputError
-from ..files import reading
-from .splats import SH_C0, standard_columns
-from .table import PointTable
+from ....fem.errors import InputError
+from ...files import reading
+from ...registry import Format, Keeps
+from ..table import PointTable
+from .gaussians import SH_C0, standard_columns
 
 WANTED = "a .ksplat file of version 0.1"
 _FILE_HEADER, _SECTION_HEADER = 4096, 1024
@@ -73,6 +74,9 @@ def read_ksplat(path: str | os.PathLike) -> PointTable:
         return PointTable(
             {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         )
+
+
+KSPLAT = Format("bucketed splats", (".ksplat",), read_ksplat, keeps=frozenset({Keeps.HARMONICS}))
 
 
 def _section(content: bytes, at: int, start: int, level: int) -> _Section:

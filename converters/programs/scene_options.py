@@ -1,0 +1,48 @@
+"""What the writer of a program may use beside the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...fem.scene.mesh import TetMesh
+from ...fem.scene.supports import Supports
+from ...predictors.asset import UpAxis
+from ..mesh.meshdata import items_of
+from ..registry import Keeps
+from .material_bins import NameStyle
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """Names of the arrays, the axis against gravity, its size [m/s^2], and what holds the body."""
+
+    names: NameStyle = "symbols"
+    up: UpAxis = "z"
+    gravity: float = 9.81
+    supports: Supports | None = None
+
+    def items(self, mesh: TetMesh) -> Iterator[Keeps]:
+        """What the files for ``mesh`` have to keep; what does not vary is no value a tet."""
+        for item in items_of(mesh):
+            if item not in _VARYING or np.ptp(getattr(mesh.material, _VARYING[item])) > 0:
+                yield item
+        if self.supports is not None:
+            yield from _held(self.supports)
+
+
+_VARYING = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}
+
+
+def _held(supports: Supports) -> Iterator[Keeps]:
+    whole = supports.fixed.all(axis=1)
+    if whole.any():
+        yield Keeps.HELD
+    if (supports.fixed.any(axis=1) & ~whole).any():
+        yield Keeps.ROLLERS
+    if supports.values[supports.fixed].any():
+        yield Keeps.PRESCRIBED
+    if supports.springs.any():
+        yield Keeps.SPRINGS

@@ -1,0 +1,168 @@
+"""The seam of file formats: what a format is, and which there are, by suffix or by program.
+
+A format is one file that defines a ``Format``, and one line here. Suffixes are listed without
+importing a reader; ``MESH_FORMATS.register(".toy", TOY)`` adds one from outside.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from ..fem.errors import InputError
+from ..fem.registry import Registry
+
+
+class Keeps(StrEnum):
+    """What of a mesh, a scene, a table of points, a grid or an asset may survive in a file."""
+
+    REGIONS = "regions and their names"
+    E = "E of every tet"
+    NU = "nu of every tet"
+    RHO = "rho of every tet"
+    POINT_DATA = "further arrays on the points"
+    CELL_DATA = "further arrays on the tets"
+    HELD = "points held in every direction"
+    ROLLERS = "points held in some directions"
+    PRESCRIBED = "prescribed displacements"
+    SPRINGS = "springs"
+    COLUMNS = "further columns"
+    REMARKS = "remarks"
+    HARMONICS = "spherical harmonics"
+    OTHERS = "what else a file of its own holds"
+    ARRAYS = "further arrays"
+    THRESHOLD = "the density of the surface"
+    UNIT = "the unit of length"
+    UP = "the up axis"
+    PARTS = "names of parts"
+
+
+MATERIAL = frozenset({Keeps.E, Keeps.NU, Keeps.RHO})
+
+
+@dataclass(frozen=True, eq=False)
+class Format:
+    """A file format: how it is read and written, and what survives.
+
+    Parameters
+    ----------
+    title
+        What it is called in messages and tables.
+    suffixes
+        Lower case, with the dot; the first is the usual one.
+    read, write
+        Reader and writer; None where there is none.
+    keeps
+        What comes back as it was. What is given beside it, a writer refuses or it is told as lost.
+    binned
+        What is kept as one value a bin of tets, exactly where there are few values.
+    """
+
+    title: str
+    suffixes: tuple[str, ...]
+    read: Callable[..., Any] | None = None
+    write: Callable[..., Any] | None = None
+    keeps: AbstractSet[Keeps] = frozenset()
+    binned: AbstractSet[Keeps] = frozenset()
+
+    def loses(self, given: Iterable[Keeps]) -> tuple[Keeps, ...]:
+        """Return those of the items ``given`` that a file neither keeps nor bins."""
+        return tuple(item for item in given if item not in self.keeps | self.binned)
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A program that meshes are exported to: the formats of its main file, the usual one first."""
+
+    formats: tuple[Format, ...]
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Suffixes of the main file, the usual one first."""
+        return tuple(suffix for form in self.formats for suffix in form.suffixes)
+
+    @property
+    def binned(self) -> bool:
+        """Whether it knows no material a tet, so that tets of like material are gathered."""
+        return any(form.binned for form in self.formats)
+
+    def format(self, suffix: str) -> Format:
+        """Return the format of a main file with that suffix."""
+        return next(form for form in self.formats if suffix in form.suffixes)
+
+
+def format_of(path: str | os.PathLike, formats: Registry[Format]) -> Format:
+    """Look a path up by its suffix; ``InputError`` with those that are known."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in formats:
+        known = ", ".join(f"{name} ({formats[name].title})" for name in formats)
+        raise InputError(f"{path}: unknown {formats.kind} {suffix!r}; known are {known}")
+    return formats[suffix]
+
+
+def written(formats: Registry[Format]) -> tuple[str, ...]:
+    """Suffixes of the formats that have a writer."""
+    return tuple(suffix for suffix in formats if formats[suffix].write is not None)
+
+
+def told_lost(path: str | os.PathLike, form: Format, lost: Iterable[Keeps]) -> str:
+    """Sentence about what of the given a file will not hold."""
+    return f"{path}: {form.title} does not keep {', '.join(lost)}"
+
+
+_HERE = __package__ or ""
+
+MESH_FORMATS: Registry[Format] = Registry(
+    "mesh suffix",
+    _HERE,
+    {
+        ".msh": "mesh.msh:MSH",
+        ".vtu": "mesh.vtk:VTU",
+        ".vtk": "mesh.vtk:VTK",
+        ".npz": "mesh.mesh_archive:MESH_ARCHIVE",
+        ".mesh": "mesh.medit:MEDIT",
+    },
+)
+POINT_FORMATS: Registry[Format] = Registry(
+    "point suffix",
+    _HERE,
+    {
+        ".ply": "points.ply:PLY",
+        ".npz": "points.column_archive:COLUMN_ARCHIVE",
+        ".pcd": "points.pcd:PCD",
+        ".las": "points.las:LAS",
+        ".laz": "points.las:LAS",
+        ".xyz": "points.xyz:XYZ",
+        ".splat": "points.splats.rows:SPLAT_ROWS",
+        ".spz": "points.splats.spz:SPZ",
+        ".ksplat": "points.splats.ksplat:KSPLAT",
+    },
+)
+GRID_FORMATS: Registry[Format] = Registry(
+    "density suffix",
+    _HERE,
+    {
+        ".npz": "grids.density_archive:DENSITY_ARCHIVE",
+        ".nvdb": "grids.nanovdb:NANOVDB",
+        **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "grids.nerfacc:NERFACC"),
+        **dict.fromkeys((".ingp", ".msgpack"), "grids.instant_ngp:INSTANT_NGP"),
+    },
+)
+PROGRAMS: Registry[Program] = Registry(
+    "program",
+    _HERE,
+    {
+        "gmsh": "programs.gmsh:GMSH",
+        "calculix": "programs.calculix:CALCULIX",
+        "newton": "programs.newton:NEWTON",
+        "mujoco": "programs.mujoco:MUJOCO",
+        "usd": "programs.usd:USD",
+        "sofa": "programs.sofa:SOFA",
+        "fenics": "programs.fenics:FENICS",
+    },
+)

@@ -1,0 +1,154 @@
+"""What an export says it keeps is in its files; what is given beside it, it names as lost."""
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+from autophyx_tet.converters.mesh.mesh_file import read_data
+from autophyx_tet.converters.npz import load_npz
+from autophyx_tet.converters.programs.export import export_mesh
+from autophyx_tet.converters.registry import MATERIAL, PROGRAMS, Keeps
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.supports import Supports
+
+BOX = box_mesh((1, 1, 1), (3, 2, 2))
+N = len(BOX.tets)
+NAMES = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}
+CASES = [(name, form) for name in PROGRAMS for form in PROGRAMS[name].formats]
+
+
+def varying() -> ElementMaterial:
+    """E, nu, rho of their own for every tet."""
+    rng = np.random.default_rng(0)
+    return ElementMaterial(
+        10 ** rng.uniform(4, 9, N), rng.uniform(0.1, 0.45, N), 10 ** rng.uniform(2, 4, N)
+    )
+
+
+def exported(name, form, folder, mesh, **options):
+    """Export to the main file of a format, in a folder of its own."""
+    folder = folder / f"{name}{form.suffixes[0]}-{len([*folder.iterdir()])}"
+    folder.mkdir()
+    return export_mesh(mesh, name, folder / f"out{form.suffixes[0]}", **options)
+
+
+def values_in(files) -> dict[str, np.ndarray]:
+    """E, nu, rho a tet as a reader finds them: arrays, primvars or factors of one modulus."""
+    main = files[0]
+    if main.suffix == ".usda":
+        found = re.findall(r"primvars:(\w+) = \[(.*?)\]", main.read_text())
+        return {name: np.array(row.split(","), dtype=float) for name, row in found}
+    if main.suffix == ".scn":
+        force = ElementTree.parse(main).getroot().find(".//TetrahedronFEMForceField")
+        assert force is not None
+        factors = np.array(force.attrib["localStiffnessFactor"].split(), dtype=float)
+        return {"E": factors * float(force.attrib["youngModulus"])}
+    if main.suffix == ".npz":
+        arrays = {name: values.astype(float) for name, values in load_npz(main).items()}
+        lam, mu = arrays["k_lambda"], arrays["k_mu"]
+        return {"E": mu * (3 * lam + 2 * mu) / (lam + mu), "nu": lam / (2 * (lam + mu))}
+    material = read_data(main).mesh.material
+    assert material is not None
+    return {name: getattr(material, name) for name in NAMES.values()}
+
+
+def test_every_value_that_is_kept_is_in_the_files(tmp_path):
+    """E, nu, rho of every tet, exactly or to float32; what is lumped or averaged is told."""
+    mesh = BOX.with_material(varying())
+    for name, form in CASES:
+        done = exported(name, form, tmp_path, mesh, bins=4)
+        assert not set(done.lost) & form.keeps
+        assert set(done.lost) == MATERIAL - form.keeps - form.binned, name
+        for item in MATERIAL & form.keeps:
+            expected = getattr(mesh.material, NAMES[item])
+            np.testing.assert_allclose(values_in(done.files)[NAMES[item]], expected, rtol=1e-5)
+
+
+def numbers_in(files) -> np.ndarray:
+    """All numbers of the text files."""
+    texts = [file.read_text() for file in files if file.suffix != ".py"]
+    words = re.findall(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", " ".join(texts))
+    return np.array(words, dtype=float)
+
+
+def test_few_values_are_exact_in_their_bins(tmp_path):
+    """Two materials: what is binned stands in the files as it is; what is not, is told as lost."""
+    pairs = {Keeps.E: (1.2345e7, 7.6543e9), Keeps.NU: (0.2125, 0.3725), Keeps.RHO: (1234.5, 987.25)}
+    columns = [np.where(np.arange(N) % 2, *pair) for pair in pairs.values()]
+    mesh = BOX.with_material(ElementMaterial(*columns))
+    for name, form in [case for case in CASES if case[1].binned]:
+        done = exported(name, form, tmp_path, mesh)
+        assert done.error is not None
+        assert done.error.largest == (0, 0, 0)
+        for item in form.binned:
+            for value in pairs[item]:
+                near = np.isclose(numbers_in(done.files), value, rtol=1e-12)
+                assert near.any(), f"{name}: {item} {value}"
+        assert set(done.lost) == MATERIAL - form.keeps - form.binned, name
+
+
+def test_uniform_values_are_never_lost(tmp_path):
+    """One material and one region: every program says all of it, and warns of nothing."""
+    mesh = BOX.with_material(ElementMaterial.uniform(N, E=1e6, nu=0.3, rho=1e3))
+    for name, form in CASES:
+        assert exported(name, form, tmp_path, mesh).lost == (), name
+
+
+def regions_in(files) -> dict[str, np.ndarray]:
+    """Ids of the tets of every region by its name."""
+    for file in files:
+        if file.suffix in (".msh", ".vtk"):
+            mesh = read_data(file).mesh
+            return {n: np.flatnonzero(mesh.region == i) for i, n in enumerate(mesh.region_names)}
+    sets = re.findall(r"\*\* region \d+: '(.*)'\n\*ELSET.*\n((?:[\d, ]+\n)+)", files[0].read_text())
+    return {name: np.array(re.findall(r"\d+", ids), dtype=int) - 1 for name, ids in sets}
+
+
+def test_regions_are_in_the_files_or_told(tmp_path):
+    region = (BOX.centroids[:, 0] > 0.5).astype(int)
+    uniform = ElementMaterial.uniform(N, E=1e6, nu=0.3, rho=1e3)
+    mesh = TetMesh(BOX.points, BOX.tets, region, ("leg", "seat"), uniform)
+    for name, form in CASES:
+        done = exported(name, form, tmp_path, mesh)
+        assert done.lost == (() if Keeps.REGIONS in form.keeps else (Keeps.REGIONS,)), name
+        if Keeps.REGIONS in form.keeps:
+            found = regions_in(done.files)
+            assert list(found) == ["leg", "seat"], name
+            np.testing.assert_array_equal(found["seat"], np.flatnonzero(region), err_msg=name)
+
+
+def held_in(file) -> dict[tuple[int, int], float]:
+    """Prescribed displacement [m] by point and component, from a deck or a SOFA scene."""
+    if file.suffix == ".scn":
+        held = ElementTree.parse(file).getroot().find(".//FixedProjectiveConstraint")
+        assert held is not None
+        return {(int(i), axis): 0.0 for i in held.attrib["indices"].split() for axis in range(3)}
+    block = file.read_text().partition("*BOUNDARY\n")[2].partition("*")[0]
+    rows = [line.split(", ") for line in block.splitlines()]
+    return {(int(i) - 1, int(axis) - 1): float(value) for i, axis, _, value in rows}
+
+
+def test_supports_are_in_the_scene_or_told(tmp_path):
+    """Clamped points, rollers, a prescribed displacement and springs, one kind at a time."""
+    mesh = BOX.with_material(ElementMaterial.uniform(N, E=1e6, nu=0.3, rho=1e3))
+    none = Supports.none(len(BOX.points))
+    kinds = {
+        Keeps.HELD: none.with_fixed([0, 3], (0, 1, 2)),
+        Keeps.ROLLERS: none.with_fixed([1, 2], 2),
+        Keeps.PRESCRIBED: none.with_fixed([4], (0, 1, 2), 0.125),
+        Keeps.SPRINGS: none.with_springs([5], 1e3),
+    }
+    for name, form in CASES:
+        for item, supports in kinds.items():
+            done = exported(name, form, tmp_path, mesh, supports=supports)
+            given = {item} | ({Keeps.HELD} if item is Keeps.PRESCRIBED else set())
+            assert set(done.lost) == given - form.keeps, f"{name}: {item}"
+            if item in form.keeps:
+                points, axes = np.nonzero(supports.fixed)
+                expected = {
+                    (int(i), int(a)): supports.values[i, a]
+                    for i, a in zip(points, axes, strict=True)
+                }
+                assert held_in(done.files[0]) == expected, f"{name}: {item}"

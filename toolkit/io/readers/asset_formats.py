@@ -1,0 +1,79 @@
+"""The formats of assets by suffix, and what a file of one holds: named surfaces or a cloud.
+
+``keeps`` of a format is what its files state: the unit of length, the up axis, names of parts.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ....converters.registry import Format
+from ....fem.errors import AutophyxError, InputError
+from ....fem.registry import Registry
+from ....predictors.asset import UpAxis
+from ..references import References
+
+if TYPE_CHECKING:
+    import trimesh
+
+ASSET_FORMATS: Registry[Format] = Registry(
+    "asset suffix",
+    __package__ or "",
+    {
+        ".obj": "obj:OBJ",
+        ".ply": "ply_surface:PLY_SURFACE",
+        ".stl": "plain:STL",
+        ".off": "off:OFF",
+        ".glb": "gltf:GLTF",
+        ".gltf": "gltf:GLTF",
+        ".3mf": "threemf:THREEMF",
+        ".dae": "collada:COLLADA",
+        ".xyz": "plain:TEXT_CLOUD",
+        **dict.fromkeys((".splat", ".spz", ".ksplat"), "carrier:CARRIER"),
+        **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "carrier:CARRIER"),
+        **dict.fromkeys((".pcd", ".las", ".laz"), "carrier:CARRIER"),
+    },
+)
+
+
+class NamedSurface(NamedTuple):
+    """One piece of a file: a triangle surface and the names around it, nearest first."""
+
+    mesh: trimesh.Trimesh
+    node: tuple[str, ...] = ()
+    material: str | None = None
+
+
+class AssetContent(NamedTuple):
+    """What a file holds: surfaces, and metres per unit and up axis where it states them.
+
+    ``cloud`` (n, 3) are points without triangles; ``up_guess`` is what most such files do;
+    ``warnings`` are sentences for the user.
+    """
+
+    surfaces: list[NamedSurface]
+    metres: float | None = None
+    up: UpAxis | None = None
+    up_guess: UpAxis = "z"
+    cloud: np.ndarray | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def read_content(path: Path, data: bytes, references: References) -> AssetContent:
+    """Read a file by its suffix; whatever a parser stumbles over becomes one sentence."""
+    suffix = path.suffix.lower()
+    reader = ASSET_FORMATS[suffix].read
+    if reader is None:
+        raise InputError(f"{path}: {suffix} files are not read")
+    try:
+        return reader(path, data, references)
+    except AutophyxError:
+        raise
+    except Exception as error:  # a parser of untrusted bytes may raise anything
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise InputError(
+            f"{path}: is not a valid {suffix[1:]} file ({reason}): export it again"
+        ) from error
