@@ -126,7 +126,7 @@ class Evaluate:
                 texts=self.texts,
                 encoder=self.encoder,
                 renders=self.renders,
-                memory=folder and folder / "sight",
+                memory=folder and folder / "evaluation",
                 progress=tell,
             )
 
