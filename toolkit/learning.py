@@ -216,13 +216,13 @@ def evaluate(
         if renders:
             raise UsageError("--renders wants --split procedural or validation")
         return _evaluate_folder(Path(split), predictors, weights)
-    words, held_out = None, HeldOutSet("procedural", objects, cells, seed, texts)
+    words = speaking_encoder(encoder) if encoder else None
+    held_out = HeldOutSet("procedural", objects, cells, seed, texts)
     if split == "validation":
         held_out = replace(held_out, split="validation")
         if data:
             held_out = replace(held_out, real=load_real(data / VALIDATION))
         else:
-            words = speaking_encoder(encoder) if encoder else None
             held_out = _with_furniture(held_out, words, memory=memory, tell=progress)
     rows = evaluate_held_out(
         held_out, predictors or DEFAULT_ROWS, weights=weights, words=words, renders=renders,

@@ -36,7 +36,7 @@ class Role(IntEnum):
     PART = 0  # one part [part kinds]
     PAIR = 1  # two parts [part pairs]
     WHOLE = 2  # the object [0, or 1 + category that it names]
-    KIND = 3  # all matter of a kind [encoders.kinds.KINDS]
+    KIND = 3  # all matter of a kind [language.kinds.KINDS]
     OBJECT = 4  # what the object is: the default template [category]
     NAME = 5  # no sentence but the asset's own name of a part [part kinds]
 

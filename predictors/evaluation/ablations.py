@@ -58,7 +58,7 @@ class FilmRow:
                 scene = with_slot_names(scene, example, encoder, vocabulary)
             with torch.inference_mode():
                 output = network(scene)
-            return by_part(output, scene) if self.parts else output
+            return pooled_by_part(output, scene) if self.parts else output
 
         return predict
 
@@ -85,7 +85,7 @@ NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(p
 RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
 
 
-def by_part(output: Output, scene: Scene) -> Output:
+def pooled_by_part(output: Output, scene: Scene) -> Output:
     """Return the means over each part, but for ``binding.of_pieces``: as at run time."""
     import torch
 

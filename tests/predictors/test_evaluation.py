@@ -1,18 +1,25 @@
 """Laws of the evaluation: a perfect answer has no error, masses compare as the papers say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.evaluation.ablations import by_part, with_slot_names, with_vision
+from autophyx_tet.predictors.evaluation import held_out
+from autophyx_tet.predictors.evaluation.ablations import (
+    pooled_by_part,
+    with_slot_names,
+    with_vision,
+)
 from autophyx_tet.predictors.evaluation.examples import Example, load_example, save_example
 from autophyx_tet.predictors.evaluation.folder_evaluation import evaluate_folder
 from autophyx_tet.predictors.evaluation.held_out import HeldOutObject, HeldOutSet, ImageFeatures
 from autophyx_tet.predictors.evaluation.held_out_evaluation import evaluate_held_out
 from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
 from autophyx_tet.predictors.evaluation.metrics import Score, against_best, summary
-from autophyx_tet.predictors.evaluation.rows import BASELINES
+from autophyx_tet.predictors.evaluation.rows import BASELINES, ROWS
 from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
 from autophyx_tet.predictors.film.config import Output, Scene
 from autophyx_tet.predictors.grid import Grid
@@ -109,7 +116,7 @@ def test_a_part_is_of_one_matter():
         torch.zeros(1, 2, 2, 4, 4, 4), torch.zeros(1, 2), blank, torch.tensor([[False]]), part,
     )  # fmt: skip
     found = Output(torch.rand(1, 3, 4, 4, 4), torch.randn(1, 3, 4, 4, 4))
-    pooled = by_part(found, scene)
+    pooled = pooled_by_part(found, scene)
     for half in (slice(0, 2), slice(2, 4)):
         cells = (slice(None), slice(None), half)
         mean = found.values[cells].mean((2, 3, 4), keepdim=True)
@@ -117,7 +124,7 @@ def test_a_part_is_of_one_matter():
         share = found.logits.softmax(1)[cells].mean((2, 3, 4), keepdim=True)
         assert torch.allclose(pooled.logits.exp()[cells], share.expand(1, 3, 2, 4, 4), atol=1e-6)
     three = scene._replace(clause_mask=torch.ones(1, 3, dtype=torch.bool))
-    assert by_part(found, three) is found
+    assert pooled_by_part(found, three) is found
 
 
 class Letters:
@@ -152,6 +159,34 @@ def test_names_and_looks_are_heard_together():
     assert torch.equal(both.evidence[:, 0], looks.evidence[:, 0])
     assert (both.evidence[0, 1, :, 1, 1, 1] * torch.tensor([1, -1]) > 0).all()
     assert (both.reliability > 0).all()
+
+
+class Truth:
+    """A row that knows the answer."""
+
+    names = False
+
+    def build(self, setting):
+        return lambda example: (example.batch.target, None)
+
+
+def test_a_row_is_one_entry(monkeypatch):
+    """A contender of anyone's is scored beside ours; a row that is not there is named at once."""
+    embed = lambda texts: np.random.default_rng(0).normal(size=(len(texts), 12)) / 4  # noqa: E731
+    monkeypatch.setattr(held_out, "HintedEncoder", lambda encoder: SimpleNamespace(text=embed))
+    ROWS.register("truth", Truth())
+    try:
+        rows = evaluate_held_out(
+            HeldOutSet("procedural", objects=4, cells=16), ("truth", "constant")
+        )
+    finally:
+        ROWS.unregister("truth")
+    truth, constant = rows
+    assert truth.mse_mean == 0
+    assert truth.best_baseline == "constant"
+    assert truth.difference == pytest.approx(-constant.mse_mean)
+    with pytest.raises(UsageError, match="unknown row 'truth'"):
+        evaluate_held_out(HeldOutSet("procedural"), ("truth",))
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ class TrainingBatch(NamedTuple):
     ``target`` (batch, 3, x, y, z) normalised; ``clause`` (batch, x, y, z) the clause that speaks of
     a voxel, ``CLAUSES`` for none; ``valued`` and ``bound``: where each of the two counts.
     ``mentioned`` (batch,) counts the clauses; ``doubt`` (batch,) is the share of the binding that
-    training leaves open: few real objects are known, and looks do not settle their matter.
+    training leaves open: few real objects are known, and colours do not settle their matter.
     ``alone`` are clauses that train without an object, if any.
     """
 
