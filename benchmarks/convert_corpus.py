@@ -83,7 +83,7 @@ def run_one(path: Path, tool: str, args: argparse.Namespace) -> dict:
             "--edge-length-rel", str(args.edge_length_rel), "--epsilon-rel", str(args.epsilon_rel),
             "--stop-energy", str(args.stop_energy), "--time-limit", str(args.time_limit),
         ]  # fmt: skip
-        # Our ladder may use several attempts, each within the limit; a peer has one.
+        # We may use several attempts, each within the limit; a peer has one.
         limit = args.time_limit * (5 if tool == OURS else 1) + 60
         code, wall, cpu, rss = _timed(command, Path(work), limit)
         row = {"tool": tool, "exit": code}

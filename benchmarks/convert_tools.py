@@ -46,7 +46,7 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
     row = {
         "guarantees": report.ok,
         "tets": len(mesh.tets),
-        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser rung keeps a wider one
+        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser attempt keeps a wider one
         "min_dihedral_deg": round(report.quality.dihedral_min, 2),
         "hausdorff_to_rel": report.distances.to_input / report.diagonal,
         "hausdorff_from_rel": report.distances.from_input / report.diagonal,
