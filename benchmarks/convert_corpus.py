@@ -16,13 +16,14 @@ import os
 import signal
 import subprocess
 import sys
-import tarfile
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 from convert_table import OURS, read_rows, summary, table
+from convert_tools import run_tool
+from corpora import corpus, root_of
 
 SAMPLE = 60  # inputs that the peers are run on, evenly spread over the corpus
 HERE = Path(__file__).resolve()
@@ -32,9 +33,9 @@ def main() -> None:
     args = _arguments()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what runs is ended too
     if args.one:
-        _child(args)
+        run_tool(args)
         return
-    root = _root(args.corpus, Path(args.folder).resolve())
+    root = root_of(args.corpus, Path(args.folder).resolve())
     inputs = corpus(args.corpus, root, args.limit)
     done = read_rows(args.rows)
     known = {(row["input"], row["tool"]) for row in done}
@@ -72,50 +73,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--time-limit", type=float, default=300.0)
     parser.add_argument("--one", nargs=3, metavar=("TOOL", "INPUT", "OUT"), help=argparse.SUPPRESS)
     return parser.parse_args()
-
-
-def _root(name: str, folder: Path) -> Path:
-    """Folder that the inputs of a corpus are named in: ours for the known ones, else itself."""
-    return folder / name if name in ("cgal", "sweethome3d") else Path(name).resolve()
-
-
-def corpus(name: str, root: Path, limit: int | None) -> list[Path]:
-    """Surface files of a corpus in a fixed order, evenly thinned to ``limit``."""
-    if name == "cgal":
-        _fetch_cgal(root)
-        files = sorted(p for p in root.rglob("*") if p.suffix in (".off", ".ply", ".stl"))
-    elif name == "sweethome3d":
-        files = _sweethome3d(root)
-    else:
-        files = sorted(p for p in root.rglob("*") if p.is_file())
-    if limit is not None and limit < len(files):
-        files = [files[i] for i in np.linspace(0, len(files) - 1, limit).round().astype(int)]
-    return files
-
-
-def _fetch_cgal(root: Path) -> None:
-    """Meshes of Debian's libcgal-demo, fetched once; needs no administrator."""
-    if root.exists():
-        return
-    root.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=root.parent) as work:
-        subprocess.run(["apt-get", "download", "libcgal-demo"], cwd=work, check=True)
-        (deb,) = Path(work).glob("*.deb")
-        subprocess.run(["dpkg", "-x", str(deb), work], check=True)
-        with tarfile.open(next(Path(work).rglob("data.tar.gz"))) as archive:
-            archive.extractall(Path(work) / "data", filter="data")
-        (Path(work) / "data").rename(root)
-
-
-def _sweethome3d(root: Path) -> list[Path]:
-    from autophyx_tet.toolkit.io.sweethome3d import SOURCES, catalog, extract
-
-    files = []
-    for source in SOURCES:
-        for item in catalog(source):
-            path = root / source / item.model
-            files.append(path if path.exists() else extract(item, root / source))
-    return sorted(set(files))
 
 
 def run_one(path: Path, tool: str, args: argparse.Namespace) -> dict:
@@ -173,142 +130,6 @@ def _last_line(work: Path, code: int) -> str:
     if code < 0:
         return signal.Signals(-code).name
     return "time limit" if code == 124 else (lines[-1][:300] if lines else "")
-
-
-def _child(args: argparse.Namespace) -> None:
-    """One tool on one input; the exit code is its verdict."""
-    tool, path, out = args.one[0], Path(args.one[1]), Path(args.one[2])
-    if tool == OURS:
-        _ours(path, out, args)
-    elif tool == "measure":
-        _measure(path, out, args)
-    else:
-        points, tets = PEERS[tool](path, args)
-        if not len(tets):
-            sys.exit("no tets and no error")
-        np.savez(out / "mesh.npz", points=points, tets=tets)
-
-
-def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
-    from autophyx_tet.fem.errors import AutophyxError
-    from autophyx_tet.toolkit.io.load import load_asset
-    from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-
-    try:
-        mesh, report = tetrahedralize(
-            load_asset(path),
-            edge_length_rel=args.edge_length_rel,
-            epsilon_rel=args.epsilon_rel,
-            stop_energy=args.stop_energy,
-            time_limit=args.time_limit,
-        )
-    except AutophyxError as error:
-        row = {"guarantees": False, "tets": 0, "reason": str(error)}
-        (out / "row.json").write_text(json.dumps(row))
-        sys.exit(error.exit_code)
-    row = {
-        "guarantees": report.ok,
-        "tets": len(mesh.tets),
-        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser attempt keeps a wider one
-        "min_dihedral_deg": round(report.quality.dihedral_min, 2),
-        "hausdorff_to_rel": report.distances.to_input / report.diagonal,
-        "hausdorff_from_rel": report.distances.from_input / report.diagonal,
-        "attempts": len(report.attempts),
-        "reason": "; ".join(report.failed),
-    }
-    (out / "row.json").write_text(json.dumps(row))
-
-
-def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
-    """Hold a peer's mesh against the same guarantees."""
-    from autophyx_tet.converters.npz import load_npz
-    from autophyx_tet.fem.scene.mesh import TetMesh
-    from autophyx_tet.toolkit.io.load import load_asset
-    from autophyx_tet.toolkit.meshing import conversion_report as conversion
-    from autophyx_tet.toolkit.meshing.quality import quality
-    from autophyx_tet.toolkit.surfaces.repair import repair
-    from autophyx_tet.toolkit.surfaces.solids import Solids
-
-    mesh = load_npz(out / "mesh.npz")
-    asset = load_asset(path)
-    diagonal = float(np.linalg.norm(asset.size))
-    epsilon = args.epsilon_rel * diagonal
-    rng = np.random.default_rng(0)
-    surface, _ = repair(asset.parts)
-    solids = Solids.of(surface, len(asset.parts), thinnest=epsilon)
-    volume = conversion.input_volume(solids, len(asset.parts), rng=rng)
-    body = TetMesh.oriented(mesh["points"], mesh["tets"])
-    gaps = conversion.measure_distances(body, solids, epsilon=epsilon, rng=rng)
-    measured = quality(body)
-    kept = conversion.guarantees(body, measured, volume, gaps, epsilon)
-    row = {
-        "guarantees": all(g.ok for g in kept),
-        "tets": len(body.tets),
-        "min_dihedral_deg": round(measured.dihedral_min, 2),
-        "hausdorff_to_rel": gaps.to_input / diagonal,
-        "hausdorff_from_rel": gaps.from_input / diagonal,
-        "reason": "; ".join(
-            f"{g.name}: {g.value:.3g} > {g.threshold:.3g}" for g in kept if not g.ok
-        ),
-    }
-    (out / "row.json").write_text(json.dumps(row))
-
-
-def _surface(path: Path):
-    import trimesh
-
-    mesh = trimesh.load(path, force="mesh")
-    return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
-
-
-def _pytetwild(path: Path, args: argparse.Namespace):
-    import pytetwild
-    from autophyx_tet.toolkit.meshing.conversion_report import ENVELOPE_SHARE
-
-    return pytetwild.tetrahedralize(
-        *_surface(path),
-        edge_length_fac=args.edge_length_rel,
-        epsilon=ENVELOPE_SHARE * args.epsilon_rel,
-        stop_energy=args.stop_energy,
-        vtk_ordering=True,
-    )
-
-
-def _tetgen(path: Path, args: argparse.Namespace):
-    import tetgen
-
-    points, faces = _surface(path)
-    edge = args.edge_length_rel * float(np.linalg.norm(np.ptp(points, axis=0)))
-    generator = tetgen.TetGen(points, faces)
-    made = generator.tetrahedralize(order=1, mindihedral=10, minratio=1.5, maxvolume=edge**3 / 6)
-    return made[0], made[1]
-
-
-def _gmsh(path: Path, args: argparse.Namespace):
-    import gmsh
-
-    points, _ = _surface(path)
-    with tempfile.NamedTemporaryFile(suffix=".stl") as file:
-        import trimesh
-
-        trimesh.load(path, force="mesh").export(file.name)
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        edge = args.edge_length_rel * float(np.linalg.norm(np.ptp(points, axis=0)))
-        gmsh.option.setNumber("Mesh.MeshSizeMax", edge)
-        gmsh.merge(file.name)
-        loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
-        gmsh.model.geo.addVolume([loop])
-        gmsh.model.geo.synchronize()
-        gmsh.model.mesh.generate(3)
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        _, nodes = gmsh.model.mesh.getElementsByType(4)
-    order = np.argsort(tags)
-    tets = order[np.searchsorted(tags[order], nodes)].reshape(-1, 4)
-    return coordinates.reshape(-1, 3), tets
-
-
-PEERS = {"pytetwild": _pytetwild, "tetgen": _tetgen, "gmsh": _gmsh}
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from statics import GRAVITY, TOLERANCE, make_row, tip
+from static_cantilever import GRAVITY, TOLERANCE, make_row, tip
 
 # The system's Python, for which Debian packages dolfinx.
 SYSTEM_PYTHON = "/usr/bin/python3"

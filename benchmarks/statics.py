@@ -22,27 +22,11 @@ import time
 os.environ.update({f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")})
 
 import numpy as np
+from static_cantilever import GRAVITY, TOLERANCE, bench_mesh, make_row
+from static_peers import PEERS, missing
 
-SIZES = {"S": (40, 6, 8), "M": (60, 12, 12), "L": (96, 18, 20)}
-TOLERANCE = 1e-8
-GRAVITY = (0.0, 0.0, -9.81)
 # Peers that run in a process of their own: what there is to warm up, they warm up themselves.
 COLD = ("calculix", "dolfinx", "dolfinx-gamg")
-
-
-def bench_mesh(size: str):
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
-
-    mesh = box_mesh((1, 0.2, 0.2), SIZES[size])
-    upper = mesh.centroids[:, 2] > 0.1
-    pick = lambda high, low: np.where(upper, high, low)  # noqa: E731
-    material = ElementMaterial(pick(1e7, 1e6), pick(0.4, 0.3), pick(1200.0, 1000.0))
-    return mesh.with_material(material)
-
-
-def tip(mesh, u: np.ndarray) -> float:
-    return float(u[np.isclose(mesh.points[:, 0], 1.0), 2].mean())
 
 
 def ours(mesh, order: int, device: str = "cpu") -> dict:
@@ -66,24 +50,8 @@ def ours(mesh, order: int, device: str = "cpu") -> dict:
     )
 
 
-def make_row(mesh, dof, start, middle, u, iterations, residual) -> dict:
-    end = time.process_time()
-    return {
-        "tets": len(mesh.tets),
-        "dof": int(dof),
-        "assemble_cpu_s": middle - start,
-        "solve_cpu_s": end - middle,
-        "cpu_s": end - start,
-        "iterations": int(iterations),
-        "tip": tip(mesh, u[: len(mesh.points)]),
-        "rel_residual": float(residual),
-    }
-
-
 def solver_of(tool: str):
     """Function (mesh, order) -> row of ``tool``."""
-    from static_peers import PEERS
-
     return ours if tool == "ours" else PEERS[tool]
 
 
@@ -128,8 +96,6 @@ def line(row: dict, reference: float | None) -> str:
 
 
 def main() -> None:
-    from static_peers import PEERS, missing
-
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sizes", default="S,M")
     parser.add_argument("--order", type=int, default=1, choices=(1, 2))

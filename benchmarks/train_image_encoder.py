@@ -6,11 +6,11 @@
     python benchmarks/train_image_encoder.py fit CORPUS.safetensors REGIONS.npz --out HEAD
 
 ``describe`` runs the frozen network over every picture (minutes on a CPU, seconds with ``--device
-cuda``); ``choose`` compares penalties, gains, ranks and numbers of looks by cross-validation inside
-the corpus: the head and a probe of five kinds are fitted on some objects and scored on others,
-those of one source ("source NAME") or a quarter of all ("objects"); each with the probe's balanced
-accuracy and the retrieval: the share of pairs of a region and one of another kind in which the
-region's own material name is nearer. ``fit`` writes the head of the defaults.
+cuda``); ``choose`` compares penalties, gains, ranks and numbers of directions by cross-validation
+inside the corpus: the head and a probe of five kinds are fitted on some objects and scored on
+others, those of one source ("source NAME") or a quarter of all ("objects"); each with the probe's
+balanced accuracy and the retrieval: the share of pairs of a region and one of another kind in which
+the region's own material name is nearer. ``fit`` writes the head of the defaults.
 """
 
 import argparse
@@ -30,10 +30,10 @@ from autophyx_tet.predictors.encoders.probe import Regions, balanced, fit_probe
 from autophyx_tet.predictors.language.kinds import KINDS
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
-    Described,
-    TrainingOptions,
-    describe,
-    fit,
+    HeadOptions,
+    RegionFeatures,
+    fit_head,
+    region_features,
     shipped_weights,
 )
 from autophyx_tet.toolkit.io.load import load_asset
@@ -46,7 +46,7 @@ TRIED = {
     "penalty": (3.0, 30.0),
     "gain": (8.0, 30.0),
     "rank": (6, 8, 12, 16),
-    "looks": (0, 4, 12),
+    "directions": (0, 4, 12),
     "plain": (0.25, 1.0),
 }
 
@@ -79,23 +79,23 @@ def make_corpus(options):
 
 def describe_regions(options):
     corpus = read_corpus(options.path, device=options.device)
-    settings = TrainingOptions(side=options.side, rounds=options.rounds)
-    found = describe(corpus, public_backbone(options.device), settings)
+    settings = HeadOptions(side=options.side, rounds=options.rounds)
+    found = region_features(corpus, public_backbone(options.device), settings)
     save_npz(options.out, features=found.features.astype(np.float16), part=found.part)
 
 
 def regions_of(path):
     arrays = load_npz(path)
-    return Described(arrays["features"].astype(np.float32), arrays["part"])
+    return RegionFeatures(arrays["features"].astype(np.float32), arrays["part"])
 
 
 def choose(options):
     corpus, regions = read_corpus(options.path), regions_of(options.regions)
     rows = [cross_validated("colour and opacity alone", corpus, regions, None)]
-    rows.append(cross_validated("as shipped", corpus, regions, TrainingOptions()))
+    rows.append(cross_validated("as shipped", corpus, regions, HeadOptions()))
     for field, values in TRIED.items():
         for value in values:
-            settings = replace(TrainingOptions(), **{field: value})
+            settings = replace(HeadOptions(), **{field: value})
             rows.append(cross_validated(f"{field} {value:g}", corpus, regions, settings))
             log.info("%s", rows[-1])
     print(json.dumps(rows, indent=1))
@@ -120,7 +120,7 @@ def held_out(corpus, regions, settings, label, held):
     if settings is None:
         features = regions.features[:, :COLOURS]
     else:
-        features = fit(regions, corpus, Widths().groups, settings, use=~held)(regions.features)
+        features = fit_head(regions, corpus, Widths().groups, settings, use=~held)(regions.features)
     known, held_known = (label >= 0) & ~held, (label >= 0) & held
     probe = fit_probe(Regions(features[known], label[known], regions.part[known]))
     right = probe(features[held_known]) == label[held_known]
@@ -134,16 +134,16 @@ def held_out(corpus, regions, settings, label, held):
 def retrieval(features, label, text, corpus):
     """Share of pairs of different kinds in which a region is nearer to its own material's name."""
     features, label, text = (column[text >= 0] for column in (features, label, text))
-    likeness = features @ corpus.embeddings.cpu().numpy()[text].T
+    similarity = features @ corpus.embeddings.cpu().numpy()[text].T
     other = label[:, None] != label[None]
-    return (np.diag(likeness)[:, None] > likeness)[other].mean()
+    return (np.diag(similarity)[:, None] > similarity)[other].mean()
 
 
 def write_head(options):
     from safetensors.torch import save_file
 
     corpus, regions = read_corpus(options.path), regions_of(options.regions)
-    head = fit(regions, corpus, Widths().groups, TrainingOptions())
+    head = fit_head(regions, corpus, Widths().groups, HeadOptions())
     save_file(shipped_weights(head, Widths()), options.out)
 
 
@@ -159,8 +159,8 @@ def main():
     describing = commands.add_parser("describe")
     describing.add_argument("path", type=Path)
     describing.add_argument("--out", type=Path, required=True)
-    describing.add_argument("--side", type=int, default=TrainingOptions.side)
-    describing.add_argument("--rounds", type=int, default=TrainingOptions.rounds)
+    describing.add_argument("--side", type=int, default=HeadOptions.side)
+    describing.add_argument("--rounds", type=int, default=HeadOptions.rounds)
     describing.add_argument("--device", default="cpu")
     describing.set_defaults(run=describe_regions)
     for name, run in (("choose", choose), ("fit", write_head)):

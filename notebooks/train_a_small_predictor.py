@@ -33,8 +33,8 @@ from autophyx_tet.predictors.datasets.text_table import build_text_table, save_t
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.film.unet import count_parameters
 from autophyx_tet.predictors.language.hints import HintedEncoder
-from autophyx_tet.predictors.training.presets import CPU
-from autophyx_tet.predictors.training.trainer import train
+from autophyx_tet.predictors.training.film.presets import CPU
+from autophyx_tet.predictors.training.film.recipe import train_film
 
 start = time.process_time()
 words = HintedEncoder(MiniLM(), plain=False)
@@ -49,7 +49,7 @@ print(f"{len(table.texts):,} clauses, such as", *map(repr, table.texts[:3]))
 # %%
 torch.set_num_threads(1)
 config = replace(CPU, steps=40, batch=8, objects=32, text_batch=64, every=4)
-trained = train(config, text=Path("text.safetensors"))
+trained = train_film(config, text=Path("text.safetensors"))
 history = trained.history
 first, last = history[0], history[-1]
 seconds = time.process_time() - start

@@ -1,4 +1,8 @@
-"""What an image encoder sees of the furniture that predictors are scored on, kept in a cache."""
+"""What an image encoder sees of the furniture that predictors are scored on, kept in a cache.
+
+The cells are those of the evaluation's upright cube. What is seen of an asset whose material is to
+be assigned, on the voxels of its mesh, is ``appearance``.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from ..predictors.asset import Asset
 from ..predictors.datasets.real import CELLS, RealObject, cube, upright
 from ..predictors.datasets.shapes import EMPTY
 from ..predictors.encoders import Encoder
-from ..predictors.evaluation.evaluate import Seen
+from ..predictors.evaluation.held_out import ImageFeatures
 from ..predictors.images.features import VoxelFeatures
 from ..predictors.images.features import features as features_of
 from .appearance import VIEWS
@@ -21,18 +25,18 @@ from .native.cache import digest, recalled, remember
 log = logging.getLogger(__name__)
 
 
-def sight(
+def cached_image_features(
     asset: Asset, voxels: RealObject, encoder: Encoder, *, cells: int, memory: Path | None
-) -> Seen | None:
+) -> ImageFeatures | None:
     """Features on the cells of an object at half the resolution of ``cells``.
 
     None where nothing could be seen; ``memory`` is the folder of what was seen before.
     """
     options = {"encoder": encoder.name, "cells": cells, "views": VIEWS, "asset": asset.source_hash}
-    key = digest("sight", {"label": voxels.label, "bounds": asset.bounds}, options)
+    key = digest("image_features", {"label": voxels.label, "bounds": asset.bounds}, options)
     path = memory / f"{key}.npz" if memory and asset.source_hash else None
     if path is not None and (known := recalled(path)) is not None:
-        return Seen(known["cells"].astype(int), known["values"])
+        return ImageFeatures(known["cells"].astype(int), known["values"])
     try:
         features = features_of(asset, encoder=encoder, cells=cells // 2, views=VIEWS)
     except AutophyxError as error:
@@ -45,7 +49,7 @@ def sight(
     return seen
 
 
-def _on_cube(features: VoxelFeatures, asset: Asset, voxels: RealObject, half: int) -> Seen:
+def _on_cube(features: VoxelFeatures, asset: Asset, voxels: RealObject, half: int) -> ImageFeatures:
     """Features of the nearest cell, on the cells of the cube."""
     from scipy.spatial import KDTree
 
@@ -55,4 +59,4 @@ def _on_cube(features: VoxelFeatures, asset: Asset, voxels: RealObject, half: in
     cells = np.argwhere(occupied.any(axis=(1, 3, 5)))
     places = upright(features.grid.to_world(features.cells), asset.up)
     _, nearest = KDTree(places).query(lo + (cells + 0.5) * size * h)
-    return Seen(cells, features.values[nearest].astype(np.float16))
+    return ImageFeatures(cells, features.values[nearest].astype(np.float16))

@@ -16,14 +16,16 @@ import numpy as np
 
 from ..fem.errors import AutophyxError, InputError, UsageError
 from ..predictors.datasets.real import RealObject, load_real, save_real, voxelise
+from ..predictors.encoders import speaking_encoder
 from .io import sweethome3d
 from .io.outputs import check_file, check_folder
 from .native.child import Progress
 
 if TYPE_CHECKING:
     from ..predictors.asset import Asset
-    from ..predictors.evaluation.evaluate import Seen
-    from ..predictors.training.config import TrainingConfig
+    from ..predictors.encoders import Encoder
+    from ..predictors.evaluation.held_out import HeldOutSet, ImageFeatures
+    from ..predictors.training.film.config import TrainingConfig
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +54,7 @@ def build_dataset(
         Whether to voxelise the furniture of Debian's sweethome3d-furniture too.
     """
     from ..predictors.datasets.text_table import save_text_table
-    from ..predictors.training.presets import device_text_table
+    from ..predictors.training.film.presets import device_text_table
 
     check_folder(output)
     output.mkdir(parents=True, exist_ok=True)
@@ -137,8 +139,7 @@ def train(
     same command continues an interrupted run, and the weights at the end; ``start`` are weights to
     begin with.
     """
-    from ..predictors.film.checkpoint import save_checkpoint
-    from ..predictors.training.trainer import train as run
+    from ..predictors.training.film.recipe import train_film
 
     options = _config(config)
     check_folder(output)
@@ -146,15 +147,17 @@ def train(
     if not real.is_file():
         real = None
         options = replace(options, mixture=replace(options.mixture, real=0.0))
-    trained = run(options, text=data / TEXT, real=real, start=start, resume=output)
-    save_checkpoint(output / WEIGHTS, trained.network, facts={"steps": trained.steps})
-    return {"files": [output / WEIGHTS], "steps": trained.steps, "history": trained.history}
+    weights = output / WEIGHTS
+    trained = train_film(
+        options, text=data / TEXT, real=real, start=start, resume=output, output=weights
+    )
+    return {"files": [weights], "steps": trained.steps, "history": trained.history}
 
 
 def _config(config: Path | str) -> TrainingConfig:
     """Return the preset of that name, or what the TOML file says."""
-    from ..predictors.training.config import TrainingConfig
-    from ..predictors.training.presets import PRESETS
+    from ..predictors.training.film.config import TrainingConfig
+    from ..predictors.training.film.presets import PRESETS
 
     if str(config) in PRESETS:
         return PRESETS[str(config)]
@@ -184,56 +187,83 @@ def evaluate(
 ) -> dict[str, Any]:
     """Score predictors on "procedural" or "validation" objects, or on a folder of examples.
 
-    ``encoder`` looks at the objects of the validation split, and ``memory`` is the folder of what
-    it saw before; ``renders`` objects are put under load. ``progress`` gets (stage, seconds).
+    Parameters
+    ----------
+    split
+        "procedural", "validation" (real furniture), or a folder of objects with texts and values.
+    predictors
+        Rows of the table; those of the split by default.
+    data
+        Folder that ``build_dataset`` wrote; without it the furniture is fetched.
+    weights
+        Checkpoint of the network; the shipped one by default.
+    objects, cells, seed, texts
+        How many objects, on how fine a grid, drawn how; how often something is said of each.
+    encoder, memory
+        Image encoder that looks at the furniture, and the folder of what it saw before.
+    renders
+        How many objects are put under load.
+    progress
+        Called with the stage and the seconds so far.
     """
-    from ..predictors.evaluation import evaluate as evaluation
-    from ..predictors.evaluation import folder_evaluation
+    from ..predictors.evaluation.held_out import HeldOutSet
+    from ..predictors.evaluation.held_out_evaluation import evaluate_held_out
+    from ..predictors.evaluation.rows import DEFAULT_ROWS
 
     if encoder and (split != "validation" or data):
         raise UsageError("--encoder looks at furniture: wanted --split validation, without --data")
     if split not in ("procedural", "validation"):
         if renders:
             raise UsageError("--renders wants --split procedural or validation")
-        rows, masses = folder_evaluation.evaluate_folder(
-            Path(split), predictors or folder_evaluation.PREDICTORS, weights=weights
-        )
-        return {
-            "rows": [row.to_dict() for row in rows],
-            "masses": {name: errors._asdict() for name, errors in masses.items()},
-            "papers": {"mse": PAPER, "mass": PAPER_MASS},
-        }
-    held: dict[str, Any] = {}
+        return _evaluate_folder(Path(split), predictors, weights)
+    words = speaking_encoder(encoder) if encoder else None
+    held_out = HeldOutSet("procedural", objects, cells, seed, texts)
     if split == "validation":
-        kept = data / VALIDATION if data else None
-        if kept:
-            held["real"] = load_real(kept)
+        held_out = replace(held_out, split="validation")
+        if data:
+            held_out = replace(held_out, real=load_real(data / VALIDATION))
         else:
-            held = _seen_furniture(objects, encoder, cells=cells, memory=memory, tell=progress)
-    rows = evaluation.evaluate(
-        "validation" if split == "validation" else "procedural",
-        predictors or ("film", *evaluation.BASELINES),
-        objects=objects, cells=cells, seed=seed, texts=texts, weights=weights, renders=renders,
-        progress=progress, **held,
+            held_out = _with_furniture(held_out, words, memory=memory, tell=progress)
+    rows = evaluate_held_out(
+        held_out, predictors or DEFAULT_ROWS, weights=weights, words=words, renders=renders,
+        progress=progress,
     )  # fmt: skip
     return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}
 
 
-def _seen_furniture(
-    count: int, encoder: str | None, *, cells: int, memory: Path | None, tell: Progress | None
+def _evaluate_folder(
+    folder: Path, predictors: Sequence[str], weights: Path | None
 ) -> dict[str, Any]:
-    """Furniture for validation, and what an encoder sees of it: arguments of the evaluation."""
-    from ..predictors.encoders import speaking_encoder
-    from .image_features import sight
+    """Score predictors on objects of anyone's, and their masses."""
+    from ..predictors.evaluation.folder_evaluation import FOLDER_ROWS, evaluate_folder
 
-    looker = speaking_encoder(encoder) if encoder else None
+    rows, masses = evaluate_folder(folder, predictors or FOLDER_ROWS, weights=weights)
+    return {
+        "rows": [row.to_dict() for row in rows],
+        "masses": {name: errors._asdict() for name, errors in masses.items()},
+        "papers": {"mse": PAPER, "mass": PAPER_MASS},
+    }
+
+
+def _with_furniture(
+    held_out: HeldOutSet,
+    encoder: Encoder | None,
+    *,
+    memory: Path | None,
+    tell: Progress | None,
+) -> HeldOutSet:
+    """Return the set with furniture of the validation source, and what an encoder sees of it."""
+    from .image_features import cached_image_features
+
     real: list[RealObject] = []
-    seen: list[Seen | None] = []
+    features: list[ImageFeatures | None] = []
     began = time.monotonic()
-    for voxels, asset in islice(_furniture(sweethome3d.VALIDATION), count):
+    for voxels, asset in islice(_furniture(sweethome3d.VALIDATION), held_out.objects):
         if tell:
             tell(f"object {len(real) + 1}, {voxels.name}", time.monotonic() - began)
         real.append(voxels)
-        if looker:
-            seen.append(sight(asset, voxels, looker, cells=cells, memory=memory))
-    return {"real": real, "seen": seen, "words": looker}
+        if encoder:
+            features.append(
+                cached_image_features(asset, voxels, encoder, cells=held_out.cells, memory=memory)
+            )
+    return replace(held_out, real=real, features=features)

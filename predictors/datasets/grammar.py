@@ -19,12 +19,13 @@ import numpy as np
 from ...fem.scene.materials import Material, MaterialValue, load_table
 from ...fem.scene.materials import key as key_of
 from ..language.kinds import KINDS, kind_of
+from . import frames
+from .frames import split_frames
 from .objects import CATEGORIES, HELD_OUT, category_names, spoken
 from .parts import PartKind, part_kinds
 from .shapes import Solid
 from .wordings import LEVELS, Level, adjective, sentence, wordings
 
-HELD_OUT_EVERY = 5  # frames: the third of every five is kept for tests
 HELD_OUT_PAIRS = 10  # part/material pairs: one in ten
 WATER = 950.0  # kg/m^3: what floats is at most this dense, what sinks at least 1.1 times
 
@@ -35,7 +36,7 @@ class Role(IntEnum):
     PART = 0  # one part [part kinds]
     PAIR = 1  # two parts [part pairs]
     WHOLE = 2  # the object [0, or 1 + category that it names]
-    KIND = 3  # all matter of a kind [encoders.kinds.KINDS]
+    KIND = 3  # all matter of a kind [language.kinds.KINDS]
     OBJECT = 4  # what the object is: the default template [category]
     NAME = 5  # no sentence but the asset's own name of a part [part kinds]
 
@@ -51,54 +52,6 @@ class Phrase(NamedTuple):
     key: int
     level: int = -1
     value: MaterialValue | None = None
-
-
-_PART = (
-    "the {p} {is} {m}|the {p} {is} made of {m}|{m} {p}|{p}: {m}|{p} made of {m}|a {m} {p}|"
-    "the {p} {is} made out of {m}|its {p} {is} {m}|{p} of {m}|with a {m} {p}|{m} for the {p}|"
-    "the {p} {is} made from {m}|{p} in {m}|the {m} {p}|the {p} {is} built of {m}|"
-    "the {p} should be {m}|{p} = {m}|whose {p} {is} {m}|the {p} {is} crafted from {m}|"
-    "make the {p} {m}|use {m} for the {p}|the {p} out of {m}|it has a {m} {p}|"
-    "the {p} {is} pure {m}|{p} {m}|and the {p} {is} {m}|has a {p} made of {m}|"
-    "the {p}, which {is} {m}|{p} are {m}|a {p} of {m}"
-).split("|")
-# Combined freely: more ways to say the same than anyone would list.
-_PART += [
-    f"{subject} {link} {{m}}"
-    for subject in ("the {p}", "its {p}", "{p}", "whose {p}", "the {p} of it", "this {p}")
-    for link in (
-        "{is}", "{is} made of", "{is} made from", "consists of", "{is} built from", "must be",
-        "{is} carved from", "{is} formed of", "should be made of", "{is} of", "{is} entirely",
-    )
-]  # fmt: skip
-_PART += [
-    f"{opening}{{m}} {{p}}{end}"
-    for opening in ("it has a ", "having a ", "on ", "and a ", "plus a ", "with its ", "with ")
-    for end in ("", " on it", " below", " around it")
-]
-_PAIR = (
-    "the {p} and the {q} are {m}|{m} {p} and {q}|the {p} and {q} are made of {m}|"
-    "both the {p} and the {q} are {m}|{p} and {q} of {m}|{m} for the {p} and the {q}|"
-    "{p} and {q}: {m}|the {m} {p} and {q}|the {p} and {q} {m}|{p}, {q}: {m}"
-).split("|")
-_WHOLE = (
-    "everything is {m}|a {m} {o}|the whole {o} is {m}|made entirely of {m}|this is a {m} {o}|{m}|"
-    "a {o} made of {m}|the rest is {m}|all of it is {m}|the {o} is {m}|it is made of {m}|"
-    "a solid {m} {o}|{o}, {m}|the {o} is made of {m}|everything else is {m}|{m} {o}|"
-    "the {o} consists of {m}|it is all {m}|a {o} of {m}|everything is made of {m}"
-).split("|")
-_KIND = (
-    "the {k} is {m}|the {k} parts are {m}|{k}: {m}|all {k} is {m}|the {k} parts are made of {m}|"
-    "where it is {k}, it is {m}|make the {k} {m}|use {m} for the {k}|the {k} should be {m}|"
-    "every {k} part is {m}"
-).split("|")
-_OBJECT = "This is a {o}.|a {o}|{o}|this is a {o}|it is a {o}|an image of a {o}".split("|")
-_GENERIC = "object thing item toy model piece".split()
-
-
-def split_frames(frames: Sequence[str], *, held_out: bool) -> list[str]:
-    """Return the frames of training, or those kept for tests."""
-    return [f for i, f in enumerate(frames) if (i % HELD_OUT_EVERY == 2) == held_out]
 
 
 def is_held_out_pair(part: str, material: str) -> bool:
@@ -163,12 +116,12 @@ class Grammar:
         self.rows = list(load_table())
         self.kinds = list(part_kinds().values())
         self._frames = {
-            role: split_frames(frames, held_out=held_out)
-            for role, frames in (
-                ("part", _PART),
-                ("pair", _PAIR),
-                ("whole", _WHOLE),
-                ("kind", _KIND),
+            role: split_frames(templates, held_out=held_out)
+            for role, templates in (
+                ("part", frames.PART),
+                ("pair", frames.PAIR),
+                ("whole", frames.WHOLE),
+                ("kind", frames.KIND),
             )
         }
         self._wordings = {level: wordings(level, held_out=held_out) for level in LEVELS}
@@ -228,7 +181,7 @@ class Grammar:
         return Phrase(text, Role.PAIR, key, value=row.value())
 
     def _object(self, key: int) -> str:
-        return spoken(category_names()[key - 1]) if key else self._pick(_GENERIC)
+        return spoken(category_names()[key - 1]) if key else self._pick(frames.GENERIC)
 
     def whole(self, key: int, material: Material | None = None) -> Phrase:
         """Return a clause that gives the whole object, or its rest, a material."""
@@ -275,7 +228,7 @@ class Grammar:
 def object_phrases(names: Sequence[str]) -> Iterator[Phrase]:
     """The default template and its like for objects of these names; the key is the index."""
     for key, name in enumerate(names):
-        for frame in _OBJECT:
+        for frame in frames.OBJECT:
             yield Phrase(frame.format(o=spoken(name).lower()), Role.OBJECT, key)
 
 

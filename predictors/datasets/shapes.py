@@ -22,7 +22,7 @@ MIN_HALF_CELLS = 0.72
 _WIDTH = 18  # kind, part, centre (3), rotation (9), half sizes (3), taper
 
 
-def rotation(axis: str, degrees: float) -> np.ndarray:
+def rotation_about(axis: str, degrees: float) -> np.ndarray:
     """Rotation matrix about a coordinate axis, (3, 3)."""
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3

@@ -17,12 +17,12 @@ from ..normalisation import DEFAULT
 from ..retrieval.predictor import RetrievalPredictor
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors
-from .metrics import Row, Score, summary, touches_another
+from .metrics import Row, Score, boundary_voxels, summary
 
-PREDICTORS = ("film", "film-names", "retrieval", "retrieval-names")
+FOLDER_ROWS = ("film", "film-names", "retrieval", "retrieval-names")
 
-# A predictor in the evaluation: an object and a text in, a field out.
-Predict = Callable[[Example, str], MaterialField]
+# An object and a text in, a field out.
+FieldPredictor = Callable[[Example, str], MaterialField]
 
 
 class FolderScores(NamedTuple):
@@ -33,7 +33,7 @@ class FolderScores(NamedTuple):
 
 
 def evaluate_folder(
-    folder: Path, predictors: Sequence[str] = PREDICTORS, *, weights: Path | None = None
+    folder: Path, predictors: Sequence[str] = FOLDER_ROWS, *, weights: Path | None = None
 ) -> FolderScores:
     """Score predictors on the objects of a folder (``examples``), each under all of its texts.
 
@@ -41,9 +41,9 @@ def evaluate_folder(
     come from the network alone: nothing is looked up in the table after it.
     """
     examples = load_examples(folder)
+    chosen = {name: _predictor(name, weights) for name in predictors}
     rows, masses = [], {}
-    for name in predictors:
-        predict = _predictor(name, weights)
+    for name, predict in chosen.items():
         scores, truth, found = [], [], []
         for example in examples:
             scores.append([])
@@ -61,9 +61,10 @@ def evaluate_folder(
     return FolderScores(rows, masses)
 
 
-def _predictor(name: str, weights: Path | None) -> Predict:
-    if name not in PREDICTORS:
-        raise UsageError(f"unknown row {name!r}: wanted one of {', '.join(PREDICTORS)}")
+def _predictor(name: str, weights: Path | None) -> FieldPredictor:
+    """Return the predictor of a row: the one place here that knows predictors by name."""
+    if name not in FOLDER_ROWS:
+        raise UsageError(f"unknown row {name!r}: wanted one of {', '.join(FOLDER_ROWS)}")
     named = name.endswith("-names")
     film = FilmPredictor(weights=weights) if name.startswith("film") else None
     retrieval = RetrievalPredictor()
@@ -94,6 +95,6 @@ def _score(example: Example, index: int, field: MaterialField, seconds: float) -
         DEFAULT.normalise(*np.moveaxis(found, -1, 0))
         - DEFAULT.normalise(*np.moveaxis(truth[known], -1, 0))
     )
-    edge = touches_another(part)[known]
+    edge = boundary_voxels(part)[known]
     sides = [float(wrong[m].mean()) if m.any() else np.nan for m in (edge, ~edge)]
     return Score(wrong.mean(axis=0), sides[0], sides[1], np.nan, 0, seconds)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import UsageError
-from .ssim import Likeness
+from .ssim import ImageSimilarity
 
 Interval = tuple[float, float]  # 95 % bootstrap over the objects
 
@@ -57,7 +57,7 @@ class Row:
 class Score(NamedTuple):
     """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds.
 
-    ``seen`` is how alike it looks to the true one under load, if that was asked.
+    ``similarity`` compares its picture under load with the true one's, if that was asked.
     """
 
     errors: np.ndarray
@@ -66,7 +66,7 @@ class Score(NamedTuple):
     right: float
     clauses: int
     seconds: float
-    seen: Likeness | None = None
+    similarity: ImageSimilarity | None = None
 
 
 def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
@@ -98,15 +98,17 @@ def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
         interval=_interval(means),
         by_clauses={int(k): float(each[clauses == k].mean()) for k in np.unique(clauses)},
     )
-    return _with_pictures(row, [score.seen for score in scores if score.seen is not None])
+    return _with_pictures(
+        row, [score.similarity for score in scores if score.similarity is not None]
+    )
 
 
-def _with_pictures(row: Row, seen: Sequence[Likeness]) -> Row:
-    if not seen:
+def _with_pictures(row: Row, found: Sequence[ImageSimilarity]) -> Row:
+    if not found:
         return row
-    psnr, ssim = np.array(seen).T
+    psnr, ssim = np.array(found).T
     return replace(
-        row, rendered=len(seen), psnr=float(psnr.mean()), psnr_interval=_interval(psnr),
+        row, rendered=len(found), psnr=float(psnr.mean()), psnr_interval=_interval(psnr),
         ssim=float(ssim.mean()), ssim_interval=_interval(ssim),
     )  # fmt: skip
 
@@ -149,7 +151,7 @@ def _interval(values: Float[np.ndarray, "objects"]) -> Interval:
     return float(low), float(high)
 
 
-def touches_another(part: np.ndarray) -> np.ndarray:
+def boundary_voxels(part: np.ndarray) -> np.ndarray:
     """Voxels with a neighbour of another part among the six."""
     out = np.zeros(part.shape, dtype=bool)
     for axis in range(3):

@@ -4,7 +4,7 @@ The occupied voxels are the finite elements (six tets each). The load is the bod
 slope, held where it stands, so strong that the true body moves by ``SAG`` of its longest side; the
 predicted one, with stiffness *and* weight of its own, bears the same acceleration. Nothing is drawn
 larger than it was computed, but small displacements are assumed: bodies far too soft are drawn as
-``LOST``.
+``LARGEST``.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from ..asset import Asset, Part
 from ..images.cameras import hemisphere
 from ..images.views import render_views
 from ..normalisation import DEFAULT
-from .ssim import Likeness, likeness
+from .ssim import ImageSimilarity, image_similarity
 
 CELLS = 32  # elements along a side, at most
 SLOPE = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)  # sag and bend alike, the ground is below
 SAG = 0.1  # largest displacement of the true body, of its longest side
-LOST = 0.5  # and the largest that is drawn
+LARGEST = 0.5  # and the largest that is drawn
 VIEWS, PIXELS = 3, 128
 _PER_CELL = 6  # tets
 _HUES = np.random.default_rng(3).uniform(0.25, 0.95, (64, 3))  # of the parts
@@ -34,7 +34,7 @@ _HUES = np.random.default_rng(3).uniform(0.25, 0.95, (64, 3))  # of the parts
 Values = Float[np.ndarray, "x y z 3"]
 
 
-class Stage:
+class SagRender:
     """The true body under its load and its pictures, to hold others against.
 
     Parameters
@@ -55,13 +55,13 @@ class Stage:
         moved = self._moved(truth)
         self._size = float(np.ptp(self._mesh.bounds, axis=0).max())
         self._load = SAG * self._size / float(np.linalg.norm(moved, axis=1).max())
-        self._frames = self._seen(moved)
+        self._frames = self._frames_of(moved)
 
-    def likeness(self, found: Values) -> Likeness:
-        """Mean likeness over the cameras of a body of other values (normalised) to the true one."""
-        frames = self._seen(self._moved(found))
-        each = [likeness(a, b) for a, b in zip(frames, self._frames, strict=True)]
-        return Likeness(*map(float, np.mean(each, axis=0)))
+    def similarity(self, found: Values) -> ImageSimilarity:
+        """Compare a body of other values (normalised) with the true one: means over the cameras."""
+        frames = self._frames_of(self._moved(found))
+        each = [image_similarity(a, b) for a, b in zip(frames, self._frames, strict=True)]
+        return ImageSimilarity(*map(float, np.mean(each, axis=0)))
 
     def _moved(self, values: Values) -> Float[np.ndarray, "points 3"]:
         """Displacement under 1 m/s^2 along the slope."""
@@ -71,12 +71,12 @@ class Stage:
         body = self._mesh.with_material(material)
         return solve_static(body, self._supports, gravity_vector=SLOPE).displacement
 
-    def _seen(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
+    def _frames_of(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
         import trimesh
 
         shift = moved * self._load
         farthest = float(np.linalg.norm(shift, axis=1).max())
-        shift *= min(1.0, LOST * self._size / max(farthest, np.finfo(float).tiny))
+        shift *= min(1.0, LARGEST * self._size / max(farthest, np.finfo(float).tiny))
         boundary = self._mesh.boundary
         surface = trimesh.Trimesh(
             self._mesh.points + shift, boundary.faces, process=False,

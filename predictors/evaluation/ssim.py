@@ -15,23 +15,23 @@ SIGMA, REACH = 1.5, 5  # of the Gaussian window [pixels]: 11 x 11
 K1, K2 = 0.01, 0.03  # Wang's constants, of the range of the values
 
 
-class Likeness(NamedTuple):
+class ImageSimilarity(NamedTuple):
     """PSNR [dB], at most 54.2 (half a grey level of 255), and SSIM, 1 for the same picture."""
 
     psnr: float
     ssim: float
 
 
-def likeness(
+def image_similarity(
     found: Float[np.ndarray, "height width channels"],
     truth: Float[np.ndarray, "height width channels"],
-) -> Likeness:
+) -> ImageSimilarity:
     """Compare two pictures with values in [0, 1]; SSIM is the mean over pixels and channels."""
     if found.shape != truth.shape or min(found.shape[:2]) <= 2 * REACH:
         raise InputError(
             f"pictures of {found.shape} and {truth.shape}: wanted one shape, sides > {2 * REACH}"
         )
-    return Likeness(psnr(found, truth), ssim(found, truth))
+    return ImageSimilarity(psnr(found, truth), ssim(found, truth))
 
 
 def psnr(found: Float[np.ndarray, "*n"], truth: Float[np.ndarray, "*n"]) -> float:

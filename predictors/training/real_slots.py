@@ -1,4 +1,4 @@
-"""Slots of real objects as clothes: other shapes wear them, and real objects change them."""
+"""Slots of real objects on other shapes: of one kind of matter, any slot may stand for another."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from ..datasets.parts import part_kinds
 from ..datasets.real import RealObject, kind_index
 from ..datasets.text_table import TextTable
 from ..language.kinds import KINDS
-from .sentences import Phrasebook
+from .sentences import Sentences
 from .stores import Store, slot_columns
 
 
-class Wardrobe:
+class RealSlots:
     """Slots of real objects by kind of matter: colour, value and name of each belong together."""
 
     def __init__(self, objects: list[RealObject], table: TextTable) -> None:
         kinds, self._value, self._colour = (
-            a.reshape(-1, *a.shape[2:]) for a in slot_columns(objects)
+            a.reshape(-1, *a.shape[2:]) for a in slot_columns(objects, table.normalisation)
         )
         self._name = table.real_names[:, 1:].reshape(-1)
         self._of_kind = [np.flatnonzero(kinds == k) for k in range(len(KINDS))]
 
-    def dress(self, store: Store, matter: np.ndarray, rng: np.random.Generator) -> Store:
-        """Give every part whose ``matter`` (n, 6) is known a slot of that kind."""
+    def put_on(self, store: Store, matter: np.ndarray, rng: np.random.Generator) -> Store:
+        """Give every part whose kind of ``matter`` (n, 6) is known a slot of that kind."""
         value, colour = store.value.cpu().numpy().copy(), store.colour.cpu().numpy().copy()
         text = store.text.cpu().numpy().copy()
         for kind, slots in enumerate(self._of_kind):
@@ -41,7 +41,9 @@ class Wardrobe:
         return Store(store.label, *(torch.tensor(c, device=store.label.device) for c in columns))
 
 
-def dressed_store(shapes: Store, wardrobe: Wardrobe, book: Phrasebook, seed: int) -> Store:
+def shapes_with_real_slots(
+    shapes: Store, slots: RealSlots, sentences: Sentences, *, seed: int
+) -> Store:
     """Procedural shapes in plausible slots of real objects: kinds of matter without end."""
     rng = np.random.default_rng(seed)
     plausible = [
@@ -52,17 +54,16 @@ def dressed_store(shapes: Store, wardrobe: Wardrobe, book: Phrasebook, seed: int
         [[rng.choice(plausible[k]) if k >= 0 else -1 for k in row] for row in shapes.kinds.tolist()]
     )
     text = torch.full_like(shapes.text, -1)
-    text[:, 0] = book.first(Role.OBJECT, shapes.category)
+    text[:, 0] = sentences.first(Role.OBJECT, shapes.category)
     nothing = torch.full_like(shapes.value, torch.nan)
-    return wardrobe.dress(shapes._replace(text=text, value=nothing), matter, rng)
+    return slots.put_on(shapes._replace(text=text, value=nothing), matter, rng)
 
 
-def with_changes_of_dress(
-    store: Store, wardrobe: Wardrobe, rng: np.random.Generator, *, changes: int = 3
+def with_exchanged_slots(
+    store: Store, slots: RealSlots, rng: np.random.Generator, *, copies: int = 3
 ) -> Store:
-    """Real objects as they are, and again with each slot from another object of its kind."""
+    """Real objects as they are, and copies with each slot from another object of its kind."""
     stores = [store]
-    for _ in range(changes):
-        dressed = wardrobe.dress(store, store.kinds.cpu().numpy(), rng)
-        stores.append(dressed)
+    for _ in range(copies):
+        stores.append(slots.put_on(store, store.kinds.cpu().numpy(), rng))
     return Store(*(torch.cat(columns) for columns in zip(*stores, strict=True)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -13,13 +15,22 @@ from ..language.lexicon import CHANNELS
 UNHINTED = 0.2  # of the clauses that train alone
 
 
-class Phrasebook:
+class Clauses(NamedTuple):
+    """Clauses by themselves: embeddings (n, D), types of slot (n,), normalised values (n, 3)."""
+
+    embedding: Tensor
+    kind: Tensor
+    value: Tensor
+
+
+class Sentences:
     """The text table on the device, with random picks by role and key."""
 
     def __init__(self, table: TextTable, device: str) -> None:
         def tensor(array: np.ndarray) -> Tensor:
             return torch.tensor(array, device=device)
 
+        self.normalisation = table.normalisation
         self.embedding = tensor(table.embedding)
         self.level, self.value = tensor(table.level).long(), tensor(table.value)
         self.levels = tensor(table.levels)
@@ -52,13 +63,13 @@ class Phrasebook:
         """Return the first row of each key."""
         return self._first[role][key]
 
-    def clauses(self, n: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-        """Random clauses whose value needs no object: embeddings, slot types, values (n, 3)."""
+    def clauses(self, n: int, generator: torch.Generator) -> Clauses:
+        """Random clauses whose value needs no object."""
         u = torch.rand(n, generator=generator, device=self.value.device)
         row = self._settled[(u * len(self._settled)).long()]
         kind = torch.where(self.role[row] == Role.NAME, 3, 0)
         hinted = torch.rand(n, generator=generator, device=self.value.device) > UNHINTED
-        return self.embed(row, hinted), kind, self._value[row]
+        return Clauses(self.embed(row, hinted), kind, self._value[row])
 
     def embed(self, row: Tensor, hinted: Tensor | None = None) -> Tensor:
         """Embeddings of rows (n, ...), 0 for -1; with hints and subject where ``hinted`` (n,)."""

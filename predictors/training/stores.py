@@ -14,7 +14,7 @@ from ..datasets.objects import Objects
 from ..datasets.real import RealObject, kind_index
 from ..datasets.shapes import EMPTY, MAX_PARTS, rasterise
 from ..datasets.text_table import TextTable
-from ..normalisation import DEFAULT
+from ..normalisation import Normalisation
 
 _CHUNK = 64  # objects rasterised at once
 
@@ -51,13 +51,15 @@ def real_store(objects: list[RealObject], table: TextTable, *, cells: int, devic
     label = torch.tensor(np.stack([o.label for o in objects]), device=device)
     if cells != label.shape[1]:
         label = torch.cat([_coarsen(chunk, cells) for chunk in label.split(_CHUNK)])
-    kinds, value, colour = slot_columns(objects)
+    kinds, value, colour = slot_columns(objects, table.normalisation)
     columns = (kinds, np.full(len(objects), -1), value, colour, table.real_names.astype(int))
     return Store(label, *(torch.tensor(column, device=device) for column in columns))
 
 
-def slot_columns(objects: list[RealObject]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kinds (n, 6), values (n, 6, 3) and colours (n, 6, 3) of the slots of real objects."""
+def slot_columns(
+    objects: list[RealObject], normalisation: Normalisation
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Kinds (n, 6), normalised values and colours, both (n, 6, 3), of the slots of real objects."""
     n = len(objects)
     kinds = np.full((n, MAX_PARTS), -1)
     value, colour = (np.full((n, MAX_PARTS, 3), np.nan, dtype=np.float32) for _ in range(2))
@@ -66,7 +68,7 @@ def slot_columns(objects: list[RealObject]) -> tuple[np.ndarray, np.ndarray, np.
         for j, (slot, row) in enumerate(zip(o.slots, o.materials(), strict=True)):
             kinds[i, j] = kind_index(slot)
             if row is not None:
-                value[i, j] = DEFAULT.normalise(*row.value())
+                value[i, j] = normalisation.normalise(*row.value())
     return kinds, value, colour
 
 

@@ -12,13 +12,9 @@ import trimesh
 from autophyx_tet.predictors.asset import Asset, Part, up_vector
 from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.network import (
-    COLOURS,
     LENGTH,
-    MULTIPLE,
     SMALLEST,
     STRIDE,
-    Widths,
-    colours,
     head,
     levels,
     new_backbone,
@@ -29,25 +25,23 @@ from autophyx_tet.predictors.images.views import render_views
 from autophyx_tet.predictors.language.kinds import KINDS, kind_of, plain_words
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
-    Head,
-    Linear,
-    TrainingOptions,
-    describe,
-    fit,
+    HeadOptions,
+    fit_head,
     free_directions,
     principal,
+    region_features,
     region_means,
     ridge,
     shipped_weights,
 )
-from autophyx_tet.predictors.training.encoder.pictures import STILL, Variety, draw_pictures
+from autophyx_tet.predictors.training.encoder.pictures import NO_VARIETY, Variety, draw_pictures
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 ROOT = Path(__file__).resolve().parents[2]
 PIXELS = 64
 DIM = 24
-SMALL = TrainingOptions(side=PIXELS, rounds=1, smallest=4, rank=1, looks=3)
+SMALL = HeadOptions(side=PIXELS, rounds=1, smallest=4, rank=1, directions=3)
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -104,7 +98,7 @@ def test_corpus_round_trip(corpus):
 def test_still_pictures_are_the_views_own(corpus):
     """Without variety the trainer's light is that of the views, within JPEG's error."""
     drawn = draw_pictures(
-        corpus, torch.arange(5), variety=STILL, side=PIXELS, generator=torch.Generator()
+        corpus, torch.arange(5), variety=NO_VARIETY, side=PIXELS, generator=torch.Generator()
     )
     asset = thing(0)
     views = render_views(asset, hemisphere(asset.bounds, count=4, lower=1, pixels=PIXELS))
@@ -129,30 +123,10 @@ def test_variety_keeps_labels_on_their_pixels(corpus):
     assert (blue[drawn.part == 0] > 0.05).float().mean() < 0.05
 
 
-def test_head_is_small_and_of_unit_norm():
-    """The shipped file is far below 6 MB; a unit vector per 4 x 4 pixels of any size."""
-    assert sum(Widths().groups) * 384 * 2 < 1e6
-    weights = new_backbone(SMALLEST, seed=0) | random_head()
-    found = levels(weights, torch.rand(2, 4, 2 * MULTIPLE, MULTIPLE))
-    assert tuple(level.shape[1] for level in found) == SMALLEST.groups
-    vectors = head(weights, found)
-    assert vectors.shape == (2, 2 * MULTIPLE // STRIDE, MULTIPLE // STRIDE, DIM)
-    assert torch.allclose(vectors.norm(dim=-1), torch.ones(()), atol=1e-5)
-
-
-def random_head():
-    """Weights of a head by chance, in the shape that is shipped."""
-    rng = np.random.default_rng(0)
-    read = Linear(rng.normal(size=(sum(SMALLEST.groups), 9)), rng.normal(size=9))
-    axes = np.linalg.qr(rng.normal(size=(DIM, 10)))[0]
-    fitted = Head(read, axes[:, :4], rng.normal(size=DIM), axes[:, 4:])
-    return {k: v.float() for k, v in shipped_weights(fitted, SMALLEST).items()}
-
-
 def test_region_means_are_means(corpus):
     """At the finest level the mean of the part's cells; a constant level gives its constant."""
     drawn = draw_pictures(
-        corpus, torch.arange(2), variety=STILL, side=PIXELS, generator=torch.Generator()
+        corpus, torch.arange(2), variety=NO_VARIETY, side=PIXELS, generator=torch.Generator()
     )
     fine = torch.rand(2, 3, PIXELS // STRIDE, PIXELS // STRIDE)
     means = region_means([fine, torch.full((2, 1, 2, 2), 7.0)], drawn.part, smallest=4)
@@ -182,9 +156,9 @@ def test_ridge_is_least_squares_without_penalty():
 def test_fitted_head_tells_wood_from_metal(corpus):
     """Fitted on two objects, the word nearest to a region of the third is its own material."""
     backbone = new_backbone(SMALLEST, seed=0)
-    regions = describe(corpus, backbone, SMALL)
+    regions = region_features(corpus, backbone, SMALL)
     unseen = corpus.object_of[regions.part].numpy() == 2
-    fitted = fit(regions, corpus, SMALLEST.groups, SMALL, use=~unseen)
+    fitted = fit_head(regions, corpus, SMALLEST.groups, SMALL, use=~unseen)
     rows = [KINDS.index("wood"), KINDS.index("metal")]
     guess = (fitted(regions.features) @ corpus.embeddings[rows].numpy().T).argmax(axis=1)
     label = (corpus.words[regions.part, 0].numpy() == rows[1]).astype(int)
@@ -196,7 +170,7 @@ def test_the_network_computes_the_fitted_head(corpus):
     """On a picture of one colour the network's vectors are those of the fitted head, in halves."""
     backbone = new_backbone(SMALLEST, seed=0)
     options = replace(SMALL, rounds=0)
-    fitted = fit(describe(corpus, backbone, options), corpus, SMALLEST.groups, options)
+    fitted = fit_head(region_features(corpus, backbone, options), corpus, SMALLEST.groups, options)
     weights = {k: v.float() for k, v in shipped_weights(fitted, SMALLEST).items()}
     picture = torch.tensor([0.7, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 64, 64)
     found = levels(backbone, picture)
@@ -207,9 +181,9 @@ def test_the_network_computes_the_fitted_head(corpus):
 
 def test_what_is_plainly_seen_lies_across_words(corpus):
     """Whatever its length, a cosine to a text that the directions spare only scales."""
-    regions = describe(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
+    regions = region_features(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
     heads = [
-        fit(regions, corpus, SMALLEST.groups, replace(SMALL, plain=length))
+        fit_head(regions, corpus, SMALLEST.groups, replace(SMALL, plain=length))
         for length in (0.01, 0.5)
     ]
     assert np.allclose(heads[0].axes.T @ heads[0].across, 0, atol=1e-9)
@@ -223,8 +197,8 @@ def test_what_is_plainly_seen_lies_across_words(corpus):
 
 def test_no_number_is_divided_by_another(corpus):
     """Of constant length before it becomes 1: what is plainly seen is linear in the features."""
-    regions = describe(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
-    found = fit(regions, corpus, SMALLEST.groups, SMALL)
+    regions = region_features(corpus, new_backbone(SMALLEST, seed=0), replace(SMALL, rounds=0))
+    found = fit_head(regions, corpus, SMALLEST.groups, SMALL)
     vectors = found(regions.features)
     plain = found.read(regions.features)[:, SMALL.rank :]
     assert np.allclose(np.linalg.norm(vectors, axis=1), 1)
@@ -248,28 +222,10 @@ def test_free_directions_are_across_texts():
     assert np.allclose(texts @ free_directions(texts, 4), 0, atol=1e-9)
 
 
-def test_colours_of_a_cell():
-    """A half transparent orange: means, saturation, squares, products, brightness."""
-    orange = torch.tensor([0.8, 0.4, 0.2, 0.5])[None, :, None, None].expand(1, 4, 8, 8)
-    found = colours(orange, (2, 2))
-    assert found.shape == (1, COLOURS, 2, 2)
-    wanted = [0.8, 0.4, 0.2, 0.5, 0, 0.75, 0.64, 0.16, 0.04, 0.25, 0.16, 0.32, 0.08, 0.8, 0.64, 0.2]
-    assert torch.allclose(found[0, :, 1, 1], torch.tensor(wanted))
-
-
-def test_a_thin_rod_is_not_glass():
-    """The opacity of a cell is that of what covers it, however little; an empty cell has zeros."""
-    picture = torch.full((1, 4, 10, 10), 0.5)
-    picture[:, 3] = 0
-    picture[:, 3, :, 2] = 1
-    found = colours(picture, (2, 2))
-    assert torch.allclose(found[0, 3:5, :, 0], torch.ones(2, 2))
-    assert (found[..., 1] == 0).all()
-
-
 def test_describing_twice_is_the_same(corpus):
     """Light, place and noise come from the seed alone."""
-    first, second = (describe(corpus, new_backbone(SMALLEST, seed=0), SMALL) for _ in range(2))
+    backbones = (new_backbone(SMALLEST, seed=0) for _ in range(2))
+    first, second = (region_features(corpus, backbone, SMALL) for backbone in backbones)
     assert (first.features == second.features).all()
 
 

@@ -1,23 +1,26 @@
 """Laws of the evaluation: a perfect answer has no error, masses compare as the papers say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.evaluation.baselines import (
-    Sample,
-    Seen,
-    _by_part,
-    _with_names,
-    _with_vision,
+from autophyx_tet.predictors.evaluation import held_out
+from autophyx_tet.predictors.evaluation.ablations import (
+    pooled_by_part,
+    with_slot_names,
+    with_vision,
 )
-from autophyx_tet.predictors.evaluation.evaluate import BASELINES, evaluate
 from autophyx_tet.predictors.evaluation.examples import Example, load_example, save_example
 from autophyx_tet.predictors.evaluation.folder_evaluation import evaluate_folder
+from autophyx_tet.predictors.evaluation.held_out import HeldOutObject, HeldOutSet, ImageFeatures
+from autophyx_tet.predictors.evaluation.held_out_evaluation import evaluate_held_out
 from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
 from autophyx_tet.predictors.evaluation.metrics import Score, against_best, summary
-from autophyx_tet.predictors.evaluation.ssim import Likeness
+from autophyx_tet.predictors.evaluation.rows import BASELINES, ROWS
+from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
 from autophyx_tet.predictors.film.config import Output, Scene
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.language.vocabulary import Vocabulary
@@ -84,7 +87,7 @@ def test_differences_are_paired():
         name: {
             i: [
                 Score(np.full(3, e + side), e, e, np.nan, 1, 0.0, seen)
-                for side, seen in ((0.05, Likeness(30.0, e)), (-0.05, None))
+                for side, seen in ((0.05, ImageSimilarity(30.0, e)), (-0.05, None))
             ]
             for i, e in enumerate(v)
         }
@@ -113,7 +116,7 @@ def test_a_part_is_of_one_matter():
         torch.zeros(1, 2, 2, 4, 4, 4), torch.zeros(1, 2), blank, torch.tensor([[False]]), part,
     )  # fmt: skip
     found = Output(torch.rand(1, 3, 4, 4, 4), torch.randn(1, 3, 4, 4, 4))
-    pooled = _by_part(found, scene)
+    pooled = pooled_by_part(found, scene)
     for half in (slice(0, 2), slice(2, 4)):
         cells = (slice(None), slice(None), half)
         mean = found.values[cells].mean((2, 3, 4), keepdim=True)
@@ -121,7 +124,7 @@ def test_a_part_is_of_one_matter():
         share = found.logits.softmax(1)[cells].mean((2, 3, 4), keepdim=True)
         assert torch.allclose(pooled.logits.exp()[cells], share.expand(1, 3, 2, 4, 4), atol=1e-6)
     three = scene._replace(clause_mask=torch.ones(1, 3, dtype=torch.bool))
-    assert _by_part(found, three) is found
+    assert pooled_by_part(found, three) is found
 
 
 class Letters:
@@ -147,19 +150,49 @@ def test_names_and_looks_are_heard_together():
     )  # fmt: skip
     cells = np.argwhere(np.ones((2, 2, 2), dtype=bool)) + 1
     values = np.random.default_rng(0).random((8, 4)).astype(np.float32)
-    sample = Sample(None, ["oak legs", "a steel top"], ("legs", "top"), Seen(cells, values))
-    looks = _with_vision(scene, sample, Letters())
-    both = _with_names(looks, sample, Letters(), Vocabulary(load_table().phrases))
+    sample = HeldOutObject(
+        None, ["oak legs", "a steel top"], ("legs", "top"), ImageFeatures(cells, values)
+    )
+    looks = with_vision(scene, sample, Letters())
+    both = with_slot_names(looks, sample, Letters(), Vocabulary(load_table().phrases))
     assert both.evidence.shape == (1, 2, 2, 4, 4, 4)
     assert torch.equal(both.evidence[:, 0], looks.evidence[:, 0])
     assert (both.evidence[0, 1, :, 1, 1, 1] * torch.tensor([1, -1]) > 0).all()
     assert (both.reliability > 0).all()
 
 
+class Truth:
+    """A row that knows the answer."""
+
+    names = False
+
+    def build(self, setting):
+        return lambda example: (example.batch.target, None)
+
+
+def test_a_row_is_one_entry(monkeypatch):
+    """A contender of anyone's is scored beside ours; a row that is not there is named at once."""
+    embed = lambda texts: np.random.default_rng(0).normal(size=(len(texts), 12)) / 4  # noqa: E731
+    monkeypatch.setattr(held_out, "HintedEncoder", lambda encoder: SimpleNamespace(text=embed))
+    ROWS.register("truth", Truth())
+    try:
+        rows = evaluate_held_out(
+            HeldOutSet("procedural", objects=4, cells=16), ("truth", "constant")
+        )
+    finally:
+        ROWS.unregister("truth")
+    truth, constant = rows
+    assert truth.mse_mean == 0
+    assert truth.best_baseline == "constant"
+    assert truth.difference == pytest.approx(-constant.mse_mean)
+    with pytest.raises(UsageError, match="unknown row 'truth'"):
+        evaluate_held_out(HeldOutSet("procedural"), ("truth",))
+
+
 @pytest.mark.slow
 def test_reading_clauses_helps_the_baselines():
     """On held-out objects the mean of what is said is nearer than a constant, and looks so."""
-    asked = evaluate("procedural", BASELINES, objects=24, cells=32, renders=8)
+    asked = evaluate_held_out(HeldOutSet("procedural", objects=24, cells=32), BASELINES, renders=8)
     rows = {row.predictor: row for row in asked}
     assert rows["table-mean"].mse_mean < rows["constant"].mse_mean
     assert rows["constant"].difference > 0

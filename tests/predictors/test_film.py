@@ -241,8 +241,8 @@ def test_shipped_weights_follow_words():
 def test_a_cpu_trains_the_small_network(tmp_path):
     """Sixty steps bring the loss of the small network below .45."""
     from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
-    from autophyx_tet.predictors.training.presets import CPU
-    from autophyx_tet.predictors.training.trainer import train
+    from autophyx_tet.predictors.training.film.presets import CPU
+    from autophyx_tet.predictors.training.film.recipe import train_film
 
     rng = np.random.default_rng(0)
 
@@ -254,7 +254,7 @@ def test_a_cpu_trains_the_small_network(tmp_path):
 
     table = build_text_table(rng, hinted, per_part=4)
     save_text_table(tmp_path / "text", table)
-    whole = train(CPU, text=tmp_path / "text")
+    whole = train_film(CPU, text=tmp_path / "text")
     assert whole.history[-1]["loss"] < 0.45
     assert whole.history[-1]["loss"] < whole.history[0]["loss"]
 

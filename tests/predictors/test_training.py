@@ -20,11 +20,12 @@ from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.frame import Frame
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.language.lexicon import with_lexicon
-from autophyx_tet.predictors.training.presets import ABLATIONS, CPU, TEXT_DIM
-from autophyx_tet.predictors.training.samples import Mixture, Sampler
-from autophyx_tet.predictors.training.sentences import Phrasebook
+from autophyx_tet.predictors.training.film.mixture import Mixture
+from autophyx_tet.predictors.training.film.presets import ABLATIONS, CPU, TEXT_DIM
+from autophyx_tet.predictors.training.film.recipe import train_film
+from autophyx_tet.predictors.training.film.sampler import VoxelSampler
+from autophyx_tet.predictors.training.sentences import Sentences
 from autophyx_tet.predictors.training.stores import procedural_store
-from autophyx_tet.predictors.training.trainer import train
 from autophyx_tet.predictors.voxels import PartVoxels
 
 TINY = replace(
@@ -66,9 +67,9 @@ def test_rows_of_the_ablation_differ_in_one_thing():
 @pytest.mark.slow
 def test_resume_is_exact(text, tmp_path):
     """Ten steps, a pause and ten more end at the very weights of twenty without a pause."""
-    whole = train(TINY, text=text)
-    half = train(TINY, text=text, resume=tmp_path, pause=0.0)
-    rest = train(TINY, text=text, resume=tmp_path)
+    whole = train_film(TINY, text=text)
+    half = train_film(TINY, text=text, resume=tmp_path, pause=0.0)
+    rest = train_film(TINY, text=text, resume=tmp_path)
     assert (half.steps, rest.steps) == (10, 20)
     assert not same(half.network, whole.network)
     assert same(rest.network, whole.network)
@@ -76,9 +77,9 @@ def test_resume_is_exact(text, tmp_path):
 
 def test_another_config_does_not_resume(text, tmp_path):
     """A state belongs to its config: with another one the way out is said."""
-    train(TINY, text=text, resume=tmp_path, pause=0.0)
+    train_film(TINY, text=text, resume=tmp_path, pause=0.0)
     with pytest.raises(InputError, match="resume with the same one"):
-        train(replace(TINY, rate=1e-5), text=text, resume=tmp_path)
+        train_film(replace(TINY, rate=1e-5), text=text, resume=tmp_path)
 
 
 PROGRAM = """
@@ -86,10 +87,10 @@ import sys
 from pathlib import Path
 import torch
 sys.path.insert(0, sys.argv[2])
-from test_training import TINY, train
+from test_training import TINY, train_film
 torch.set_num_threads(1)
 seen = []
-trained = train(TINY, text=Path(sys.argv[1]), report=seen.append)
+trained = train_film(TINY, text=Path(sys.argv[1]), report=seen.append)
 import os
 from safetensors.torch import save_file
 rank = os.environ["RANK"]
@@ -123,8 +124,8 @@ def test_training_sees_what_prediction_sees(text):
     palette = torch.rand(5, 6, 3, generator=torch.Generator().manual_seed(0))
     store = procedural_store(made, cells=cells, device="cpu")._replace(colour=palette)
     mixture = Mixture(colour=1.0, augment=0.0)
-    book = Phrasebook(load_text_table(text), "cpu")
-    sampler = Sampler(book, store, None, None, mixture=mixture, seed=0)
+    sentences = Sentences(load_text_table(text), "cpu")
+    sampler = VoxelSampler(sentences, store, None, None, mixture=mixture, seed=0)
     part = torch.where(store.label == EMPTY, -1, store.label.long())
     trained = sampler._inputs(store, part).numpy()
     for index in range(5):

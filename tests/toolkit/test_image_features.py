@@ -6,7 +6,7 @@ import trimesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.predictors.datasets.real import voxelise
 from autophyx_tet.predictors.encoders import speaking_encoder
-from autophyx_tet.toolkit.image_features import sight
+from autophyx_tet.toolkit.image_features import cached_image_features
 from autophyx_tet.toolkit.io.load import load_asset
 from autophyx_tet.toolkit.learning import evaluate
 
@@ -42,18 +42,18 @@ def tower(tmp_path):
 def test_every_cell_sees_its_own_colour(tower, tmp_path):
     """On the upright cube the red half sees red, the blue one blue; the second look remembers."""
     voxels, eyes = voxelise(tower, "tower", "test"), Eyes()
-    seen = sight(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
+    seen = cached_image_features(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
     z = seen.cells[:, 2]
     red, blue = seen.values[:, 0], seen.values[:, 2]
     apart = np.abs(z + 0.5 - HALF / 2) > 1.5  # not where the boxes touch
     lower = z < HALF / 2
     assert (red > blue)[apart & lower].all()
     assert (blue > red)[apart & ~lower].all()
-    again = sight(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
+    again = cached_image_features(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
     assert eyes.looked == 1
     assert all(np.array_equal(a, b) for a, b in zip(seen, again, strict=True))
     eyes.name = "other eyes"
-    sight(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
+    cached_image_features(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
     assert eyes.looked == 2
 
 

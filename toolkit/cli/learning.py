@@ -123,7 +123,7 @@ class EvaluateCommand:
                 texts=self.texts,
                 encoder=self.encoder,
                 renders=self.renders,
-                memory=folder and folder / "sight",
+                memory=folder and folder / "evaluation",
                 progress=tell,
             )
 

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 VIEWS, LOWER, PIXELS = 4, 1, 288  # pictures of an object from above and below, and their side
 QUALITY = 80  # of the JPEG pictures: 5 pictures of an object are about 80 kB
-MAX_PARTS = 255  # parts of an object, one byte a pixel; 0 is the background
+MOST_PARTS = 255  # parts of an object, one byte a pixel; 0 is the background
 LAYERS = {"colour": "JPEG", "normal": "JPEG", "opacity": "PNG", "part": "PNG"}
 # Names that modelling programs make up: they say nothing of what a part is.
 _PRIMITIVES = frozenset(
@@ -96,8 +96,8 @@ def write_corpus(
     blobs: list[bytes] = []
     ups: list[np.ndarray] = []
     for specimen in specimens:
-        if len(specimen.asset.parts) > MAX_PARTS:
-            log.warning("%s has more than %d parts: left out", specimen.name, MAX_PARTS)
+        if len(specimen.asset.parts) > MOST_PARTS:
+            log.warning("%s has more than %d parts: left out", specimen.name, MOST_PARTS)
             continue
         cameras = hemisphere(
             specimen.asset.bounds, count=VIEWS, lower=LOWER, up=specimen.asset.up, pixels=pixels

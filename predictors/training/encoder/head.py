@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...encoders.network import LENGTH, STRIDE, Weights, Widths, levels
 from .corpus import Corpus
-from .pictures import STILL, Variety, draw_pictures
+from .pictures import NO_VARIETY, Variety, draw_pictures
 
 if TYPE_CHECKING:
     import torch
@@ -36,7 +36,7 @@ FLAT = 1e-6  # a feature that varies less than this counts for nothing
 
 
 @dataclass(frozen=True)
-class TrainingOptions:
+class HeadOptions:
     """How the head is fitted."""
 
     side: int = 288  # pixels along a picture
@@ -51,7 +51,7 @@ class TrainingOptions:
     # on what differs from it takes the words' nearness back to that of the features.
     gain: float = 30.0
     rank: int = 10  # directions that the part for words keeps
-    looks: int = 8  # main directions of the frozen features that are kept as they are
+    directions: int = 8  # main directions of the frozen features that are kept as they are
     plain: float = 0.5  # length of what is plainly seen, beside words with their length of 1
     balance: float = 0.5  # power of a text's rarity in the weight of its regions
     sorts: tuple[float, ...] = (1.0, 1.0, 0.3, 0.3)  # share of each sort of words
@@ -59,7 +59,7 @@ class TrainingOptions:
     variety: Variety = field(default_factory=Variety)
 
 
-class Described(NamedTuple):
+class RegionFeatures(NamedTuple):
     """Regions: features (n, d), and the row (n,) of each in the part tables of the corpus."""
 
     features: np.ndarray
@@ -100,15 +100,15 @@ class Head(NamedTuple):
         return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
-def describe(corpus: Corpus, backbone: Weights, options: TrainingOptions) -> Described:
+def region_features(corpus: Corpus, backbone: Weights, options: HeadOptions) -> RegionFeatures:
     """Mean features of every region of the corpus, as rendered and in other lights."""
     import torch
 
     device = corpus.colour.device
-    rows: list[Described] = []
+    rows: list[RegionFeatures] = []
     for turn in range(1 + options.rounds):
         generator = torch.Generator(device).manual_seed(options.seed + turn)
-        variety = options.variety if turn else STILL
+        variety = options.variety if turn else NO_VARIETY
         for index in torch.arange(len(corpus.colour), device=device).split(BATCH):
             drawn = draw_pictures(
                 corpus, index, variety=variety, side=options.side, generator=generator
@@ -117,10 +117,10 @@ def describe(corpus: Corpus, backbone: Weights, options: TrainingOptions) -> Des
                 found = levels(backbone, drawn.images)
             rows.append(region_means(found, drawn.part, smallest=options.smallest))
         log.info("round %d of %d: %d regions", turn, options.rounds, sum(len(r.part) for r in rows))
-    return Described(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+    return RegionFeatures(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
-def region_means(found: list[torch.Tensor], part: torch.Tensor, *, smallest: int) -> Described:
+def region_means(found: list[torch.Tensor], part: torch.Tensor, *, smallest: int) -> RegionFeatures:
     """Mean of all levels (n, c, h, w) over every part of every picture that has enough cells.
 
     A cell of a coarse level counts as much as it is covered by the part.
@@ -142,14 +142,14 @@ def region_means(found: list[torch.Tensor], part: torch.Tensor, *, smallest: int
             means.append(cover @ level[picture].flatten(1).T)
         rows.append(torch.cat(means, dim=1).cpu().numpy())
         parts.append(name.cpu().numpy())
-    return Described(np.concatenate(rows), np.concatenate(parts))
+    return RegionFeatures(np.concatenate(rows), np.concatenate(parts))
 
 
-def fit(
-    described: Described,
+def fit_head(
+    regions: RegionFeatures,
     corpus: Corpus,
     groups: tuple[int, ...],
-    options: TrainingOptions,
+    options: HeadOptions,
     *,
     use: Bool[np.ndarray, "n"] | None = None,
 ) -> Head:
@@ -158,13 +158,13 @@ def fit(
     ``groups`` are the numbers of features that belong together, the channels of each level: the
     penalty is the same for each group as a whole. The first group is the colours.
     """
-    use = np.ones(len(described.part), dtype=bool) if use is None else use
-    spread = described.features[use].std(axis=0, dtype=np.float64)
+    use = np.ones(len(regions.part), dtype=bool) if use is None else use
+    spread = regions.features[use].std(axis=0, dtype=np.float64)
     scale = np.where(spread > FLAT, spread * np.sqrt(np.repeat(groups, groups)), np.inf)
-    mean = described.features[use].mean(axis=0, dtype=np.float64)
-    x = (described.features - mean) / scale
-    said = _said(x, described.part, corpus, options, use)
-    free = free_directions(corpus.embeddings.cpu().numpy(), KEPT + options.looks + 1)
+    mean = regions.features[use].mean(axis=0, dtype=np.float64)
+    x = (regions.features - mean) / scale
+    said = _said(x, regions.part, corpus, options, use)
+    free = free_directions(corpus.embeddings.cpu().numpy(), KEPT + options.directions + 1)
     said = Linear(*(part - part @ free @ free.T for part in said))
     axes = principal(x[use] @ said.matrix, options.rank)
     plain = _plain(x[use], groups[0], options)
@@ -176,7 +176,7 @@ def _said(
     x: Float[np.ndarray, "n d"],
     part: Int[np.ndarray, "n"],
     corpus: Corpus,
-    options: TrainingOptions,
+    options: HeadOptions,
     use: Bool[np.ndarray, "n"],
 ) -> Linear:
     """Map of centred features to the sum over the sorts of words."""
@@ -194,16 +194,16 @@ def _said(
 
 
 def _plain(
-    x: Float[np.ndarray, "n d"], colours: int, options: TrainingOptions
+    x: Float[np.ndarray, "n d"], colours: int, options: HeadOptions
 ) -> Float[np.ndarray, "d m"]:
     """Map of centred features to the first colours and the main directions of the others.
 
     Either has half of the squared length ``options.plain`` ** 2, or all of it alone.
     """
     kept = np.eye(x.shape[1])[:, :KEPT]
-    looks = np.zeros((x.shape[1], options.looks))
-    looks[colours:] = principal(x[:, colours:], options.looks)
-    parts = [part for part in (kept, looks) if part.shape[1]]
+    main = np.zeros((x.shape[1], options.directions))
+    main[colours:] = principal(x[:, colours:], options.directions)
+    parts = [part for part in (kept, main) if part.shape[1]]
     length = options.plain / np.sqrt(len(parts))
     sizes = [np.sqrt(((x @ part) ** 2).sum(axis=1).mean()) for part in parts]
     pairs = zip(parts, sizes, strict=True)

@@ -38,7 +38,7 @@ class Variety:
     noise: float = 0.02
 
 
-STILL = Variety(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_VARIETY = Variety(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Pictures(NamedTuple):

@@ -1,12 +1,13 @@
-"""The options of a training run."""
+"""The options of a training run of the FiLM network."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
-from ...fem.errors import InputError
-from ..film.config import NetworkConfig
-from .samples import Mixture
+from ....fem.errors import InputError
+from ...film.config import NetworkConfig
+from ..options import TrainerOptions
+from .mixture import Mixture
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,18 @@ class TrainingConfig:
     every: int = 100  # steps between two reports
     network: NetworkConfig = field(default_factory=NetworkConfig)
     mixture: Mixture = field(default_factory=Mixture)
+
+    @property
+    def grounded(self) -> bool:
+        """Whether clauses are bound to voxels, and the binding is supervised."""
+        return self.network.conditioning == "grounded"
+
+    @property
+    def options(self) -> TrainerOptions:
+        """What the trainer needs of it."""
+        names = {f.name for f in fields(TrainerOptions)} & {f.name for f in fields(self)}
+        # The ablations leave parts of the network without a use.
+        return TrainerOptions(**{n: getattr(self, n) for n in names}, sparse=not self.grounded)
 
     @classmethod
     def from_dict(cls, data: dict) -> TrainingConfig:

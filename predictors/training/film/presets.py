@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..datasets.real import RealObject
-from ..datasets.text_table import TextTable, build_text_table
-from ..encoders.minilm import packaged_weights
-from ..film.config import NetworkConfig
-from ..language.hints import HintedEncoder
-from ..language.lexicon import CHANNELS
+from ...datasets.real import RealObject
+from ...datasets.text_table import TextTable, build_text_table
+from ...encoders.minilm import packaged_weights
+from ...film.config import NetworkConfig
+from ...language.hints import HintedEncoder
+from ...language.lexicon import CHANNELS
+from ..embedding import TorchMiniLM
 from .config import TrainingConfig
-from .embedding import TorchMiniLM
-from .samples import Mixture
+from .mixture import Mixture
 
 TEXT_DIM = 384 + len(CHANNELS) + 384  # sentence, the lexicon's hints, subject
 # One after the other, each from the weights of the one before. "32" and "64" ran on three GPUs and

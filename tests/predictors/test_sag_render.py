@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.evaluation.sag_render import Stage, voxel_mesh
+from autophyx_tet.predictors.evaluation.sag_render import SagRender, voxel_mesh
 from autophyx_tet.predictors.normalisation import DEFAULT
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -22,29 +22,29 @@ TRUTH = values((1e7, 0.3, 400.0), (1e9, 0.3, 700.0))
 
 
 @pytest.fixture(scope="module")
-def stage() -> Stage:
+def sag() -> SagRender:
     """The true table under its load."""
-    return Stage(PART, TRUTH)
+    return SagRender(PART, TRUTH)
 
 
-def test_the_true_body_is_like_itself(stage):
+def test_the_true_body_is_like_itself(sag):
     """The same values give the same pictures."""
-    assert stage.likeness(TRUTH) == pytest.approx((54.15, 1.0), abs=0.01)
+    assert sag.similarity(TRUTH) == pytest.approx((54.15, 1.0), abs=0.01)
 
 
-def test_stiffness_and_weight_together_change_nothing(stage):
+def test_stiffness_and_weight_together_change_nothing(sag):
     """u is proportional to rho g / E: ten times both is the same displacement."""
     both = values((1e8, 0.3, 4000.0), (1e10, 0.3, 7000.0))
-    assert stage.likeness(both) == pytest.approx(stage.likeness(TRUTH), abs=0.02)
+    assert sag.similarity(both) == pytest.approx(sag.similarity(TRUTH), abs=0.02)
 
 
-def test_the_softer_the_less_alike(stage):
-    """The likeness falls with the error of E; so it does with a weight that is wrong."""
+def test_the_softer_the_less_alike(sag):
+    """The similarity falls with the error of E; so it does with a weight that is wrong."""
     legs = [(1e7 / factor, 0.3, 400.0) for factor in (1.0, 1.2, 2.0, 4.0)]
-    seen = [stage.likeness(values(leg, (1e9, 0.3, 700.0))) for leg in legs]
+    seen = [sag.similarity(values(leg, (1e9, 0.3, 700.0))) for leg in legs]
     assert all(a.psnr > b.psnr and a.ssim > b.ssim for a, b in pairwise(seen))
-    heavy = stage.likeness(values((1e7, 0.3, 400.0), (1e9, 0.3, 1400.0)))
-    assert heavy.psnr < stage.likeness(TRUTH).psnr - 10
+    heavy = sag.similarity(values((1e7, 0.3, 400.0), (1e9, 0.3, 1400.0)))
+    assert heavy.psnr < sag.similarity(TRUTH).psnr - 10
 
 
 def test_voxels_are_filled_with_tets():

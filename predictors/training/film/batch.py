@@ -7,20 +7,22 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..datasets.shapes import MAX_PARTS
-from ..film.config import Scene
+from ...datasets.shapes import MAX_PARTS
+from ...film.config import Scene
+from ..sentences import Clauses
 
 CLAUSES = MAX_PARTS + 1  # one for each part, one for the whole
 WHOLE = MAX_PARTS
 
 
-class Batch(NamedTuple):
-    """A scene with its truth.
+class TrainingBatch(NamedTuple):
+    """A scene with its truth: see ``predictors.film.config.Scene``.
 
     ``target`` (batch, 3, x, y, z) normalised; ``clause`` (batch, x, y, z) the clause that speaks of
     a voxel, ``CLAUSES`` for none; ``valued`` and ``bound``: where each of the two counts.
     ``mentioned`` (batch,) counts the clauses; ``doubt`` (batch,) is the share of the binding that
-    training leaves open: few real objects are known, and looks do not settle their matter.
+    training leaves open: few real objects are known, and colours do not settle their matter.
+    ``alone`` are clauses that train without an object, if any.
     """
 
     scene: Scene
@@ -30,6 +32,7 @@ class Batch(NamedTuple):
     bound: Tensor
     mentioned: Tensor
     doubt: Tensor
+    alone: Clauses | None = None
 
 
 def exists_or_whole(exists: Tensor) -> Tensor:

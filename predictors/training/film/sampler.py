@@ -7,52 +7,44 @@ and relabelled objects (only evidence tells), and real ones (clauses speak of ki
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..datasets.grammar import Role
-from ..datasets.parts import part_kinds
-from ..datasets.shapes import EMPTY, MAX_PARTS
-from ..film.config import Scene
-from .batch import CLAUSES, WHOLE, Batch, by_part, exists_or_whole
-from .evidence import simulate_evidence
-from .sentences import Phrasebook
-from .stores import Store, parts_that_exist, take
+from ...datasets.grammar import Role
+from ...datasets.parts import part_kinds
+from ...datasets.shapes import EMPTY, MAX_PARTS
+from ...film.config import Scene
+from ..sentences import Sentences
+from ..stores import Store, parts_that_exist, take
+from .augmentation import shrunk, turned
+from .batch import CLAUSES, WHOLE, TrainingBatch, by_part, exists_or_whole
+from .mixture import Mixture
+from .simulated_evidence import simulate_evidence
 
 
-@dataclass(frozen=True)
-class Mixture:
-    """How samples are drawn; all numbers are probabilities unless they say otherwise."""
+class VoxelSampler:
+    """Draws batches from stores of categories, composites and real objects (or None).
 
-    composite: float = 0.25
-    relabelled: float = 0.1
-    real: float = 0.15
-    no_text: float = 0.1
-    mention: float = 0.6
-    whole: float = 0.2
-    pair: float = 0.2
-    object_name: float = 0.5
-    names: float = 0.25
-    vision: float = 0.5
-    vision_without_shape: float = 0.85
-    colour: float = 0.85
-    strength: float = 4.0  # evidence is drawn with strengths from 0 to this
-    no_hints: float = 0.15  # the lexicon is silent on a whole object
-    augment: float = 1.0  # of the colours of real slots
-    dressed: float = 0.0  # of the real ones: procedural shapes in slots of real objects
-    doubt: float = 0.0  # of the binding of real objects
-    noise: tuple[float, float, float] = (0.7, 0.7, 0.7)  # of evidence: by part, smooth, by voxel
-
-
-class Sampler:
-    """Draws batches from stores; ``stores`` are categories, composites, real objects (or None)."""
+    Parameters
+    ----------
+    sentences
+        The clauses.
+    shapes, composites, real
+        Stores of objects.
+    mixture, seed
+        How batches are drawn.
+    dressed
+        Procedural shapes in slots of real objects.
+    coarse_evidence
+        Evidence at half the resolution: all that a network with a fine stage reads.
+    clauses
+        How many clauses of a batch train alone, without an object.
+    """
 
     def __init__(
         self,
-        book: Phrasebook,
+        sentences: Sentences,
         shapes: Store,
         composites: Store | None,
         real: Store | None,
@@ -61,9 +53,10 @@ class Sampler:
         seed: int,
         dressed: Store | None = None,
         coarse_evidence: bool = False,
+        clauses: int = 0,
     ) -> None:
-        self.book, self.mixture, self.dressed = book, mixture, dressed
-        self.coarse_evidence = coarse_evidence  # at half the resolution: all that a fine net reads
+        self.sentences, self.mixture, self.dressed = sentences, mixture, dressed
+        self.coarse_evidence, self.clauses = coarse_evidence, clauses
         self.shapes, self.composites, self.real = shapes, composites, real
         self.device = shapes.label.device
         self.generator = torch.Generator(self.device).manual_seed(seed)
@@ -78,61 +71,41 @@ class Sampler:
     def _chance(self, n: int, share: float) -> Tensor:
         return self._rand(n) < share
 
-    def draw(self, n: int) -> Batch:
+    def draw(self, n: int) -> TrainingBatch:
         """Draw a batch of ``n`` samples."""
+        item, is_real, random_words = self._objects(n)
+        batch = self.compose(item, is_real, random_words)
+        if self.mixture.doubt:
+            # A squared error would make the network sure of the few real objects that it knows.
+            spoken = is_real[:, None, None, None] & (batch.clause < CLAUSES)
+            doubt = self.mixture.doubt * is_real.float()
+            batch = batch._replace(valued=batch.valued & ~spoken, doubt=doubt)
+        if not self.clauses:
+            return batch
+        return batch._replace(alone=self.sentences.clauses(self.clauses, self.generator))
+
+    def _objects(self, n: int) -> tuple[Store, Tensor, Tensor]:
+        """Return ``n`` objects, which of them are real, and which get random words."""
         mix = self.mixture
         wanted_real = round(n * mix.real) if self.real is not None else 0
-        wanted_heap = round(n * mix.composite) if self.composites is not None else 0
-        items = [take(self.shapes, n - wanted_real - wanted_heap, self._rand)]
-        if wanted_heap and self.composites is not None:
-            items.append(take(self.composites, wanted_heap, self._rand))
+        wanted_composites = round(n * mix.composite) if self.composites is not None else 0
+        items = [take(self.shapes, n - wanted_real - wanted_composites, self._rand)]
+        if wanted_composites and self.composites is not None:
+            items.append(take(self.composites, wanted_composites, self._rand))
         if wanted_real and self.real is not None:
             dressed = round(wanted_real * mix.dressed) if self.dressed is not None else 0
             if dressed and self.dressed is not None:
                 items.append(take(self.dressed, dressed, self._rand))
             real = take(self.real, wanted_real - dressed, self._rand)
-            items.append(real._replace(label=self._stretch(real.label)))
+            items.append(real._replace(label=shrunk(real.label, self.generator)))
         item = Store(*(torch.cat(columns) for columns in zip(*items, strict=True)))
         order = torch.arange(n, device=self.device)
         is_real = order >= n - wanted_real
-        random_words = (order >= n - wanted_real - wanted_heap) & ~is_real
+        random_words = (order >= n - wanted_real - wanted_composites) & ~is_real
         random_words |= ~is_real & self._chance(n, mix.relabelled)
-        item = item._replace(label=self._turn(item.label))
-        batch = self.compose(item, is_real, random_words)
-        if not mix.doubt:
-            return batch
-        # A squared error would make the network sure of the few real objects that it knows.
-        spoken = is_real[:, None, None, None] & (batch.clause < CLAUSES)
-        doubt = mix.doubt * is_real.float()
-        return batch._replace(valued=batch.valued & ~spoken, doubt=doubt)
+        return item._replace(label=turned(item.label, self.generator)), is_real, random_words
 
-    def _turn(self, label: Tensor) -> Tensor:
-        """Rotate about z by quarter turns and mirror, by halves of the batch."""
-        order = torch.randperm(len(label), generator=self.generator, device=self.device)
-        out = label.clone()
-        for half in order.chunk(4):
-            turns, mirror = torch.randint(
-                4, (2,), generator=self.generator, device=self.device
-            ).tolist()
-            turned = torch.rot90(label[half], turns, (1, 2))
-            out[half] = turned.flip(1) if mirror % 2 else turned
-        return out
-
-    def _stretch(self, label: Tensor) -> Tensor:
-        """Shrink each object along each axis by up to a third."""
-        n, cells = label.shape[:2]
-        scale = 1 - self._rand(n, 3) / 3
-        line = torch.arange(cells, device=self.device) + 0.5 - cells / 2
-        at = (line[None, None] / scale[..., None] + cells / 2).floor().long()
-        outside = (at < 0) | (at >= cells)
-        x, y, z = at.clamp(0, cells - 1).unbind(1)
-        which = torch.arange(n, device=self.device)[:, None, None, None]
-        out = label[which, x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]]
-        a, b, c = outside.unbind(1)
-        empty = a[:, :, None, None] | b[:, None, :, None] | c[:, None, None, :]
-        return torch.where(empty, EMPTY, out)
-
-    def compose(self, item: Store, is_real: Tensor, random_words: Tensor) -> Batch:
+    def compose(self, item: Store, is_real: Tensor, random_words: Tensor) -> TrainingBatch:
         """Give objects words, colours and evidence."""
         n = len(item.label)
         exists = parts_that_exist(item)
@@ -157,13 +130,13 @@ class Sampler:
         hinted = self._chance(n, 1 - self.mixture.no_hints)
         scene = Scene(
             self._inputs(item, part),
-            self.book.embed(rows, hinted),
+            self.sentences.embed(rows, hinted),
             present,
-            self.book.embed(object_row),
+            self.sentences.embed(object_row),
             object_row >= 0,
             evidence,
             reliability,
-            self.book.embed(name_rows, hinted),
+            self.sentences.embed(name_rows, hinted),
             name_rows >= 0,
             part,
         )
@@ -174,15 +147,15 @@ class Sampler:
         valued = by_part(known, part, False) & occupied
         mentioned = (present & exists_or_whole(exists)).sum(1)
         doubt = torch.zeros(n, device=self.device)
-        return Batch(scene, target, clause, valued, occupied & sure, mentioned, doubt)
+        return TrainingBatch(scene, target, clause, valued, occupied & sure, mentioned, doubt)
 
     def _clauses(self, kinds, exists, is_real, category) -> tuple[Tensor, Tensor]:
         """Rows of the clauses (n, 7) and the clause of every part (n, 6), ``CLAUSES`` for none."""
         n, mix, generator = len(kinds), self.mixture, self.generator
         silent = self._chance(n, mix.no_text)[:, None]
         said = (self._rand(n, MAX_PARTS) < mix.mention) & exists & ~silent & (kinds >= 0)
-        as_part = self.book.pick(Role.PART, kinds, generator)
-        as_matter = self.book.pick(Role.KIND, kinds, generator)
+        as_part = self.sentences.pick(Role.PART, kinds, generator)
+        as_matter = self.sentences.pick(Role.KIND, kinds, generator)
         rows = torch.where(is_real[:, None], as_matter, as_part)
         said &= rows >= 0
         own = torch.arange(MAX_PARTS, device=self.device).expand(n, -1)
@@ -191,9 +164,9 @@ class Sampler:
         self._join(rows, owner, kinds, said & ~is_real[:, None])
         rows = torch.where((owner == own) & said, rows, -1)
         specific = self._chance(n, 0.5) & (category >= 0)
-        whole = self.book.pick(Role.WHOLE, torch.where(specific, category + 1, 0), generator)
+        whole = self.sentences.pick(Role.WHOLE, torch.where(specific, category + 1, 0), generator)
         keep = self._chance(n, mix.whole) & ~silent[:, 0] & (whole >= 0)
-        keep &= ~(is_real & (self.book.level[whole] >= 0))
+        keep &= ~(is_real & (self.sentences.level[whole] >= 0))
         whole = torch.where(keep, whole, -1)
         owner = torch.where((owner == CLAUSES) & exists & keep[:, None], WHOLE, owner)
         return torch.cat([rows, whole[:, None]], 1), owner
@@ -213,8 +186,8 @@ class Sampler:
         first, second = score.topk(2, dim=1).indices.unbind(1)
         at = torch.arange(len(rows), device=self.device)
         both = said[at, first] & said[at, second] & self._chance(len(rows), self.mixture.pair)
-        pair = self.book.pair_of[kinds[at, first], kinds[at, second]]
-        row = self.book.pick(Role.PAIR, torch.where(both, pair, -1), self.generator)
+        pair = self.sentences.pair_of[kinds[at, first], kinds[at, second]]
+        row = self.sentences.pick(Role.PAIR, torch.where(both, pair, -1), self.generator)
         use = row >= 0
         rows[at[use], first[use]] = row[use]
         owner[at[use], second[use]] = first[use]
@@ -222,11 +195,11 @@ class Sampler:
     def _names(self, item, kinds, exists, is_real, random_words) -> tuple[Tensor, Tensor]:
         """Rows of the parts' own names (n, 6) and of the default template (n,), -1 if withheld."""
         n, mix = len(kinds), self.mixture
-        made_up = self.book.pick(Role.NAME, torch.where(exists, kinds, -1), self.generator)
+        made_up = self.sentences.pick(Role.NAME, torch.where(exists, kinds, -1), self.generator)
         names = torch.where(is_real[:, None], item.text[:, 1:], made_up)
         given = self._chance(n, mix.names)[:, None] & (self._rand(n, MAX_PARTS) < 0.9)
         category = torch.where(random_words, -1, item.category)
-        template = self.book.pick(Role.OBJECT, category, self.generator)
+        template = self.sentences.pick(Role.OBJECT, category, self.generator)
         # A real object has six templates in a row.
         frame = torch.randint(6, (n,), generator=self.generator, device=self.device)
         template = torch.where(is_real, item.text[:, 0] + frame, template)
@@ -235,16 +208,16 @@ class Sampler:
 
     def _values(self, item, kinds, rows, owner, name_rows, is_real, random_words):
         """Normalised value of every part (n, 6, 3), and whether it is known (n, 6)."""
-        book = self.book
+        sentences = self.sentences
         padded = torch.cat([rows, torch.full_like(rows[:, :1], -1)], dim=1)
         row = padded.gather(1, owner.clamp(max=CLAUSES))
         at = kinds.clamp(min=0)
-        level = torch.where(row >= 0, book.level[row.clamp(min=0)], -1)
-        at_level = book.levels[at, level]  # level -1 is the last column, the mean
-        by_row = book.value[row.clamp(min=0)]
-        by_name = book.value[name_rows.clamp(min=0)]
+        level = torch.where(row >= 0, sentences.level[row.clamp(min=0)], -1)
+        at_level = sentences.levels[at, level]  # level -1 is the last column, the mean
+        by_row = sentences.value[row.clamp(min=0)]
+        by_name = sentences.value[name_rows.clamp(min=0)]
         named = (name_rows >= 0)[..., None] & ~by_name.isnan()
-        mean = torch.where(is_real[:, None, None], item.value, book.levels[at, -1])
+        mean = torch.where(is_real[:, None, None], item.value, sentences.levels[at, -1])
         rest = torch.where(named & ~is_real[:, None, None], by_name, mean)
         spoken = (row >= 0)[..., None]
         value = torch.where(spoken, torch.where((level >= 0)[..., None], at_level, by_row), rest)

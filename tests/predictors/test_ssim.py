@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.evaluation.ssim import FINEST, K1, likeness, psnr, ssim
+from autophyx_tet.predictors.evaluation.ssim import FINEST, K1, image_similarity, psnr, ssim
 
 PLAIN = np.full((24, 30, 3), 0.4)
 NOISE = np.random.default_rng(0).random((24, 30, 3))
@@ -11,7 +11,7 @@ NOISE = np.random.default_rng(0).random((24, 30, 3))
 
 def test_the_same_picture():
     """No error is half a grey level at most, and the structure is the same."""
-    assert likeness(NOISE, NOISE) == pytest.approx((-10 * np.log10(FINEST), 1.0))
+    assert image_similarity(NOISE, NOISE) == pytest.approx((-10 * np.log10(FINEST), 1.0))
 
 
 def test_psnr_of_an_offset():
@@ -35,4 +35,4 @@ def test_ssim_of_a_negative():
 def test_a_picture_too_small_is_refused():
     """A picture smaller than the window has no SSIM."""
     with pytest.raises(InputError, match="sides > 10"):
-        likeness(PLAIN[:9], PLAIN[:9])
+        image_similarity(PLAIN[:9], PLAIN[:9])

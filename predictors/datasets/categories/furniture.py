@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .shapes import Solid, along, rotation
+from ..shapes import Solid, along, rotation_about
 
 
 def _legs(s: Solid, r: np.random.Generator, x: float, y: float, top: float, part="leg") -> None:
@@ -25,7 +25,10 @@ def chair(r: np.random.Generator) -> Solid:
     tall, lean = r.uniform(0.4, 0.7), r.uniform(-15, 0)
     s.box("seat", (0, 0, h), (w, d, r.uniform(0.05, 0.12)))
     s.box(
-        "backrest", (0, d - 0.05, h + tall), (w, r.uniform(0.04, 0.09), tall), rotation("x", lean)
+        "backrest",
+        (0, d - 0.05, h + tall),
+        (w, r.uniform(0.04, 0.09), tall),
+        rotation_about("x", lean),
     )
     return s
 
@@ -202,7 +205,7 @@ def house(r: np.random.Generator) -> Solid:
     s.box("wall", (0, 0, h), (w, d, h))
     for j in (-1, 1):
         z = 2 * h + np.tan(np.radians(slope)) * (d + 0.1) / 2
-        turn = rotation("x", -j * slope)
+        turn = rotation_about("x", -j * slope)
         s.box("roof", (0, j * (d + 0.1) / 2, z), (w + 0.1, reach / 2, 0.06), turn)
     s.box("door", (0, -d, h * 0.6), (0.14, 0.06, h * 0.6))
     for i in (-1, 1):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .shapes import Solid, along
+from ..shapes import Solid, along
 
 
 def potted_plant(r: np.random.Generator) -> Solid:
@@ -217,7 +217,7 @@ def candy_bowl(r: np.random.Generator) -> Solid:
     return s
 
 
-NATURE = {
+PLANTS = {
     f.__name__: f
     for f in (
         potted_plant, cactus, tree, bouquet, apple, mushroom, layer_cake, ice_cream, burger,

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..datasets.shapes import MAX_PARTS
+from ...datasets.shapes import MAX_PARTS
 from .batch import WHOLE, by_part
 
 

@@ -1,0 +1,148 @@
+"""What ``convert_corpus.py`` runs in its processes: our conversion, peers, measuring of either."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from convert_table import OURS
+
+
+def run_tool(args: argparse.Namespace) -> None:
+    """One tool on one input; the exit code is its verdict."""
+    tool, path, out = args.one[0], Path(args.one[1]), Path(args.one[2])
+    if tool == OURS:
+        _ours(path, out, args)
+    elif tool == "measure":
+        _measure(path, out, args)
+    else:
+        points, tets = PEERS[tool](path, args)
+        if not len(tets):
+            sys.exit("no tets and no error")
+        np.savez(out / "mesh.npz", points=points, tets=tets)
+
+
+def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
+    from autophyx_tet.fem.errors import AutophyxError
+    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+
+    try:
+        mesh, report = tetrahedralize(
+            load_asset(path),
+            edge_length_rel=args.edge_length_rel,
+            epsilon_rel=args.epsilon_rel,
+            stop_energy=args.stop_energy,
+            time_limit=args.time_limit,
+        )
+    except AutophyxError as error:
+        row = {"guarantees": False, "tets": 0, "reason": str(error)}
+        (out / "row.json").write_text(json.dumps(row))
+        sys.exit(error.exit_code)
+    row = {
+        "guarantees": report.ok,
+        "tets": len(mesh.tets),
+        "epsilon_rel": report.epsilon / report.diagonal,  # a coarser attempt keeps a wider one
+        "min_dihedral_deg": round(report.quality.dihedral_min, 2),
+        "hausdorff_to_rel": report.distances.to_input / report.diagonal,
+        "hausdorff_from_rel": report.distances.from_input / report.diagonal,
+        "attempts": len(report.attempts),
+        "reason": "; ".join(report.failed),
+    }
+    (out / "row.json").write_text(json.dumps(row))
+
+
+def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
+    """Hold a peer's mesh against the same guarantees."""
+    from autophyx_tet.converters.npz import load_npz
+    from autophyx_tet.fem.scene.mesh import TetMesh
+    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.meshing import conversion_report as conversion
+    from autophyx_tet.toolkit.meshing.quality import quality
+    from autophyx_tet.toolkit.surfaces.repair import repair
+    from autophyx_tet.toolkit.surfaces.solids import Solids
+
+    mesh = load_npz(out / "mesh.npz")
+    asset = load_asset(path)
+    diagonal = float(np.linalg.norm(asset.size))
+    epsilon = args.epsilon_rel * diagonal
+    rng = np.random.default_rng(0)
+    surface, _ = repair(asset.parts)
+    solids = Solids.of(surface, len(asset.parts), thinnest=epsilon)
+    volume = conversion.input_volume(solids, len(asset.parts), rng=rng)
+    body = TetMesh.oriented(mesh["points"], mesh["tets"])
+    gaps = conversion.measure_distances(body, solids, epsilon=epsilon, rng=rng)
+    measured = quality(body)
+    kept = conversion.guarantees(body, measured, volume, gaps, epsilon)
+    row = {
+        "guarantees": all(g.ok for g in kept),
+        "tets": len(body.tets),
+        "min_dihedral_deg": round(measured.dihedral_min, 2),
+        "hausdorff_to_rel": gaps.to_input / diagonal,
+        "hausdorff_from_rel": gaps.from_input / diagonal,
+        "reason": "; ".join(
+            f"{g.name}: {g.value:.3g} > {g.threshold:.3g}" for g in kept if not g.ok
+        ),
+    }
+    (out / "row.json").write_text(json.dumps(row))
+
+
+def _surface(path: Path):
+    import trimesh
+
+    mesh = trimesh.load(path, force="mesh")
+    return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
+
+
+def _pytetwild(path: Path, args: argparse.Namespace):
+    import pytetwild
+    from autophyx_tet.toolkit.meshing.conversion_report import ENVELOPE_SHARE
+
+    return pytetwild.tetrahedralize(
+        *_surface(path),
+        edge_length_fac=args.edge_length_rel,
+        epsilon=ENVELOPE_SHARE * args.epsilon_rel,
+        stop_energy=args.stop_energy,
+        vtk_ordering=True,
+    )
+
+
+def _tetgen(path: Path, args: argparse.Namespace):
+    import tetgen
+
+    points, faces = _surface(path)
+    edge = args.edge_length_rel * float(np.linalg.norm(np.ptp(points, axis=0)))
+    generator = tetgen.TetGen(points, faces)
+    made = generator.tetrahedralize(order=1, mindihedral=10, minratio=1.5, maxvolume=edge**3 / 6)
+    return made[0], made[1]
+
+
+def _gmsh(path: Path, args: argparse.Namespace):
+    import gmsh
+
+    points, _ = _surface(path)
+    with tempfile.NamedTemporaryFile(suffix=".stl") as file:
+        import trimesh
+
+        trimesh.load(path, force="mesh").export(file.name)
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        edge = args.edge_length_rel * float(np.linalg.norm(np.ptp(points, axis=0)))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", edge)
+        gmsh.merge(file.name)
+        loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
+        gmsh.model.geo.addVolume([loop])
+        gmsh.model.geo.synchronize()
+        gmsh.model.mesh.generate(3)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        _, nodes = gmsh.model.mesh.getElementsByType(4)
+    order = np.argsort(tags)
+    tets = order[np.searchsorted(tags[order], nodes)].reshape(-1, 4)
+    return coordinates.reshape(-1, 3), tets
+
+
+PEERS = {"pytetwild": _pytetwild, "tetgen": _tetgen, "gmsh": _gmsh}

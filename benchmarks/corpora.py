@@ -1,0 +1,54 @@
+"""Corpora of real surfaces: Debian's libcgal-demo and sweethome3d-furniture, or a folder."""
+
+from __future__ import annotations
+
+import subprocess
+import tarfile
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+
+def root_of(name: str, folder: Path) -> Path:
+    """Folder that the inputs of a corpus are named in: ours for the known ones, else itself."""
+    return folder / name if name in ("cgal", "sweethome3d") else Path(name).resolve()
+
+
+def corpus(name: str, root: Path, limit: int | None) -> list[Path]:
+    """Surface files of a corpus in a fixed order, evenly thinned to ``limit``."""
+    if name == "cgal":
+        _fetch_cgal(root)
+        files = sorted(p for p in root.rglob("*") if p.suffix in (".off", ".ply", ".stl"))
+    elif name == "sweethome3d":
+        files = _sweethome3d(root)
+    else:
+        files = sorted(p for p in root.rglob("*") if p.is_file())
+    if limit is not None and limit < len(files):
+        files = [files[i] for i in np.linspace(0, len(files) - 1, limit).round().astype(int)]
+    return files
+
+
+def _fetch_cgal(root: Path) -> None:
+    """Meshes of Debian's libcgal-demo, fetched once; needs no administrator."""
+    if root.exists():
+        return
+    root.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=root.parent) as work:
+        subprocess.run(["apt-get", "download", "libcgal-demo"], cwd=work, check=True)
+        (deb,) = Path(work).glob("*.deb")
+        subprocess.run(["dpkg", "-x", str(deb), work], check=True)
+        with tarfile.open(next(Path(work).rglob("data.tar.gz"))) as archive:
+            archive.extractall(Path(work) / "data", filter="data")
+        (Path(work) / "data").rename(root)
+
+
+def _sweethome3d(root: Path) -> list[Path]:
+    from autophyx_tet.toolkit.io.sweethome3d import SOURCES, catalog, extract
+
+    files = []
+    for source in SOURCES:
+        for item in catalog(source):
+            path = root / source / item.model
+            files.append(path if path.exists() else extract(item, root / source))
+    return sorted(set(files))

@@ -1,0 +1,152 @@
+"""The FiLM network as a row of the evaluation, whole or deprived of something."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...fem.scene.materials import load_table
+from ..encoders.minilm import MiniLM
+from ..film.evidence import VISION, name_evidence, standard
+from ..language.binding import NamedPart
+from ..language.clauses import Clause, parse
+from ..language.hints import subject
+from ..language.vocabulary import Vocabulary
+from ..predictor import TextEncoder
+from ..voxels import pooled
+from .held_out import HeldOutObject
+from .rows import Setting, VoxelPredictor
+
+if TYPE_CHECKING:
+    from ..film.config import Output, Scene
+    from ..film.unet import FilmUNet
+
+
+@dataclass(frozen=True)
+class FilmRow:
+    """The network, with what a row does without taken away from what it is given.
+
+    ``names``: the asset's own names are heard. ``text``: so are the clauses. ``hints``: the
+    lexicon's values and the subjects of the clauses. ``colour``, ``vision``: colours are seen, and
+    what an image encoder sees. ``parts``: which cells are of one part is known.
+    """
+
+    names: bool = False
+    text: bool = True
+    hints: bool = True
+    colour: bool = True
+    vision: bool = True
+    parts: bool = True
+
+    def build(self, setting: Setting) -> VoxelPredictor:
+        """Return the network with the weights of the setting."""
+        import torch
+
+        from ..film.checkpoint import load_checkpoint
+        from ..film.predictor import WEIGHTS
+
+        network: FilmUNet = load_checkpoint(setting.weights or WEIGHTS)
+        encoder, vocabulary = MiniLM(), Vocabulary(load_table().phrases)
+
+        def predict(example: HeldOutObject):
+            scene = self.deprived(example.batch.scene, encoder.dim)
+            if self.vision:
+                scene = with_vision(scene, example, setting.words or encoder)
+            if example.names:
+                scene = with_slot_names(scene, example, encoder, vocabulary)
+            with torch.inference_mode():
+                output = network(scene)
+            return pooled_by_part(output, scene) if self.parts else output
+
+        return predict
+
+    def deprived(self, scene: Scene, dim: int) -> Scene:
+        """Return the scene without what the row does without; ``dim`` is that of a sentence."""
+        import torch
+
+        if not self.text:
+            nothing = torch.zeros_like(scene.clause_mask)
+            silent = torch.zeros_like(scene.has_object)
+            scene = scene._replace(clause_mask=nothing, has_object=silent)
+        if not self.hints:
+            sentence = torch.arange(scene.clauses.shape[-1]) < dim
+            scene = scene._replace(clauses=scene.clauses * sentence)
+        if not self.colour:
+            inputs = scene.inputs.clone()
+            inputs[:, 1:5] = 0  # colour and its flag: occupancy and place stay
+            scene = scene._replace(inputs=inputs)
+        return scene
+
+
+FILM, FILM_NAMES = FilmRow(), FilmRow(names=True)
+NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(parts=False)
+RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
+
+
+def pooled_by_part(output: Output, scene: Scene) -> Output:
+    """Return the means over each part, but for ``binding.of_pieces``: as at run time."""
+    import torch
+
+    part = scene.part[0].numpy()
+    if int(scene.clause_mask.sum()) > part.max() + 1:
+        return output
+    columns = (output.values, output.logits.softmax(1))
+    values, shares = (
+        torch.from_numpy(pooled(x[0].movedim(0, -1).float().numpy(), part)).movedim(-1, 0)[None]
+        for x in columns
+    )
+    # 1e-9: a share of nothing has a log too.
+    return output._replace(values=values, logits=shares.clamp(min=1e-9).log())
+
+
+def with_vision(scene: Scene, example: HeldOutObject, encoder: TextEncoder) -> Scene:
+    """Return the scene with the evidence of an image encoder, at half the resolution."""
+    import torch
+
+    here = [k for k, said in enumerate(example.said) if said]
+    if not here or example.features is None:
+        return scene
+    half = tuple(n // 2 for n in scene.part.shape[1:])
+    cells = tuple(example.features.cells.T)
+    cosine = np.zeros((*half, len(here)), dtype=np.float32)
+    words = encoder.text([subject(example.said[k]) for k in here])
+    cosine[cells] = example.features.values.astype(np.float32) @ words.T
+    inside = np.zeros(half, dtype=bool)
+    inside[cells] = True
+    evidence = torch.zeros(*scene.evidence.shape[:3], *half)
+    evidence[0, 0, here] = torch.from_numpy(standard(cosine, inside))
+    reliability = scene.reliability.clone()
+    reliability[0, 0] = VISION
+    return scene._replace(evidence=evidence, reliability=reliability)
+
+
+def with_slot_names(
+    scene: Scene, example: HeldOutObject, encoder: TextEncoder, vocabulary: Vocabulary
+) -> Scene:
+    """Return the scene with the evidence of names as it is gathered at run time."""
+    import torch
+
+    from ..film.config import halve
+
+    clauses = [_one_clause(said, vocabulary) for said in example.said]
+    here = [k for k, said in enumerate(example.said) if said]
+    if not here:
+        return scene
+    named = [NamedPart.of([slot], vocabulary, 0.0) for slot in example.names]
+    score, trust = name_evidence([clauses[k] for k in here], named, encoder)
+    evidence, reliability = scene.evidence.clone(), scene.reliability.clone()
+    part = scene.part[0].numpy()
+    if part.shape != evidence.shape[3:]:  # beside evidence at half the resolution
+        part = halve(scene).part[0].numpy()
+    spread = standard(score.T[part.clip(min=0)], part >= 0)
+    evidence[0, 1, here], reliability[0, 1] = torch.from_numpy(spread), trust
+    return scene._replace(evidence=evidence, reliability=reliability)
+
+
+def _one_clause(said: str, vocabulary: Vocabulary) -> Clause:
+    """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
+    first, *others = [*parse(said, vocabulary), Clause(said)]
+    spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
+    return Clause(said, first.material, (*first.parts, *spoken_of))
