@@ -18,7 +18,7 @@ from .io.outputs import check_file, check_folder, mesh_suffixes
 from .options import ConvertOptions, SimulateOptions
 
 
-class Law(NamedTuple):
+class PowerLaw(NamedTuple):
     """``factor * (area / edge^2)^area * faces^faces``, and its 10 and 90 % quantiles as shares."""
 
     factor: float
@@ -34,8 +34,8 @@ class Law(NamedTuple):
         return {name: float(f"{share * value:.2g}") for name, share in shares.items()}
 
 
-TETS = Law(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
-CONVERT_SECONDS = Law(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
+TETS = PowerLaw(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
+CONVERT_SECONDS = PowerLaw(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
 # Of a core, for materials, sag, pictures and report of one sentence: start, and for each tet.
 SENTENCE_SECONDS, TET_SECONDS = 4.0, 1e-3
 # Of our process, which holds the solver and the report; the engine's own child takes .13 to .4 GB.
