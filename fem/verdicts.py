@@ -8,7 +8,6 @@ import numpy as np
 
 from .result import Modes, MotionResult, SagResult
 from .scene.material import wave_speed
-from .scene.materials import outside_band
 from .scene.mesh import TetMesh, altitudes, material_of
 
 # A body holds its shape if no point moves more than this share of its height.
@@ -94,19 +93,6 @@ def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:
         f"An explicit simulator needs steps below {value:.2g} s "
         f"({'within' if passed else 'far from'} the usual {wanted:g} s).",
     )  # fmt: skip
-
-
-def inside_band(mesh: TetMesh, category: str, name: str = "body") -> Check:
-    """Whether E, nu and rho of every tet lie in the band of the material's ``category``."""
-    material = material_of(mesh)
-    rows = np.unique(np.stack([material.E, material.nu, material.rho], axis=1), axis=0)
-    bad = [(row, outside_band(category, *map(float, row))) for row in rows]
-    wrong = [text for _, texts in bad for text in texts]
-    share = sum(bool(texts) for _, texts in bad) / len(rows)
-    sentence = (
-        f"{name}: {wrong[0]}" if wrong else f"{name}: E, nu and rho are usual for {category}."
-    )
-    return Check("inside band", not wrong, share, 0.0, sentence)
 
 
 def distinguishable(one: SagResult, two: SagResult) -> Check:

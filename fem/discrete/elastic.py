@@ -80,11 +80,8 @@ class ElasticBody:
         """Kernel of the second derivative and its inputs but the matrix."""
         kernels, p1 = self._kernels, self.grid.space.order == 1
         if kernels.stiffness_p1:
-            return (
-                (kernels.stiffness_p1, self._p1_arrays)
-                if p1
-                else (kernels.stiffness_p2, self._arrays)
-            )
+            kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
+            return kernel, self._p1_arrays if p1 else self._arrays
         field = self._array(u)
         if kernels.projected and (projected or not kernels.exact):
             return kernels.projected, [*self._arrays, field]

@@ -40,7 +40,7 @@ def energy_and_stress(H: wp.mat33d, lam: wp.float64, mu: wp.float64):
 
 @wp.func
 def stress_change(H: wp.mat33d, dH: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
-    """DP = mu dH + lam' (cof F : dH) cof F + (lam' (J - 1) - mu) d(cof F)."""
+    """Sum mu dH + lam' (cof F : dH) cof F + (lam' (J - 1) - mu) d(cof F)."""
     F = H + wp.identity(n=3, dtype=wp.float64)
     C = cofactor(F)
     k = (lam + mu) * volume_change(H) - mu

@@ -1,5 +1,8 @@
 """The seam of methods: a scene knows no method, and every method takes a scene."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from autophyx_tet.fem import LAWS, METHODS, SCENARIOS, Scene, sag
@@ -74,3 +77,11 @@ def test_a_scenario_is_a_scene_and_a_method():
     one, two = METHODS["statics"].solve(scene, order=1), sag(mesh, gravity=3.0)
     assert one.displacement == pytest.approx(two.displacement, abs=0)
     assert scene.gravity_vector == pytest.approx([0, 0, -3.0])
+
+
+def test_the_registries_load_nothing():
+    """What the command line lists for its help: names, without numpy, scipy or warp."""
+    code = "import sys; from autophyx_tet.fem import LAWS, METHODS, SCENARIOS; "
+    code += "print(*LAWS, *METHODS, *SCENARIOS, *({'numpy', 'scipy', 'warp'} & {*sys.modules}))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == [*LAWS, *METHODS, *SCENARIOS]
