@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..language.part_names import part_kinds
 from .furniture import FURNITURE, umbrella
 from .household import THINGS, boat
-from .parts import part_kinds
 from .plants import NATURE
 from .shapes import MAX_PARTS, Solid, along, pack
 
@@ -32,11 +32,6 @@ class Objects(NamedTuple):
 def category_names() -> list[str]:
     """Names of all categories, the held-out ones last."""
     return [*CATEGORIES, *HELD_OUT]
-
-
-def spoken(category: str) -> str:
-    """Return the category as people say it: "potted plant"."""
-    return category.replace("_", " ")
 
 
 def composite(rng: np.random.Generator) -> Solid:

@@ -15,10 +15,10 @@ from ..language.kinds import plain_words
 from ..language.words import FOREIGN
 from ..normalisation import DEFAULT, Normalisation
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
+from ..language.levels import LEVELS, Level
+from ..language.part_names import part_kinds
 from .objects import category_names
-from .parts import part_kinds
 from .real import RealObject
-from .wordings import LEVELS, Level
 
 Embed = Callable[[Sequence[str]], np.ndarray]
 

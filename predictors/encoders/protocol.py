@@ -10,6 +10,15 @@ from jaxtyping import Float
 
 
 @runtime_checkable
+class TextEncoder(Protocol):
+    """Embeds sentences as unit vectors."""
+
+    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
+        """Unit embedding of each sentence, shape (n, dim)."""
+        ...
+
+
+@runtime_checkable
 class ImageEncoder(Protocol):
     """Turns pictures into dense features; ``name`` goes into the provenance of every result."""
 
@@ -28,9 +37,5 @@ class ImageEncoder(Protocol):
 
 
 @runtime_checkable
-class Encoder(ImageEncoder, Protocol):
+class Encoder(ImageEncoder, TextEncoder, Protocol):
     """An image encoder with words in the same space, both of unit norm."""
-
-    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
-        """Unit embedding of each sentence."""
-        ...

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ..datasets.grammar import Role, spoken_names
-from ..datasets.parts import part_kinds
+from ..language.part_names import part_kinds
 from ..datasets.real import RealObject, kind_index
 from ..datasets.text_table import TextTable
 from ..language.kinds import KINDS

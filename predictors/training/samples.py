@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..datasets.grammar import Role
-from ..datasets.parts import part_kinds
+from ..language.part_names import part_kinds
 from ..datasets.shapes import EMPTY, MAX_PARTS
 from ..film.config import Scene
 from .batch import CLAUSES, WHOLE, Batch, by_part, exists_or_whole
