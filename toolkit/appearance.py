@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from ..predictors.asset import Asset
 from ..predictors.encoders import speaking_encoder
-from ..predictors.film.predictor import Appearance
 from ..predictors.images.appearance import skin_of
 from ..predictors.images.surface_voxels import random_points
+from ..predictors.predictor import Appearance
 from ..predictors.voxels import PartVoxels
 from .features import features
 from .options import FeatureOptions

@@ -15,6 +15,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from ..fem.errors import UsageError
 from ..fem.registry import Registry
+from ..predictors.predictor import PREDICTORS
 
 UpAxis = Literal["x", "y", "z"]
 Unit = Literal["mm", "cm", "m", "in"]
@@ -99,7 +100,7 @@ class AssignOptions:
     """Where in the material's range of E: 0 soft, 0.5 the default, 1 stiff."""
     cells: int = 64
     """Voxels along the longest side of the material field."""
-    predictor: Literal["film", "retrieval"] = "film"
+    predictor: Annotated[str, choice(PREDICTORS)] = "film"
     """What words leave open: found by the network in shape and colour, or guessed from names."""
     encoder: str | None = None
     """Image encoder that the network also hears: embedded, openclip or openclip:TAG."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
@@ -17,14 +16,6 @@ from .io.sidecar import Sidecar
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.results import Assignment, Conversion, RunCase, RunResult
 from .results.simulation import Simulation
-
-if TYPE_CHECKING:
-    from ..converters.sampling import Assigned
-    from ..predictors.assignment import Answer
-
-# Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
-# nearest of about 200 rows without one gives .1 to .25.
-GUESS = 0.3
 
 
 def convert(
@@ -96,8 +87,7 @@ def assign(
     from ..converters import npz
     from ..converters import sampling as tets
     from ..converters.mesh.table import write_mesh
-    from ..predictors.assignment import answer
-    from ..predictors.film.predictor import FilmPredictor
+    from ..predictors.assignment import predict_materials
     from .appearance import appearance
 
     options = options or AssignOptions()
@@ -108,29 +98,30 @@ def assign(
     mesh, sidecar, seen, warnings = _read(mesh, asset)
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(tets.voxelize(mesh, cells=options.cells), labels=labels)
-    found = answer(
+    found = predict_materials(
         voxels,
         text,
+        predictor=options.predictor,
         overrides=pairs(options.part),
         materials=pairs(options.material),
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
         up=sidecar.up,
-        look=seen and partial(appearance, seen, voxels, encoder=options.encoder),
-        film=FilmPredictor() if options.predictor == "film" else None,
+        appearance=seen and partial(appearance, seen, voxels, encoder=options.encoder),
     )
     if len(found.choices) > len(mesh.region_names):
         mesh = tets.divide(mesh, found.parts, found.parents)
         sidecar = sidecar.divided(found.parts)
     sampled = tets.assign(mesh, found.field)
+    far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
         field=found.field,
-        choices=tuple(found.choices),
+        choices=found.choices,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *_doubts(found, sampled)),
+        warnings=(*warnings, *found.doubts(), *([far] if sampled.unmatched else [])),
     )
     if options.strict:
         result.check_bands()
@@ -287,27 +278,3 @@ def _again(path: str | Path, known: Sidecar | None) -> Asset:
         return asset
     factor = known.source["metres_per_unit"] / asset.metres_per_unit
     return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
-
-
-def _doubts(found: Answer, sampled: Assigned) -> Iterator[str]:
-    """Sentences about what was guessed rather than known."""
-    spoken = {choice.why.removeprefix("text: ") for choice in found.choices}
-    for choice in found.choices:
-        borrowed = choice.why.removeprefix("whole sentence: ")
-        unsaid = choice.learned and choice.binding and choice.binding.clause is None
-        if choice.weight < GUESS or unsaid or (borrowed != choice.why and borrowed in spoken):
-            taken = "guessed to be" if choice.learned else "taken as"
-            yield (
-                f"nothing says what part {choice.part!r} is made of: {taken} {choice.material}; "
-                f"say it in the text or with --part '{choice.part}=...'"
-            )
-    for parent in sorted({i for i in found.parents if found.parents.count(i) > 1}):
-        pieces = [found.parts.part_names[i] for i, p in enumerate(found.parents) if p == parent]
-        yield (
-            f"one part of the asset is divided by its shape into {', '.join(map(repr, pieces))}: "
-            "look whether that is meant; --predictor retrieval leaves it whole"
-        )
-    for clause in found.unheard:
-        yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
-    if sampled.unmatched:
-        yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"

@@ -12,11 +12,11 @@ from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
 from ..language.kinds import plain_words
+from ..language.levels import LEVELS, Level
+from ..language.part_names import part_kinds
 from ..language.words import FOREIGN
 from ..normalisation import DEFAULT, Normalisation
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
-from ..language.levels import LEVELS, Level
-from ..language.part_names import part_kinds
 from .objects import category_names
 from .real import RealObject
 

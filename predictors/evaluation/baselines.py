@@ -12,14 +12,15 @@ from ...fem.errors import UsageError
 from ...fem.scene.materials import load_table
 from ..datasets.text_table import TextTable
 from ..encoders.minilm import MiniLM
+from ..encoders.protocol import TextEncoder
 from ..film.evidence import VISION, name_evidence, standard
 from ..language.binding import NamedPart
-from ..language.clauses import Clause, parse
+from ..language.clauses import Clause
 from ..language.hints import subject
+from ..language.parser import parse
 from ..language.vocabulary import Vocabulary
+from ..lookup.lookup import Lookup
 from ..normalisation import DEFAULT
-from ..predictor import TextEncoder
-from ..retrieval.predictor import RetrievalPredictor
 from ..voxels import pooled
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _film(name: str, weights: Path | None, words: TextEncoder | None) -> Guess:
     import torch
 
     from ..film.checkpoint import load_checkpoint
-    from ..film.predictor import WEIGHTS
+    from ..film.inference import WEIGHTS
 
     network: FilmUNet = load_checkpoint(weights or WEIGHTS)
     encoder, vocabulary = MiniLM(), Vocabulary(load_table().phrases)
@@ -150,7 +151,7 @@ def _with_names(
 
     from ..film.config import halve
 
-    clauses = [_one_clause(said, vocabulary) for said in example.said]
+    clauses = [_one_clause(said) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]
     if not here:
         return scene
@@ -165,9 +166,9 @@ def _with_names(
     return scene._replace(evidence=evidence, reliability=reliability)
 
 
-def _one_clause(said: str, vocabulary: Vocabulary) -> Clause:
+def _one_clause(said: str) -> Clause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
-    first, *others = [*parse(said, vocabulary), Clause(said)]
+    first, *others = [*parse(said, load_table()).clauses, Clause(said)]
     spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
     return Clause(said, first.material, (*first.parts, *spoken_of))
 
@@ -176,14 +177,14 @@ def _retrieval() -> Guess:
     """Return retrieval: the clauses as one text, the parts by their size alone."""
     import torch
 
-    retrieval = RetrievalPredictor()
+    lookup = Lookup()
 
     def guess(example: Sample):
         part = example.batch.scene.part[0]
         volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
         labels = [(f"part {p + 1}",) for p in range(len(volumes))]
         said = "; ".join(filter(None, example.said)) or "This is an object."
-        chosen = retrieval.choose(labels, said, part_volumes=volumes)
+        chosen = lookup.choose(labels, parse(said, lookup.table), part_volumes=volumes)
         value = torch.tensor(np.array([DEFAULT.normalise(*c.value) for c in chosen]))
         return value.float()[part.clamp(min=0)].movedim(-1, 0)[None], None
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...fem.errors import ConvergenceError
 from ..datasets.real import RealObject
-from ..predictor import TextEncoder
+from ..encoders.protocol import TextEncoder
 from .baselines import BASELINES, Guess, Sample, Seen, guess_of
 from .held_out import Split, held_out_batches, held_out_text, spoken
 from .metrics import Row, Score, against_best, summary, touches_another

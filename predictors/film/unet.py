@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..normalisation import DEFAULT, Normalisation
 from .conditioning import Sayings, composed
 from .config import INPUTS, NetworkConfig, Output, Scene, halve
 from .fine import Coarse, FineStage
@@ -45,11 +46,16 @@ class SlotEncoder(nn.Module):
 
 
 class FilmUNet(nn.Module):
-    """The whole network; ``conditioning`` other than grounded are the rows of the ablation."""
+    """The whole network; ``conditioning`` other than grounded are the rows of the ablation.
 
-    def __init__(self, config: NetworkConfig | None = None) -> None:
+    ``normalisation`` says what its numbers mean.
+    """
+
+    def __init__(
+        self, config: NetworkConfig | None = None, *, normalisation: Normalisation = DEFAULT
+    ) -> None:
         super().__init__()
-        self.config = config or NetworkConfig()
+        self.config, self.normalisation = config or NetworkConfig(), normalisation
         widths, slot = self.config.widths, self.config.slot_width
         extra = widths[0] if self.config.conditioning == "concat" else 0
         self.stem = nn.Conv3d(INPUTS + extra, widths[0], 3, padding=1)

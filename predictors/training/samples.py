@@ -14,9 +14,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..datasets.grammar import Role
-from ..language.part_names import part_kinds
 from ..datasets.shapes import EMPTY, MAX_PARTS
 from ..film.config import Scene
+from ..language.part_names import part_kinds
 from .batch import CLAUSES, WHOLE, Batch, by_part, exists_or_whole
 from .evidence import simulate_evidence
 from .sentences import Phrasebook
