@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from ..fem.registry import Registry
-from .asset import UpAxis
-from .encoders.protocol import TextEncoder
-from .language.clauses import Sentence
-from .prediction import PartChoice, Prediction
-from .voxels import PartVoxels
+
+if TYPE_CHECKING:  # the command line wants the names alone
+    import numpy as np
+
+    from .asset import UpAxis
+    from .encoders.protocol import TextEncoder
+    from .language.clauses import Sentence
+    from .prediction import PartChoice, Prediction
+    from .voxels import PartVoxels
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from ..fem.errors import UsageError
 from ..fem.registry import Registry
+from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 
 UpAxis = Literal["x", "y", "z"]
@@ -107,6 +108,14 @@ class AssignOptions:
     strict: bool = False
     """Fail (exit 5) where E, nu or rho leave the band of the material's category."""
 
+    def checked(self) -> AssignOptions:
+        """Return itself, or say which name is unknown."""
+        if self.predictor not in PREDICTORS:
+            raise UsageError(PREDICTORS.unknown(self.predictor))
+        if self.encoder is not None:
+            check_encoder(self.encoder, speaks=True)
+        return self
+
 
 @dataclass(frozen=True)
 class SimulateOptions:
@@ -164,8 +173,8 @@ class ExportOptions:
 class FeatureOptions:
     """How an asset is looked at."""
 
-    encoder: str = "embedded"
-    """embedded, rgb, occupancy, openclip or openclip:TAG (the extra `openclip`)."""
+    encoder: Annotated[str, tyro.conf.arg(metavar="|".join(ENCODERS))] = "embedded"
+    """Encoder of the pictures; openclip (the extra) takes weights too, as openclip:TAG."""
     cells: int = 64
     """Voxels along the longest side."""
     views: int = 15
@@ -180,6 +189,11 @@ class FeatureOptions:
     """Folder that remembers features; by default the user's cache folder."""
     no_cache: bool = False
     """Look again and remember nothing."""
+
+    def checked(self) -> FeatureOptions:
+        """Return itself, or say that the encoder is unknown."""
+        check_encoder(self.encoder, speaks=bool(self.words))
+        return self
 
     @property
     def memory(self) -> Path | None:

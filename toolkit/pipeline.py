@@ -90,7 +90,7 @@ def assign(
     from ..predictors.assignment import predict_materials
     from .appearance import appearance
 
-    options = options or AssignOptions()
+    options = (options or AssignOptions()).checked()
     if output is not None:
         check_file(output, mesh_suffixes())
     if field_output is not None:
@@ -208,6 +208,7 @@ def run(
     from .report.snapshot import SUFFIXES, write_picture
 
     check_folder(output)
+    assigning = (assign_options or AssignOptions()).checked()
     if picture is not None:
         check_file(picture, SUFFIXES)
     clock = Stopwatch()
@@ -215,7 +216,7 @@ def run(
     clock.lap("convert")
     cases = []
     for text in texts:
-        body = assign(solid.mesh, text, asset=solid.asset, options=assign_options)
+        body = assign(solid.mesh, text, asset=solid.asset, options=assigning)
         clock.lap("assign")
         answer = simulate(body.mesh, up=solid.asset.up, options=simulate_options, progress=progress)
         cases.append(RunCase(body, answer))

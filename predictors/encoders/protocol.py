@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import numpy as np
-from jaxtyping import Float
+if TYPE_CHECKING:  # the command line wants the names alone
+    import numpy as np
+    from jaxtyping import Float
 
 
 @runtime_checkable

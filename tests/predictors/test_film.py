@@ -16,17 +16,17 @@ from autophyx_tet.predictors.datasets.grammar import (
     write_phrases,
 )
 from autophyx_tet.predictors.datasets.objects import CATEGORIES, HELD_OUT, make_objects
-from autophyx_tet.predictors.language.part_names import part_kinds
 from autophyx_tet.predictors.datasets.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.predictors.datasets.wordings import wordings
-from autophyx_tet.predictors.language.levels import LEVELS
 from autophyx_tet.predictors.film.config import NetworkConfig, Scene, halve
 from autophyx_tet.predictors.film.grounding import USELESS
 from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.language.levels import LEVELS
 from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, with_lexicon
+from autophyx_tet.predictors.language.part_names import part_kinds
 from autophyx_tet.predictors.normalisation import DEFAULT, PIXIE, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.datasets.grammar import Grammar
-from autophyx_tet.predictors.language.levels import LEVELS, material_at_level
-from autophyx_tet.predictors.language.part_names import part_kinds
 from autophyx_tet.predictors.language.hints import PlainWords, subject
+from autophyx_tet.predictors.language.levels import LEVELS, material_at_level
 from autophyx_tet.predictors.language.lexicon import CHANNELS, Lexicon
+from autophyx_tet.predictors.language.part_names import part_kinds
 from autophyx_tet.predictors.language.statement import Reader
 from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.normalisation import DEFAULT
