@@ -267,8 +267,3 @@ def _averaged(
         total[inside] += features[view, y[inside].astype(int), x[inside].astype(int)]
         count[inside] += 1
     return total / np.maximum(count, 1)
-
-
-def render(lifted: Lifted, matrix: csr_array) -> Float[np.ndarray, "rays D"]:
-    """Features that rays see of lifted cells, for the ``ray_weights`` of the same density."""
-    return matrix @ lifted.values
