@@ -25,7 +25,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders import load_encoder
 from autophyx_tet.predictors.images.cameras import hemisphere
 from autophyx_tet.predictors.images.views import Views, render_views
-from autophyx_tet.predictors.language.kinds import kind_of, plain_words
+from autophyx_tet.predictors.language.kinds import bare_words, kind_of
 from autophyx_tet.toolkit.io.load import load_asset
 from autophyx_tet.toolkit.io.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
 from probe import Regions, fit_probe, score
@@ -109,7 +109,7 @@ def regions(shown, features_of, *, swapped=False):
         means = features_of(image, picture.slot, slots)
         for slot, mean in zip(slots, means, strict=True):
             rows.append((mean, KINDS.index(kind_of(picture.names[slot])), picture.thing))
-            names.append(" ".join(plain_words(picture.names[slot])))
+            names.append(" ".join(bare_words(picture.names[slot])))
     return Regions(*map(np.array, zip(*rows, strict=True))), names
 
 

@@ -88,7 +88,7 @@ def assign(
     from ..converters import sampling as tets
     from ..converters.mesh.table import write_mesh
     from ..predictors.assignment import predict_materials
-    from .appearance import appearance
+    from .appearance import appearance_of
 
     options = (options or AssignOptions()).checked()
     if output is not None:
@@ -107,7 +107,7 @@ def assign(
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
         up=sidecar.up,
-        appearance=seen and partial(appearance, seen, voxels, encoder=options.encoder),
+        appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
     )
     if len(found.choices) > len(mesh.region_names):
         mesh = tets.divide(mesh, found.parts, found.parents)

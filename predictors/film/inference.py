@@ -111,8 +111,13 @@ class FilmModel:
         normalisation = self.network.normalisation
         spread = values[..., 0].std(axis=0) * normalisation.span[0] / 2
         shares = shares[..., [*range(len(clauses)), -1]]  # without the slot of a silent text
-        back = (frame.back(x, parts) for x in (values.mean(axis=0), shares, spread))
-        found = Inference(clauses, *back, normalisation)
+        found = Inference(
+            clauses,
+            frame.back(values.mean(axis=0), parts),
+            frame.back(shares, parts),
+            frame.back(spread, parts),
+            normalisation,
+        )
         # Otherwise each part is of one matter.
         return found if of_pieces(clauses, parts.part_names) else found.pooled(parts)
 

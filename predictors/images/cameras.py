@@ -167,7 +167,7 @@ def _shot(path: Path, number: int, frame: dict[str, Any]) -> Shot:
         with Image.open(photo) as image:
             width, height = image.size
         focal, center = _intrinsics(frame, width, height)
-    except (KeyError, TypeError, ValueError, OSError) as error:
+    except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
         raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")

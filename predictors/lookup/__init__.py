@@ -1,1 +1,6 @@
-"""Retrieval: the material of every part from the table, nothing trained."""
+"""Lookup: what words settle, from the table alone, before any predictor is asked.
+
+In: a Sentence, words of options, names of parts; the material table.
+Out: a PartChoice for every part, settled or only the likeliest row.
+Read: lookup, kernel.
+"""

@@ -25,7 +25,7 @@ from autophyx_tet.predictors.encoders.network import (
 )
 from autophyx_tet.predictors.images.cameras import hemisphere
 from autophyx_tet.predictors.images.views import render_views
-from autophyx_tet.predictors.language.kinds import KINDS, kind_of, plain_words
+from autophyx_tet.predictors.language.kinds import KINDS, bare_words, kind_of
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
     Head,
@@ -296,4 +296,4 @@ def test_kinds_of_names():
     assert kind_of("madera_oscura") == "wood"
     assert kind_of("fiberglass") == "plastic"
     assert kind_of("Cube.012") is None
-    assert plain_words("Dark_Fabric_03.jpg") == ["dark", "fabric"]
+    assert bare_words("Dark_Fabric_03.jpg") == ["dark", "fabric"]

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.appearance import Finish, finish_of, to_linear, to_srgb
 from autophyx_tet.predictors.images.cameras import Camera, hemisphere, look_at, read_transforms
+from autophyx_tet.predictors.images.surface_colour import Finish, finish_of, to_linear, to_srgb
 from autophyx_tet.predictors.images.views import load_photographs, render_views
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial

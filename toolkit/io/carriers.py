@@ -17,7 +17,7 @@ from ...converters.points.table import PointTable
 from ...converters.transfer import is_density
 from ...fem.errors import InputError
 from ...predictors.grid import Grid
-from ...predictors.images.appearance import GREY
+from ...predictors.images.surface_colour import GREY
 from ...predictors.images.surface_voxels import OPAQUE, density_of_points
 
 FAINT = 0.1  # opacity below which a splat is haze, no part of the object
