@@ -3,10 +3,11 @@
 import numpy as np
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.datasets.grammar import Grammar
+from autophyx_tet.predictors.datasets.objects import CATEGORIES
 from autophyx_tet.predictors.language.hints import PlainWords, subject
 from autophyx_tet.predictors.language.levels import LEVELS, material_at_level
 from autophyx_tet.predictors.language.lexicon import CHANNELS, Lexicon
-from autophyx_tet.predictors.language.part_names import part_kinds
+from autophyx_tet.predictors.language.part_names import CATEGORY_NAMES, known_words, part_kinds
 from autophyx_tet.predictors.language.statement import Reader
 from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.normalisation import DEFAULT
@@ -64,3 +65,12 @@ def test_plain_words_speak_of_the_same_part():
         assert subject(plain(text)) == subject(text)
     said = "it has a mild steel hard shell"
     assert plain(said) == said
+
+
+def test_words_for_things_are_those_of_training():
+    """The names of whole things, which the reader knows, are the categories that training draws."""
+    assert tuple(CATEGORIES) == CATEGORY_NAMES
+    assert {"potted plant", "backrest"} <= set(known_words())
+    assert not {w for k in part_kinds().values() if k.held_out for w in k.words} & set(
+        known_words()
+    )
