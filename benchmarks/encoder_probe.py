@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders import load_encoder
-from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
 from autophyx_tet.predictors.images.cameras import hemisphere
 from autophyx_tet.predictors.images.views import Views, render_views
-from autophyx_tet.predictors.language.kinds import kind_of, plain_words
+from autophyx_tet.predictors.language.kinds import bare_words, kind_of
 from autophyx_tet.toolkit.io.load import load_asset
 from autophyx_tet.toolkit.io.sweethome3d import SOURCES, TRAINING, VALIDATION, catalog, extract
+from probe import Regions, fit_probe, score
 
 KINDS = ("metal", "plastic", "glass", "wood", "fabric")
 PIXELS, VIEWS, SMALLEST = 300, 2, 200
@@ -109,7 +109,7 @@ def regions(shown, features_of, *, swapped=False):
         means = features_of(image, picture.slot, slots)
         for slot, mean in zip(slots, means, strict=True):
             rows.append((mean, KINDS.index(kind_of(picture.names[slot])), picture.thing))
-            names.append(" ".join(plain_words(picture.names[slot])))
+            names.append(" ".join(bare_words(picture.names[slot])))
     return Regions(*map(np.array, zip(*rows, strict=True))), names
 
 
@@ -181,8 +181,8 @@ def rows_of(name, fit, shown, features_of, encoder=None):
     def scored(guess, of):
         return score(guess, of, rng=np.random.default_rng(0))
 
-    yield row(name, scored(probe(found.features), found))
-    yield row(f"{name}, colours swapped", scored(probe(swapped.features), swapped))
+    yield row(name, scored(probe.predict(found.features), found))
+    yield row(f"{name}, colours swapped", scored(probe.predict(swapped.features), swapped))
     if encoder is not None and hasattr(encoder, "text"):
         words = encoder.text(KINDS)
         guess = (found.features @ words.T).argmax(axis=1)

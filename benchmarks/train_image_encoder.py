@@ -26,7 +26,6 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.embedded import public_backbone
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
-from autophyx_tet.predictors.encoders.probe import Regions, balanced, fit_probe
 from autophyx_tet.predictors.language.kinds import KINDS
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
@@ -38,6 +37,7 @@ from autophyx_tet.predictors.training.encoder.head import (
 )
 from autophyx_tet.toolkit.io.load import load_asset
 from autophyx_tet.toolkit.io.sweethome3d import TRAINING, VALIDATION, catalog, extract
+from probe import Regions, balanced, fit_probe
 
 log = logging.getLogger("train_image_encoder")
 PROBED = ("metal", "plastic", "glass", "wood", "fabric")
@@ -123,8 +123,7 @@ def held_out(corpus, regions, settings, label, held):
         features = fit_head(regions, corpus, Widths().groups, settings, use=~held)(regions.features)
     known, held_known = (label >= 0) & ~held, (label >= 0) & held
     probe = fit_probe(Regions(features[known], label[known], regions.part[known]))
-    right = probe(features[held_known]) == label[held_known]
-    accuracy = balanced(right, label[held_known])
+    accuracy = balanced(probe.predict(features[held_known]), label[held_known])
     if settings is None:
         return (accuracy,)
     text = corpus.words[regions.part[held_known], 1].cpu().numpy()

@@ -61,5 +61,3 @@ class Normalisation:
 
 
 DEFAULT = Normalisation()
-# Pixie's ranges, for comparison only: they cap E at 7.6e10 Pa, below steel.
-PIXIE = Normalisation(log10_E=(2.0, 10.88), nu=(0.0, 0.5), log10_rho=(1.0, 4.0))

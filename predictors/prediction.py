@@ -1,8 +1,8 @@
-"""The material chosen for each part, and the field that follows from it."""
+"""What a predictor gives: the material of every part, why, and the field that follows from it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,11 +10,17 @@ import numpy as np
 
 from ..fem.scene.materials import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
+from .language import words
+from .language.clauses import Clause, Sentence
 from .voxels import PartVoxels
+
+# Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
+# rows without one gives .1 to .25.
+GUESS = 0.3
 
 
 class Binding(NamedTuple):
-    """What the network understood of one part: the clause that took most of it, and how surely.
+    """What a network understood of one part: the clause that took most of it, and how surely.
 
     ``share`` of the part's cells follow the clause (None: the text does not speak of them);
     ``spread`` is the mean deviation of log10 E between views of the object from several sides.
@@ -44,12 +50,16 @@ class PartChoice:
         Place of E in the row's range, from soft (0) to stiff (1), in log space.
     why
         The clause or the label that decided.
-    told
+    settled
         Whether words settle it: the text's for this part or for all, an option's, or the asset's.
+    clause
+        The clause that names the material, if one does.
+    borrowed
+        Whether that clause speaks of no part, so that this one takes it for want of its own.
     binding
-        What was understood of the part, where the network decided.
-    learned
-        Whether the values are the network's own, and no row's.
+        What was understood of the part, where a network decided.
+    network
+        Name of the network whose own the values are; "" for those of the row.
     """
 
     part: str
@@ -58,22 +68,92 @@ class PartChoice:
     weight: float
     alpha: float
     why: str
-    told: bool = True
+    settled: bool = True
+    clause: Clause | None = None
+    borrowed: bool = False
     binding: Binding | None = None
-    learned: bool = False
+    network: str = ""
 
     @property
     def material(self) -> str:
-        """Name of the row in the table, "like" it for values of the network's own."""
-        return f"like {self.row.name}" if self.learned else self.row.name
+        """Name of the row in the table, "like" it for values of a network's own."""
+        return f"like {self.row.name}" if self.network else self.row.name
 
     @property
     def source(self) -> str:
         """Where the numbers come from."""
-        return "FiLM network" if self.learned else self.row.source
+        return f"{self.network} network" if self.network else self.row.source
 
 
-def fill(
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The material of every part, and of every cell.
+
+    Parameters
+    ----------
+    parts
+        The given parts, or their pieces where clauses divide them.
+    parents
+        For each of ``parts``, the index of the given part that it is, or is a piece of.
+    field
+        E [Pa], nu [1], rho [kg/m^3] of every cell.
+    choices
+        The material of each of ``parts``.
+    unbound
+        Clauses that name a material and were found to speak of nothing.
+    """
+
+    parts: PartVoxels
+    parents: tuple[int, ...]
+    field: MaterialField
+    choices: tuple[PartChoice, ...]
+    unbound: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        parts: PartVoxels,
+        choices: Sequence[PartChoice],
+        sentence: Sentence,
+        *,
+        alpha: float | None = None,
+    ) -> Prediction:
+        """Return the choices for the given parts as they are, with the field of their values."""
+        field = field_of(parts, choices, alpha=alpha)
+        unbound = unbound_by(choices, sentence.clauses)
+        return cls(parts, tuple(range(len(choices))), field, tuple(choices), unbound)
+
+    def doubts(self) -> Iterator[str]:
+        """Sentences about what was guessed rather than known."""
+        looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
+        own = {id(choice.clause) for choice in looked_up if choice.clause}
+        for choice in self.choices:
+            unsaid = choice.network and choice.binding and choice.binding.clause is None
+            if choice.weight < GUESS or unsaid or (choice.borrowed and id(choice.clause) in own):
+                taken = "guessed to be" if choice.network else "taken as"
+                yield (
+                    f"nothing says what part {choice.part!r} is made of: {taken} "
+                    f"{choice.material}; say it in the text or with --part '{choice.part}=...'"
+                )
+        for parent in sorted({i for i in self.parents if self.parents.count(i) > 1}):
+            pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
+            yield (
+                f"one part of the asset is divided by its shape into "
+                f"{', '.join(map(repr, pieces))}: look whether that is meant; "
+                "--part NAME=TEXT, by its own name, leaves it whole"
+            )
+        for clause in self.unbound:
+            yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
+
+
+def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
+    """Clauses that name a material and that no choice follows, nor an option's text repeats."""
+    followed = "\n".join(choice.clause.text for choice in choices if choice.clause).lower()
+    named = (c for c in clauses if c.material and not set(c.parts) & words.REST)
+    return tuple(clause.text for clause in named if clause.text.lower() not in followed)
+
+
+def field_of(
     parts: PartVoxels, choices: Sequence[PartChoice], *, alpha: float | None = None
 ) -> MaterialField:
     """Return the field that gives every cell the values and ranges of its part's material."""

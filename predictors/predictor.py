@@ -1,31 +1,81 @@
-"""What every predictor is: parts on a grid and a sentence in, a material field out."""
+"""The seam of the predictors: what each is given and gives, and who there is.
+
+Words come first: what they settle is chosen before a predictor is asked, and stays. A predictor is
+one file and one line here, or a call of ``PREDICTORS.register`` from outside.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
-import numpy as np
+from ..fem.registry import Registry
 
-from .field import MaterialField
-from .voxels import PartVoxels
+if TYPE_CHECKING:  # the command line wants the names alone
+    import numpy as np
+
+    from .asset import UpAxis
+    from .encoders.protocol import TextEncoder
+    from .language.clauses import Sentence
+    from .prediction import PartChoice, Prediction
+    from .voxels import PartVoxels
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What is seen of the cells: colours in [0, 1] (nx, ny, nz, 3), features (nx, ny, nz, D).
+
+    ``words`` embeds clauses in the space of the features; either may be missing.
+    """
+
+    colours: np.ndarray | None = None
+    features: np.ndarray | None = None
+    words: TextEncoder | None = None
 
 
 @runtime_checkable
 class Predictor(Protocol):
-    """Predicts E [Pa], nu [1], rho [kg/m^3] on the occupied cells of ``parts``."""
+    """Finds the materials of the parts that words leave open.
 
-    name: str
+    ``takes_alpha`` says whether it can move E of such a part from soft (0) to stiff (1).
+    """
 
-    def predict(self, parts: PartVoxels, text: str, *, alpha: float | None = None) -> MaterialField:
-        """Return the field; ``alpha`` moves E from soft (0) to stiff (1) within its range."""
+    name: ClassVar[str]
+    takes_alpha: ClassVar[bool]
+
+    def predict(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
+        choices: Sequence[PartChoice] | None = None,
+        appearance: Callable[[], Appearance] | None = None,
+        up: UpAxis = "z",
+        alpha: float | None = None,
+    ) -> Prediction:
+        """Return the materials of all parts.
+
+        Parameters
+        ----------
+        parts
+            The cells [m] of every part.
+        sentence
+            What the user says of the object.
+        choices
+            For each part what words settle, else what they make likeliest; by default looked up.
+        appearance
+            Gives what is seen of the cells; called only where it is needed.
+        up
+            The axis that points up.
+        alpha
+            Place of E in its range, 0 (soft) to 1 (stiff); None follows words such as "soft".
+        """
         ...
 
 
-@runtime_checkable
-class TextEncoder(Protocol):
-    """Embeds sentences as unit vectors."""
-
-    def text(self, sentences: Sequence[str]) -> np.ndarray:
-        """Embedding of each sentence, shape (n, dim)."""
-        ...
+PREDICTORS: Registry[type[Predictor]] = Registry(
+    "predictor",
+    __package__ or "",
+    {"film": "film.predictor:FilmPredictor", "retrieval": "retrieval:RetrievalPredictor"},
+)

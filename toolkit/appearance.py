@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from ..predictors.asset import Asset
 from ..predictors.encoders import speaking_encoder
-from ..predictors.film.predictor import Appearance
-from ..predictors.images.appearance import skin_of
+from ..predictors.images.surface_colour import skin_of
 from ..predictors.images.surface_voxels import random_points
+from ..predictors.predictor import Appearance
 from ..predictors.voxels import PartVoxels
 from .features import features
 from .options import FeatureOptions
@@ -24,7 +24,7 @@ NEAREST = 4  # points whose colours are averaged
 VIEWS, CELLS = 8, 32  # as the network's evidence was measured; more bound no more voxels right
 
 
-def appearance(asset: Asset, voxels: PartVoxels, *, encoder: str | None = None) -> Appearance:
+def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = None) -> Appearance:
     """Look at an asset: the colours of its surface, and what an image encoder sees if one is named.
 
     The asset lies where its mesh does, in metres.

@@ -80,7 +80,7 @@ def features(
     """
     from .io.load import load_asset
 
-    options = options or FeatureOptions()
+    options = (options or FeatureOptions()).checked()
     picture = options.picture
     for path, suffix in ((output, ".npz"), (picture, ".png")):
         if path is not None:

@@ -17,6 +17,8 @@ from ..fem.errors import UsageError
 from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
 from ..fem.scenarios.scenario import SCENARIOS
+from ..predictors.encoders import ENCODERS, check_encoder
+from ..predictors.predictor import PREDICTORS
 from .io.units import Unit
 
 UpAxis = Literal["x", "y", "z"]
@@ -99,12 +101,20 @@ class AssignOptions:
     """Where in the material's range of E: 0 soft, 0.5 the default, 1 stiff."""
     cells: int = 64
     """Voxels along the longest side of the material field."""
-    predictor: Literal["film", "retrieval"] = "film"
+    predictor: Annotated[str, choice(PREDICTORS)] = "film"
     """What words leave open: found by the network in shape and colour, or guessed from names."""
     encoder: str | None = None
     """Image encoder that the network also hears: embedded, openclip or openclip:TAG."""
     strict: bool = False
     """Fail (exit 5) where E, nu or rho leave the band of the material's category."""
+
+    def checked(self) -> AssignOptions:
+        """Return itself, or say which name is unknown."""
+        if self.predictor not in PREDICTORS:
+            raise UsageError(PREDICTORS.unknown(self.predictor))
+        if self.encoder is not None:
+            check_encoder(self.encoder, speaks=True)
+        return self
 
 
 @dataclass(frozen=True)
@@ -163,8 +173,8 @@ class ExportOptions:
 class FeatureOptions:
     """How an asset is looked at."""
 
-    encoder: str = "embedded"
-    """embedded, rgb, occupancy, openclip or openclip:TAG (the extra `openclip`)."""
+    encoder: Annotated[str, tyro.conf.arg(metavar="|".join(ENCODERS))] = "embedded"
+    """Encoder of the pictures; openclip (the extra) takes weights too, as openclip:TAG."""
     cells: int = 64
     """Voxels along the longest side."""
     views: int = 15
@@ -179,6 +189,11 @@ class FeatureOptions:
     """Folder that remembers features; by default the user's cache folder."""
     no_cache: bool = False
     """Look again and remember nothing."""
+
+    def checked(self) -> FeatureOptions:
+        """Return itself, or say that the encoder is unknown."""
+        check_encoder(self.encoder, speaks=bool(self.words))
+        return self
 
     @property
     def memory(self) -> Path | None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
@@ -18,14 +17,6 @@ from .results.assignment import Assignment
 from .results.conversion import Conversion
 from .results.run import RunCase, RunResult, Stopwatch
 from .results.simulation import Simulation
-
-if TYPE_CHECKING:
-    from ..converters.material_sampling import SampledMesh
-    from ..predictors.assignment import Answer
-
-# Share in the retrieval kernel below which a material is a guess: a word that names it gives 1, the
-# nearest of about 200 rows without one gives .1 to .25.
-GUESS = 0.3
 
 
 def convert(
@@ -98,11 +89,10 @@ def assign(
     from ..converters.material_sampling import sample_material
     from ..converters.mesh.mesh_file import write_mesh
     from ..converters.voxelisation import divided_by_voxels, voxelize
-    from ..predictors.assignment import answer
-    from ..predictors.film.predictor import FilmPredictor
-    from .appearance import appearance
+    from ..predictors.assignment import predict_materials
+    from .appearance import appearance_of
 
-    options = options or AssignOptions()
+    options = (options or AssignOptions()).checked()
     if output is not None:
         check_mesh(output)
     if field_output is not None:
@@ -110,29 +100,30 @@ def assign(
     mesh, sidecar, seen, warnings = _read(mesh, asset)
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
-    found = answer(
+    found = predict_materials(
         voxels,
         text,
+        predictor=options.predictor,
         overrides=pairs(options.part),
         materials=pairs(options.material),
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
         up=sidecar.up,
-        look=seen and partial(appearance, seen, voxels, encoder=options.encoder),
-        film=FilmPredictor() if options.predictor == "film" else None,
+        appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
     )
     if len(found.choices) > len(mesh.region_names):
         mesh = divided_by_voxels(mesh, found.parts, found.parents)
         sidecar = sidecar.divided(found.parts)
     sampled = sample_material(mesh, found.field)
+    far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
         field=found.field,
-        choices=tuple(found.choices),
+        choices=found.choices,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *_doubts(found, sampled)),
+        warnings=(*warnings, *found.doubts(), *([far] if sampled.unmatched else [])),
     )
     if options.strict:
         result.check_bands()
@@ -219,6 +210,7 @@ def run(
     from .report.snapshot import SUFFIXES, write_picture
 
     check_run(output)
+    assigning = (assign_options or AssignOptions()).checked()
     if picture is not None:
         check_file(picture, SUFFIXES)
     clock = Stopwatch()
@@ -226,7 +218,7 @@ def run(
     clock.lap("convert")
     cases = []
     for text in texts:
-        body = assign(solid.mesh, text, asset=solid.asset, options=assign_options)
+        body = assign(solid.mesh, text, asset=solid.asset, options=assigning)
         clock.lap("assign")
         answer = simulate(body.mesh, up=solid.asset.up, options=simulate_options, progress=progress)
         cases.append(RunCase(body, answer))
@@ -264,27 +256,3 @@ def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     lost = [name for name in mesh.region_names if name not in found.labels]
     warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
     return mesh, found, asset, warnings if lost else []
-
-
-def _doubts(found: Answer, sampled: SampledMesh) -> Iterator[str]:
-    """Sentences about what was guessed rather than known."""
-    spoken = {choice.why.removeprefix("text: ") for choice in found.choices}
-    for choice in found.choices:
-        borrowed = choice.why.removeprefix("whole sentence: ")
-        unsaid = choice.learned and choice.binding and choice.binding.clause is None
-        if choice.weight < GUESS or unsaid or (borrowed != choice.why and borrowed in spoken):
-            taken = "guessed to be" if choice.learned else "taken as"
-            yield (
-                f"nothing says what part {choice.part!r} is made of: {taken} {choice.material}; "
-                f"say it in the text or with --part '{choice.part}=...'"
-            )
-    for parent in sorted({i for i in found.parents if found.parents.count(i) > 1}):
-        pieces = [found.parts.part_names[i] for i, p in enumerate(found.parents) if p == parent]
-        yield (
-            f"one part of the asset is divided by its shape into {', '.join(map(repr, pieces))}: "
-            "look whether that is meant; --predictor retrieval leaves it whole"
-        )
-    for clause in found.unheard:
-        yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
-    if sampled.unmatched:
-        yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"

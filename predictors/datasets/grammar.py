@@ -19,12 +19,13 @@ import numpy as np
 from ...fem.scene.materials import Material, MaterialValue, load_table
 from ...fem.scene.materials import key as key_of
 from ..language.kinds import KINDS, kind_of
+from ..language.levels import LEVELS, Level, material_at_level
+from ..language.part_names import PartKind, part_kinds, spoken
 from . import frames
 from .frames import split_frames
-from .objects import CATEGORIES, HELD_OUT, category_names, spoken
-from .parts import PartKind, part_kinds
+from .objects import CATEGORIES, HELD_OUT, category_names
 from .shapes import Solid
-from .wordings import LEVELS, Level, adjective, sentence, wordings
+from .wordings import adjective, sentence, wordings
 
 HELD_OUT_PAIRS = 10  # part/material pairs: one in ten
 WATER = 950.0  # kg/m^3: what floats is at most this dense, what sinks at least 1.1 times
@@ -93,13 +94,6 @@ def level_value(kind: PartKind, level: Level) -> MaterialValue:
     # A range wholly on the wrong side of water: the nearest density that does as it is told.
     low, high = (high, high) if level.floats and low > high else (low, max(low, high))
     return value._replace(rho=(low * high) ** 0.5)
-
-
-def material_at_level(row: Material, level: Level) -> MaterialValue:
-    """Return the row's value with E, rho and nu moved within its own ranges."""
-    value = row.value(0.5 if level.stiffness is None else level.stiffness)
-    share = 0.5 if level.density is None else level.density
-    return value._replace(rho=row.rho.min ** (1 - share) * row.rho.max**share)
 
 
 def _is(words: str) -> str:

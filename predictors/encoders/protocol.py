@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import numpy as np
-from jaxtyping import Float
+if TYPE_CHECKING:  # the command line wants the names alone
+    import numpy as np
+    from jaxtyping import Float
+
+
+@runtime_checkable
+class TextEncoder(Protocol):
+    """Embeds sentences as unit vectors."""
+
+    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
+        """Unit embedding of each sentence, shape (n, dim)."""
+        ...
 
 
 @runtime_checkable
@@ -28,9 +38,5 @@ class ImageEncoder(Protocol):
 
 
 @runtime_checkable
-class Encoder(ImageEncoder, Protocol):
+class Encoder(ImageEncoder, TextEncoder, Protocol):
     """An image encoder with words in the same space, both of unit norm."""
-
-    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
-        """Unit embedding of each sentence."""
-        ...

@@ -9,12 +9,13 @@ import numpy as np
 
 from ...fem.scene.materials import load_table
 from ..encoders.minilm import MiniLM
+from ..encoders.protocol import TextEncoder
 from ..film.evidence import VISION, name_evidence, standard
 from ..language.binding import NamedPart
-from ..language.clauses import Clause, parse
+from ..language.clauses import Clause
 from ..language.hints import subject
+from ..language.parser import parse
 from ..language.vocabulary import Vocabulary
-from ..predictor import TextEncoder
 from ..voxels import pooled
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
@@ -45,7 +46,7 @@ class FilmRow:
         import torch
 
         from ..film.checkpoint import load_checkpoint
-        from ..film.predictor import WEIGHTS
+        from ..film.inference import WEIGHTS
 
         network: FilmUNet = load_checkpoint(setting.weights or WEIGHTS)
         encoder, vocabulary = MiniLM(), Vocabulary(load_table().phrases)
@@ -130,7 +131,7 @@ def with_slot_names(
 
     from ..film.config import halve
 
-    clauses = [_one_clause(said, vocabulary) for said in example.said]
+    clauses = [_one_clause(said) for said in example.said]
     here = [k for k, said in enumerate(example.said) if said]
     if not here:
         return scene
@@ -145,8 +146,8 @@ def with_slot_names(
     return scene._replace(evidence=evidence, reliability=reliability)
 
 
-def _one_clause(said: str, vocabulary: Vocabulary) -> Clause:
+def _one_clause(said: str) -> Clause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
-    first, *others = [*parse(said, vocabulary), Clause(said)]
+    first, *others = [*parse(said, load_table()).clauses, Clause(said)]
     spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
     return Clause(said, first.material, (*first.parts, *spoken_of))

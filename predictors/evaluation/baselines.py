@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..language.parser import parse
+from ..lookup.lookup import Lookup
 from ..normalisation import DEFAULT
-from ..retrieval.predictor import RetrievalPredictor
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
 
@@ -58,14 +59,14 @@ class RetrievalBaseline:
         """Return the baseline; the setting tells it nothing."""
         import torch
 
-        retrieval = RetrievalPredictor()
+        lookup = Lookup()
 
         def predict(example: HeldOutObject):
             part = example.batch.scene.part[0]
             volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
             labels = [(f"part {p + 1}",) for p in range(len(volumes))]
             said = "; ".join(filter(None, example.said)) or "This is an object."
-            chosen = retrieval.choose(labels, said, part_volumes=volumes)
+            chosen = lookup.choose(labels, parse(said, lookup.table), part_volumes=volumes)
             value = torch.tensor(np.array([DEFAULT.normalise(*c.value) for c in chosen]))
             return value.float()[part.clamp(min=0)].movedim(-1, 0)[None], None
 

@@ -12,9 +12,11 @@ import numpy as np
 from ...fem.errors import UsageError
 from ..field import MaterialField
 from ..film.evidence import with_names
-from ..film.predictor import Appearance, FilmPredictor
+from ..film.predictor import FilmPredictor
+from ..language.parser import parse
 from ..normalisation import DEFAULT
-from ..retrieval.predictor import RetrievalPredictor
+from ..predictor import Appearance
+from ..retrieval import RetrievalPredictor
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors
 from .metrics import Row, Score, boundary_voxels, summary
@@ -74,10 +76,11 @@ def _predictor(name: str, weights: Path | None) -> FieldPredictor:
         if not named:
             parts = with_names(parts, [f"part {i + 1}" for i in range(len(parts.part_names))])
         if film is None:
-            return retrieval.predict(parts, text)
+            return retrieval.predict(parts, parse(text, retrieval.lookup.table)).field
         colours = None if example.colours is None else example.colours[parts.part.clip(min=0)]
         seen = Appearance(colours=colours)
-        return film.predict(parts, text, up=example.up, names=named, appearance=seen)
+        sentence = parse(text, film.table)
+        return film.field(parts, sentence, up=example.up, names=named, appearance=seen)
 
     return predict
 

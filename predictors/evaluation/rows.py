@@ -10,7 +10,7 @@ from ...fem.registry import Registry
 
 if TYPE_CHECKING:
     from ..datasets.text_table import TextTable
-    from ..predictor import TextEncoder
+    from ..encoders.protocol import TextEncoder
     from .held_out import HeldOutObject
 
 # An object in; normalised values (1, 3, x, y, z) and the logits of the binding (or None) out.

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from ..encoders.protocol import TextEncoder
 from ..language.binding import NamedPart, nouns_of, of_pieces, overlap
 from ..language.clauses import Clause
 from ..language.kinds import kind_of
-from ..predictor import TextEncoder
 from ..voxels import PartVoxels
 
 # How far names are to be trusted, on the scale of training: a word in common, or only a likeness.

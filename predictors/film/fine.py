@@ -14,7 +14,7 @@ from .grounding import slot_weights
 from .layers import FilmBlock, Listening, Modulation, mix
 
 
-class Coarse(NamedTuple):
+class CoarseOutput(NamedTuple):
     """What the U-Net finds: finest features of both decoders, values before tanh, logits."""
 
     queries: Tensor
@@ -44,7 +44,7 @@ class FineStage(nn.Module):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
 
-    def forward(self, scene: Scene, coarse: Coarse, slots: Tensor, says: Tensor) -> Output:
+    def forward(self, scene: Scene, coarse: CoarseOutput, slots: Tensor, says: Tensor) -> Output:
         """Return values and binding on the fine grid."""
         mask = scene.inputs[:, :1]
         own = self.stem(scene.inputs) * mask.to(coarse.queries.dtype)

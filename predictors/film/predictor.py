@@ -1,79 +1,36 @@
-"""The FiLM predictor: what the trained network finds on the cells of an asset, and how surely.
-
-Every clause of the text is embedded alone and bound to voxels by what the network sees of shape
-and colour, by the asset's own names, and by the features of a vision-language encoder if given.
-"""
+"""The FiLM predictor: clauses bound to parts, or to pieces of them, by the trained network."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
-from ...fem.errors import UsageError
-from ...fem.scene.materials import MaterialTable, load_table
+from ...fem.scene.materials import FIELDS, Material, MaterialTable, MaterialValue
 from ..asset import UpAxis
+from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
-from ..language.binding import NamedPart, of_pieces
-from ..language.clauses import Clause, parse
-from ..language.hints import HintedEncoder, subject
-from ..language.vocabulary import Vocabulary
-from ..normalisation import DEFAULT
-from ..predictor import TextEncoder
-from ..voxels import PartVoxels, pooled
-from .evidence import VISION, name_evidence, own_name, standard
-from .frame import Frame
-
-if TYPE_CHECKING:
-    from .config import Scene
-    from .unet import FilmUNet
-
-WEIGHTS = Path(__file__).parents[1] / "weights" / "film.safetensors"
-# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
-_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
-
-
-@dataclass(frozen=True, eq=False)
-class Appearance:
-    """What is seen of the cells: colours in [0, 1] (nx, ny, nz, 3), features (nx, ny, nz, D).
-
-    ``words`` embeds clauses in the space of the features; either may be missing.
-    """
-
-    colours: np.ndarray | None = None
-    features: np.ndarray | None = None
-    words: TextEncoder | None = None
-
-
-class Found(NamedTuple):
-    """What the network finds on the cells of the parts.
-
-    ``values`` (nx, ny, nz, 3) are normalised log E, nu, log rho; ``shares`` (nx, ny, nz, K + 1)
-    say how surely each of the ``clauses`` speaks of a cell, the last one that none does; ``spread``
-    (nx, ny, nz) is the deviation of log10 E between views of the object from several sides.
-    """
-
-    clauses: list[Clause]
-    values: np.ndarray
-    shares: np.ndarray
-    spread: np.ndarray
-
-    def pooled(self, parts: PartVoxels) -> Found:
-        """Return the means over every part: each is of one matter."""
-        return self._replace(
-            values=pooled(self.values, parts.part), shares=pooled(self.shares, parts.part)
-        )
+from ..language.binding import NamedPart, of_pieces, overlap, unbound_clauses
+from ..language.clauses import Sentence
+from ..language.vocabulary import vocabulary_of
+from ..lookup.lookup import Lookup
+from ..normalisation import Normalisation
+from ..partition import Partition, match_clauses, partition
+from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
+from ..predictor import Appearance
+from ..voxels import PartVoxels
+from .inference import FilmModel, Inference
 
 
 class FilmPredictor:
     """Predicts with the shipped weights, or those of ``weights``."""
 
-    name = "film"
+    name: ClassVar[str] = "film"
+    takes_alpha: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -82,160 +39,107 @@ class FilmPredictor:
         table: MaterialTable | None = None,
         encoder: TextEncoder | None = None,
     ) -> None:
-        self.table = table or load_table()
-        self._weights, self._given_encoder = weights or WEIGHTS, encoder
-        self._vocabulary = Vocabulary(self.table.phrases)
-
-    @cached_property
-    def encoder(self) -> TextEncoder:
-        """The text encoder that the network was trained with."""
-        from ..encoders.minilm import MiniLM
-
-        return self._given_encoder or MiniLM()
-
-    @cached_property
-    def network(self) -> FilmUNet:
-        """The network, loaded on the first prediction."""
-        from .checkpoint import load_checkpoint
-
-        return load_checkpoint(self._weights)
+        self.model = FilmModel(weights=weights, table=table, encoder=encoder)
+        self.table = self.model.table
+        self.lookup = Lookup(table=self.table, encoder=encoder)
 
     def predict(
         self,
         parts: PartVoxels,
-        text: str,
+        sentence: Sentence,
         *,
+        choices: Sequence[PartChoice] | None = None,
+        appearance: Callable[[], Appearance] | None = None,
+        up: UpAxis = "z",
         alpha: float | None = None,
+    ) -> Prediction:
+        """Return what words settle, and for all other parts what the network finds there.
+
+        A clause that names a material gives its row; where none does, the values are the network's
+        own. See ``Predictor``; ``alpha`` moves nothing here.
+        """
+        if choices is None:
+            choices = self.lookup.choose(parts.part_labels, sentence, part_volumes=parts.volumes)
+        there = set(np.unique(parts.part).tolist())
+        left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
+        seen = appearance() if appearance else None
+        found = self.model.infer(parts, sentence, up=up, appearance=seen)
+        pieces = self._pieces(parts, left_open, found)
+        decided = [
+            replace(choices[parent], part=name)
+            if parent not in left_open
+            else self._choose(found, name, pieces.parts.part == i, owner)
+            for i, (name, parent, owner) in enumerate(
+                zip(pieces.parts.part_names, pieces.parents, pieces.owners, strict=True)
+            )
+        ]
+        field = _field(pieces.parts, decided, found)
+        unbound = unbound_by(decided, sentence.clauses)
+        return Prediction(pieces.parts, pieces.parents, field, tuple(decided), unbound)
+
+    def field(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
         names: bool = True,
     ) -> MaterialField:
-        """Return what the network finds by itself, no value looked up; see ``look``."""
-        if alpha is not None:
-            raise UsageError("the film predictor has no --alpha: use --predictor retrieval")
-        found = self.look(parts, text, up=up, appearance=appearance, names=names, turns=1)
-        E, nu, rho = DEFAULT.physical(found.values)
+        """Return what the network finds by itself, no value looked up; see ``FilmModel.infer``."""
+        found = self.model.infer(
+            parts, sentence, up=up, appearance=appearance, names=names, turns=1
+        )
+        E, nu, rho = found.normalisation.physical(found.values)
         labels = parts.part.astype(np.int64)
         return MaterialField(
             parts.grid, parts.occupied, E, nu, rho, part=labels, part_names=parts.part_names
         )
 
-    def look(
-        self,
-        parts: PartVoxels,
-        text: str,
-        *,
-        up: UpAxis = "z",
-        appearance: Appearance | None = None,
-        names: bool = True,
-        turns: int = 4,
-    ) -> Found:
-        """Return what the network finds on every cell.
+    def _pieces(self, parts: PartVoxels, left_open: Sequence[int], found: Inference) -> Partition:
+        """Divide parts if the text speaks of more than there are; else match a clause to each."""
+        if of_pieces(found.clauses, parts.part_names):
+            return partition(parts, left_open, found.shares, found.clauses)
+        vocabulary = vocabulary_of(self.table)
+        named = [NamedPart.of(labels, vocabulary, 0.0) for labels in parts.part_labels]
+        unbound = unbound_clauses(found.clauses, overlap(found.clauses, named))
+        owners = match_clauses(parts, left_open, found.shares, unbound)
+        return Partition(parts, tuple(range(len(owners))), owners)
 
-        Parameters
-        ----------
-        up
-            The axis that points up.
-        appearance
-            Colours and features of the cells, if known.
-        names
-            Whether the asset's own names may be read.
-        turns
-            Views from so many sides are averaged; their spread is reported.
-        """
-        frame = Frame.of(parts, up)
-        scene = self._scene(parts, frame, text, appearance or Appearance(), names)
-        values, shares = self._run(scene, frame, turns)
-        spread = values[..., 0].std(axis=0) * DEFAULT.span[0] / 2
-        clauses = self.clauses(text)
-        shares = shares[..., [*range(len(clauses)), -1]]  # without the slot of a silent text
-        found = Found(
-            clauses, *(frame.back(x, parts) for x in (values.mean(axis=0), shares, spread))
+    def _choose(
+        self, found: Inference, part: str, cells: np.ndarray, owner: int | None
+    ) -> PartChoice:
+        """Choose for a piece what its clause names, else the row nearest to the values found."""
+        clause = None if owner is None else found.clauses[owner]
+        share = float(found.shares[cells][:, -1 if owner is None else owner].mean())
+        said = None if clause is None else clause.written
+        binding = Binding(said, share, int(cells.sum()), float(found.spread[cells].mean()))
+        why = f"network: {'nothing said' if said is None else repr(said)}, {share:.0%} sure"
+        if clause is not None and clause.material:
+            choice = self.lookup.of_clause(part, clause, why)
+            return replace(choice, weight=share, settled=False, binding=binding)
+        mean = found.values[cells].mean(axis=0)
+        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+        row = _nearest(self.table, mean, found.normalisation)
+        return PartChoice(
+            part, row, value, share, 0.5, why, settled=False, binding=binding, network="FiLM"
         )
-        # Otherwise each part is of one matter.
-        return found if of_pieces(clauses, parts.part_names) else found.pooled(parts)
-
-    def clauses(self, text: str) -> list[Clause]:
-        """Clauses of a text as written; the default template names the object and says nothing."""
-        found = parse(text, self._vocabulary)
-        if _TEMPLATE.fullmatch(text.strip()) and not any(c.material or c.level for c in found):
-            return []
-        return _as_written(text, found)
-
-    def _scene(
-        self, parts: PartVoxels, frame: Frame, text: str, appearance: Appearance, names: bool
-    ) -> Scene:
-        """Put everything that is known into the tensors of the network."""
-        import torch
-
-        from .config import Scene
-
-        clauses = self.clauses(text)
-        named = [NamedPart.of(labels, self._vocabulary, 0.0) for labels in parts.part_labels]
-        spoken = [own_name(part) for part in named]
-        k = max(len(clauses), 1)
-        heard = HintedEncoder(self.encoder)
-        vectors = heard.text([c.text for c in clauses] + spoken + [text or "object"])
-        dim = vectors.shape[1]
-        embedded = np.zeros((1, k, dim), dtype=np.float32)
-        embedded[0, : len(clauses)] = vectors[: len(clauses)]
-        own, whole = vectors[len(clauses) : -1], vectors[-1]
-        part = frame.forward(parts.part, outside=-1)
-        evidence = np.zeros((1, 2, k, *part.shape), dtype=np.float32)
-        reliability = np.zeros((1, 2), dtype=np.float32)
-        if clauses and appearance.features is not None and appearance.words is not None:
-            seen = frame.forward(appearance.features) @ appearance.words.text(
-                [subject(c.text) for c in clauses]
-            ).T.astype(np.float32)
-            evidence[0, 0], reliability[0, 0] = standard(seen, part >= 0), VISION
-        if clauses and names:
-            score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
-            evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
-        inputs = frame.inputs(part, appearance.colours)
-        # The name of a part says nothing of its pieces.
-        known = [bool(name) and names and not of_pieces(clauses, named) for name in spoken]
-        present = np.arange(k)[None] < len(clauses)
-        unsaid = np.array([not clauses and bool(text.strip())])
-        numbers = (
-            inputs[None], embedded, present, whole[None], unsaid,
-            evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
-        )  # fmt: skip
-        return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
-
-    def _run(self, scene: Scene, frame: Frame, turns: int):
-        """Values (turns, x, y, z, 3) and mean shares (x, y, z, clauses + 1) in the frame."""
-        import torch
-
-        out, shares = [], []
-        fields = ("inputs", "evidence", "part")
-        for turn in range(turns):
-            turned = scene._replace(
-                **{f: torch.rot90(getattr(scene, f), turn, (-3, -2)) for f in fields}
-            )
-            x, y, z = turned.inputs.shape[2:]
-            place = torch.from_numpy(frame.place((x, y, z)))
-            inputs = torch.cat([turned.inputs[:, :5], place[None] * turned.inputs[:, :1]], 1)
-            with torch.inference_mode():
-                result = self.network(turned._replace(inputs=inputs))
-            out.append(torch.rot90(result.values, -turn, (-3, -2))[0].movedim(0, -1).numpy())
-            share = torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0]
-            shares.append(share.movedim(0, -1).numpy())
-        return np.stack(out), np.mean(shares, axis=0)
 
 
-def _as_written(text: str, clauses: Sequence[Clause]) -> list[Clause]:
-    """Clauses with every word between their first and last: "extremely" is no filler here."""
-    out, at, lower = [], 0, text.lower()
-    for clause in clauses:
-        start, end = -1, at
-        for word in clause.text.lower().split():
-            place = lower.find(word, end)
-            if place < 0:  # the words stand in another order: a list was taken apart
-                start = -1
-                break
-            start, end = (place if start < 0 else start), place + len(word)
-        if start >= 0:
-            at = end
-            clause = replace(clause, text=" ".join(text[start:end].split()))
-        out.append(clause)
-    return out
+def _nearest(
+    table: MaterialTable, value: Float[np.ndarray, "3"], normalisation: Normalisation
+) -> Material:
+    rows = np.array([normalisation.normalise(*row.value()) for row in table])
+    return table.rows[int(np.square(rows - value).sum(axis=1).argmin())]
+
+
+def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Inference) -> MaterialField:
+    """Return the choices' values, and the network's own cell by cell where it decided alone."""
+    field = field_of(parts, choices)
+    learned = np.isin(parts.part, [i for i, choice in enumerate(choices) if choice.network])
+    values = found.normalisation.physical(found.values)
+    own = {
+        name: np.where(learned, value, getattr(field, name))
+        for name, value in zip(FIELDS, values, strict=True)
+    }
+    return replace(field, ranges=None if learned.any() else field.ranges, **own)

@@ -14,9 +14,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..normalisation import DEFAULT, Normalisation
 from .conditioning import Sayings, composed
 from .config import INPUTS, NetworkConfig, Output, Scene, halve
-from .fine import Coarse, FineStage
+from .fine import CoarseOutput, FineStage
 from .grounding import Binder, slot_weights
 from .layers import FilmBlock, Listening, Modulation, mix, pool, pool_mask
 
@@ -45,11 +46,16 @@ class SlotEncoder(nn.Module):
 
 
 class FilmUNet(nn.Module):
-    """The whole network; ``conditioning`` other than grounded are the rows of the ablation."""
+    """The whole network; ``conditioning`` other than grounded are the rows of the ablation.
 
-    def __init__(self, config: NetworkConfig | None = None) -> None:
+    ``normalisation`` says what its numbers mean.
+    """
+
+    def __init__(
+        self, config: NetworkConfig | None = None, *, normalisation: Normalisation = DEFAULT
+    ) -> None:
         super().__init__()
-        self.config = config or NetworkConfig()
+        self.config, self.normalisation = config or NetworkConfig(), normalisation
         widths, slot = self.config.widths, self.config.slot_width
         extra = widths[0] if self.config.conditioning == "concat" else 0
         self.stem = nn.Conv3d(INPUTS + extra, widths[0], 3, padding=1)
@@ -90,7 +96,7 @@ class FilmUNet(nn.Module):
         fields = ("clauses", "object_name", "names")
         return scene._replace(**{name: getattr(scene, name)[..., :dim] for name in fields})
 
-    def _coarse(self, scene: Scene, slots: Tensor, masks: list[Tensor]) -> Coarse:
+    def _coarse(self, scene: Scene, slots: Tensor, masks: list[Tensor]) -> CoarseOutput:
         """Bind the clauses in a first pass, decode what they say in a second."""
         known = slots[:, scene.clauses.shape[1] :][:, :1]
         whole = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), known) for m in masks]
@@ -102,7 +108,7 @@ class FilmUNet(nn.Module):
             levels.append(pool(levels[-1], m.to(levels[-1].dtype)))
         films = [Modulation(w.permute(0, 2, 3, 4, 1), slots) for w in levels]
         x = self._decode(self.up, self.decode, skips, masks, films)[0]
-        return Coarse(queries[0], x, self.head(x), logits, films[0].weights)
+        return CoarseOutput(queries[0], x, self.head(x), logits, films[0].weights)
 
     def text_values(self, embedding: Tensor, kind: Tensor) -> Tensor:
         """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""

@@ -16,6 +16,7 @@ from ..asset import UpAxis, up_vector
 FIELD_OF_VIEW = np.deg2rad(40.0)  # of the made cameras: a portrait lens, little distortion
 MARGIN = 1.05  # share of the image that the bounding sphere leaves free around itself
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+Pixels = tuple[float, float]  # (x, y) [px]
 PIXELS = 256  # side of a made image: 15 of them are a million rays
 
 
@@ -165,22 +166,25 @@ def _shot(path: Path, number: int, frame: dict[str, Any]) -> Shot:
         pose = np.array(frame["transform_matrix"], dtype=np.float64)
         with Image.open(photo) as image:
             width, height = image.size
-        focal = _focal(frame, width, height)
-        center = (float(frame.get("cx", width / 2)), float(frame.get("cy", height / 2)))
-    except (KeyError, TypeError, ValueError, OSError) as error:
+        focal, center = _intrinsics(frame, width, height)
+    except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
         raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
     return Shot(photo, Camera(pose, focal, center, (height, width)))
 
 
-def _focal(frame: dict[str, Any], width: int, height: int) -> tuple[float, float]:
+def _intrinsics(frame: dict[str, Any], width: int, height: int) -> tuple[Pixels, Pixels]:
+    """Focal lengths and centre, each (x, y) [px] of the photograph; the file's may be others."""
+    w = float(frame.get("w", width))
+    h = float(frame.get("h", height * w / width))
     if "fl_x" in frame:
-        # The file may speak of another resolution than the photograph's.
-        scale = width / float(frame.get("w", width))
-        return float(frame["fl_x"]) * scale, float(frame.get("fl_y", frame["fl_x"])) * scale
-    focal = width / 2 / np.tan(float(frame["camera_angle_x"]) / 2)
-    return focal, focal
+        focal = float(frame["fl_x"]), float(frame.get("fl_y", frame["fl_x"]))
+    else:
+        focal = (w / 2 / np.tan(float(frame["camera_angle_x"]) / 2),) * 2
+    center = float(frame.get("cx", w / 2)), float(frame.get("cy", h / 2))
+    across, down = width / w, height / h
+    return (focal[0] * across, focal[1] * down), (center[0] * across, center[1] * down)
 
 
 def _photograph(folder: Path, name: str) -> Path:

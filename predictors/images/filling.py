@@ -8,16 +8,12 @@ empty cells that hang together are pooled where they (nearly) agree.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from ...fem.errors import InputError
-from ..grid import Grid
-
-if TYPE_CHECKING:
-    import trimesh
 
 Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z"]
 DIRECTIONS: tuple[Direction, ...] = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -25,7 +21,6 @@ Parity = Literal["all", "one"]
 # Share of a connected region's cells with the same verdict from which all of it follows them. In
 # between the region leaks (a scan with a hole), and every cell keeps its own verdict.
 SETTLED_OUT, SETTLED_IN = 0.2, 0.5
-NEAR = 0.5  # winding number above which a point counts as inside
 
 
 class Filled(NamedTuple):
@@ -39,14 +34,6 @@ class Filled(NamedTuple):
     enclosed: np.ndarray
     odd: np.ndarray
     leaky: int
-
-
-class Agreement(NamedTuple):
-    """Cells that the filling and the winding number judge alike, and those they do not."""
-
-    same: int
-    only_filled: int
-    only_winding: int
 
 
 def fill(
@@ -108,25 +95,6 @@ def nearest_known(
         if asking.any():
             row[asking] = sources[KDTree(cells[sources]).query(cells[asking])[1]]
     return row
-
-
-def winding_agreement(
-    filled: Filled,
-    surface: Bool[np.ndarray, "nx ny nz"],
-    grid: Grid,
-    mesh: trimesh.Trimesh,
-) -> Agreement:
-    """Compare the filled empty cells with the winding number of a closed mesh at their centres."""
-    import igl
-
-    cells = np.argwhere(~surface)
-    points, faces = np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces)
-    winding = igl.fast_winding_number(points, faces, grid.to_world(cells))
-    inside = np.asarray(winding).ravel() > NEAR
-    ours = filled.occupied[tuple(cells.T)]
-    return Agreement(
-        int((ours == inside).sum()), int((ours & ~inside).sum()), int((~ours & inside).sum())
-    )
 
 
 def _crossings(

@@ -110,7 +110,8 @@ def lift(
     if method == "average":
         values = _averaged(features, cameras, grid.to_world(cells))
     else:
-        values = solve(matrix, wanted, iterations=MAX_ITERATIONS if method == "solve" else 0)
+        iterations = MAX_ITERATIONS if method == "solve" else 0
+        values = _least_squares(matrix, wanted, iterations=iterations)
     error = matrix @ values - wanted
     residual = float(np.sqrt((error**2).mean() / (wanted**2).mean()))
     if method != "average":
@@ -212,8 +213,8 @@ def _unit_rows(matrix: csr_array) -> csr_array:
     return scaled.tocsr().astype(np.float32)
 
 
-def solve(
-    matrix: csr_array, wanted: Float[np.ndarray, "rays D"], *, iterations: int = MAX_ITERATIONS
+def _least_squares(
+    matrix: csr_array, wanted: Float[np.ndarray, "rays D"], *, iterations: int
 ) -> Float[np.ndarray, "cells D"]:
     """Least squares features of the glimpsed cells by conjugate gradients, all channels at once.
 
@@ -267,8 +268,3 @@ def _averaged(
         total[inside] += features[view, y[inside].astype(int), x[inside].astype(int)]
         count[inside] += 1
     return total / np.maximum(count, 1)
-
-
-def render(lifted: Lifted, matrix: csr_array) -> Float[np.ndarray, "rays D"]:
-    """Features that rays see of lifted cells, for the ``ray_weights`` of the same density."""
-    return matrix @ lifted.values

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..encoders.protocol import Encoder
-from ..language.kinds import plain_words
+from ..language.kinds import bare_words
 
 
 def name_embeddings(
@@ -18,7 +18,7 @@ def name_embeddings(
 
     Names are read as people mean them: "Metal_Chrome.001" as "metal chrome".
     """
-    sentences = [" ".join(dict.fromkeys(plain_words(" ".join(part)))) for part in labels]
+    sentences = [" ".join(dict.fromkeys(bare_words(" ".join(part)))) for part in labels]
     known = [number for number, sentence in enumerate(sentences) if sentence]
     out = np.zeros((len(sentences), encoder.dim), dtype=np.float32)
     if known:

@@ -27,7 +27,7 @@ def surface_voxels(asset: Asset, grid: Grid) -> PartVoxels:
     label = np.full(len(best), -1, dtype=np.int32)
     for index, part in enumerate(asset.parts):
         count = np.zeros_like(best)
-        for points in samples(part.mesh, SPACING * grid.h):
+        for points in surface_samples(part.mesh, SPACING * grid.h):
             cells = np.clip(grid.cell_of(points), 0, np.array(grid.shape) - 1)
             count += np.bincount(
                 np.ravel_multi_index(tuple(cells.T), grid.shape), minlength=len(best)
@@ -38,7 +38,7 @@ def surface_voxels(asset: Asset, grid: Grid) -> PartVoxels:
     return PartVoxels(grid, label.reshape(grid.shape), asset.part_names, labels)
 
 
-def samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.ndarray, "n 3"]]:
+def surface_samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.ndarray, "n 3"]]:
     """Points [m] on every triangle, no farther apart than ``spacing`` [m], corners included."""
     corners = np.asarray(mesh.triangles)
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

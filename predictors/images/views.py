@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ..asset import Asset, UpAxis, up_vector
-from .appearance import gloss_of, material_name, skin_of
 from .cameras import Camera, Shot, hemisphere, read_transforms
+from .surface_colour import gloss_of, material_name, skin_of
 
 MAX_LAYERS = 8  # transparent surfaces one behind the other that a ray looks through
 HOLE = 0.1  # a texel less opaque than this is no surface: cut-out leaves

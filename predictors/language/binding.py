@@ -113,7 +113,9 @@ def of_pieces(clauses: Sequence[Clause], parts: Sequence) -> bool:
     return len(clauses) > len(parts)
 
 
-def homeless(clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]) -> list[int]:
+def unbound_clauses(
+    clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]
+) -> list[int]:
     """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
 
     An unknown word that stands alone names the object: "a steel bracket".
@@ -134,7 +136,7 @@ def is_whole(clause: Clause) -> bool:
     return not clause.parts or not set(clause.parts) & known
 
 
-def assign(
+def allocate(
     clauses: Sequence[Clause],
     parts: Sequence[NamedPart],
     *,

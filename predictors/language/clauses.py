@@ -1,34 +1,13 @@
-"""A sentence as clauses: which material words it binds to which part words.
-
-"oak legs and back, with a seat of soft foam" gives (oak: leg, back) and (soft foam: seat). The
-parser is a left-to-right scan over a handful of word roles (``words.py``): a material before its
-nouns ("oak legs"), after a link ("legs are oak", "legs of oak") or after its part in a list of
-pairs ("legs oak, seat foam"). It knows no grammar beyond that and never fails: what it cannot
-bind becomes a clause without parts or without a material.
-"""
+"""What a sentence says: its clauses, each a material or a level of some parts."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-from ...fem.errors import UsageError
-from . import words
-from .vocabulary import TOKEN, Vocabulary, stem
-
-MAX_TEXT = 4000  # characters: longer than any description of one object; bounds the work
-
-Role = Literal["material", "break", "joint", "link", "start", "level", "not", "noun", "filler"]
-
-_UNITS = "mm cm dm km m kg g mg lb oz ft inches inch litres litre l % degrees percent metres metre"
-_NUMBER = r"\d+(?:[.,]\d+)?"
-_SIZE = re.compile(
-    rf"(?<![\w.])(?:{_NUMBER}(?:\s*(?:x|×|by)\s*{_NUMBER})*\s*(?:"
-    + "|".join(map(re.escape, _UNITS.split()))
-    + rf")|{_NUMBER}(?:\s*[x×]\s*{_NUMBER})+|\d+[.,]\d+)(?!\w)"
-)
+# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
+_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -38,272 +17,37 @@ class Clause:
     Parameters
     ----------
     text
-        Its words.
+        Its words, without those that say nothing.
     material
         The phrase of the table that it names, or None.
     parts
         Stems of the words for the parts it speaks of, in order.
     level
         "soft", "stiff", "dense" or "light" where an adjective says so.
+    written
+        All words from its first to its last as they were written: "extremely" is no filler for a
+        network. ``text`` where its words stand apart in the sentence.
     """
 
     text: str
     material: str | None = None
     parts: tuple[str, ...] = ()
     level: str | None = None
+    written: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.written:
+            object.__setattr__(self, "written", self.text)
 
 
-class _Token(NamedTuple):
-    word: str  # of a material: its phrase in the table
-    role: Role
-    stems: tuple[str, ...]  # of a material: all words of its phrase
-    said: str
+class Sentence(NamedTuple):
+    """A text, read once: every later stage takes its clauses and not its characters."""
 
-
-@dataclass
-class _Draft:
-    """A clause that is being read; ``joint`` is the word between it and the one before."""
-
-    joint: str = ""
-    words: list[str] = field(default_factory=list)
-    nouns: list[str] = field(default_factory=list)
-    asides: list[str] = field(default_factory=list)  # nouns after a link: not the subject
-    material: str | None = None
-    material_stems: tuple[str, ...] = ()
-    level: str | None = None
-    linked: bool = False
-    negated: bool = False  # a "not" waits for its material
-    subjectless: bool = False  # it begins with a link: "which are oak", "it is a steel frame"
-    predicate: bool = False  # the material came after its nouns
+    text: str
+    clauses: tuple[Clause, ...]
 
     @property
-    def bare(self) -> bool:
-        """Nouns, of which nothing is said yet."""
-        return bool(self.nouns) and not (self.material or self.linked or self.level)
-
-    @property
-    def subject(self) -> list[str]:
-        """What it speaks of; of "this is a chair" what comes after the link."""
-        return self.nouns or ([] if self.material else self.asides)
-
-    def name(self, token: _Token) -> None:
-        self.material, self.material_stems = token.word, token.stems
-        self.predicate = bool(self.nouns)
-
-
-def parse(text: str, vocabulary: Vocabulary) -> list[Clause]:
-    """Return the clauses of a text; a text over ``MAX_TEXT`` characters is a ``UsageError``."""
-    if len(text) > MAX_TEXT:
-        raise UsageError(
-            f"the text has {len(text)} characters, at most {MAX_TEXT} are read: shorten it"
-        )
-    drafts = _merge(_scan(_tokens(text, vocabulary)))
-    return [
-        Clause(" ".join(draft.words), draft.material, tuple(draft.subject), draft.level)
-        for draft in drafts
-        if draft.material or draft.subject
-    ]
-
-
-def _tokens(text: str, vocabulary: Vocabulary) -> list[_Token]:
-    text = re.sub(r"\s[-–—]\s|→|->", " = ", _SIZE.sub(" ", text.lower())).replace("'s", "")
-    raw = TOKEN.findall(text)
-    stems = [stem(word) for word in raw]
-    tokens: list[_Token] = []
-    at = 0
-    while at < len(raw):
-        phrase, length = vocabulary.match(stems, at) or (None, 1)
-        if phrase is not None:
-            end = at + length
-            said = " ".join(raw[at:end])
-            tokens.append(_Token(phrase, "material", tuple(stems[at:end]), said))
-        else:
-            follows_participle = bool(tokens) and tokens[-1].stems[0] in words.PARTICIPLES
-            role = _role(raw[at], stems[at], follows_participle)
-            tokens.append(_Token(raw[at], role, (stems[at],), raw[at]))
-        at += length
-    return tokens
-
-
-def _role(word: str, stem: str, follows_participle: bool) -> Role:
-    if word == "with" and follows_participle:
-        return "link"
-    if word == "\n" or stem in words.BREAKS:
-        return "break"
-    if word == ":" or stem in words.LINKS or word in words.LINKS:
-        return "link"
-    if stem in words.JOINTS or word in words.JOINTS:
-        return "joint"
-    if stem in words.DETERMINERS:
-        return "start"
-    if word in words.LEVEL_OF:
-        return "level"
-    if word in words.NEGATIONS:
-        return "not"
-    return "filler" if stem in words.FILLERS or word.isdigit() else "noun"
-
-
-def _scan(tokens: list[_Token]) -> list[_Draft]:
-    """Cut the tokens into drafts: one material each, with the nouns that stand by it."""
-    drafts = [_Draft()]
-    tokens = [token for token in tokens if token.role != "filler"]
-    for at, token in enumerate(tokens):
-        draft = drafts[-1]
-        ahead = tokens[at + 1 :]
-        if token.word == "but" and "not" in draft.words and not draft.material:
-            continue  # "not steel but oak"
-        inside = token.word == "in" and ahead[:1] and ahead[0].role == "start"
-        if token.role in ("break", "joint") or inside:  # "a tree in a ceramic pot"
-            drafts.append(_Draft(joint="." if token.role == "break" else token.word))
-            continue
-        if token.role == "not":
-            draft.negated = True
-        elif token.role == "start" and draft.material and (draft.nouns or draft.linked):
-            after_of = at > 0 and tokens[at - 1].word == "of"  # "oak legs of the chair"
-            draft = draft if after_of else _open(drafts)
-        elif token.role == "level":
-            draft.level = words.LEVEL_OF[token.word]
-        elif token.role == "link":
-            draft = _link(drafts, token, ahead)
-        elif token.role == "noun":
-            draft = _noun(drafts, token, ahead)
-        elif token.role == "material" and draft.negated:
-            draft.negated = False
-        elif token.role == "material" and draft.joint == "for" and drafts[-2].material:
-            draft.nouns += token.stems  # "velvet for the fabric": a part, not a material
-        elif token.role == "material":
-            draft = _material(drafts, token, ahead, beside=at > 0 and tokens[at - 1])
-        draft.words.append(token.said)
-    return drafts
-
-
-def _open(drafts: list[_Draft], joint: str = "") -> _Draft:
-    drafts.append(_Draft(joint=joint))
-    return drafts[-1]
-
-
-def _next(ahead: list[_Token], skip: Iterable[Role]) -> Role | None:
-    """Role of the first token ahead that is not to be skipped."""
-    return next((token.role for token in ahead if token.role not in skip), None)
-
-
-def _link(drafts: list[_Draft], token: _Token, ahead: list[_Token]) -> _Draft:
-    draft = drafts[-1]
-    material_next = _next(ahead, ("link", "start", "level", "not")) == "material"
-    if token.word == ":" and material_next:
-        after = ahead[[other.role for other in ahead].index("material") + 1 :]
-        if _next(after, ()) == "noun":  # "chair: oak legs"
-            return _open(drafts, ".")
-    if draft.material and not draft.nouns and not draft.linked:
-        draft.nouns = list(draft.material_stems)  # "the leaves are ...": a part, not a material
-        if material_next:
-            draft.material = None
-    elif draft.material and not draft.linked and len(draft.nouns) > 1 and material_next:
-        noun = draft.nouns.pop()  # "steel frame seat is oak"
-        draft = _open(drafts)
-        draft.nouns = [noun]
-    elif draft.material and token.word == "of":
-        return draft
-    draft.subjectless = draft.subjectless or not (draft.nouns or draft.material)
-    draft.linked = True
-    return draft
-
-
-def _noun(drafts: list[_Draft], token: _Token, ahead: list[_Token]) -> _Draft:
-    draft = drafts[-1]
-    noun = token.stems[0]
-    if draft.material and draft.predicate:
-        # "legs are oak seat is foam" starts anew; "the seat is a foam cushion" does not.
-        if _next(ahead, ("noun", "level")) not in ("link", "material"):
-            return draft
-        draft = _open(drafts)
-    (draft.asides if draft.linked and not draft.material else draft.nouns).append(noun)
-    return draft
-
-
-def _material(
-    drafts: list[_Draft], token: _Token, ahead: list[_Token], *, beside: _Token | Literal[False]
-) -> _Draft:
-    draft = drafts[-1]
-    if draft.material is None:
-        rest = [other.role for other in _until_cut(ahead)]
-        pair_list = not rest or rest[-1] != "noun"  # "legs oak seat foam" ends on a material
-        if draft.nouns and not draft.linked and rest[:1] == ["noun"] and not pair_list:
-            draft = _open(drafts)  # "chair steel frame"
-        draft.name(token)
-    elif beside and beside.role == "material":
-        if token.stems[-1] not in words.FAMILIES and not draft.predicate:
-            draft.nouns += token.stems  # "plastic leaves", but not "oak wood"
-    else:
-        draft = _open(drafts)
-        draft.name(token)
-    return draft
-
-
-def _until_cut(ahead: list[_Token]) -> list[_Token]:
-    ends = (at for at, token in enumerate(ahead) if token.role in ("break", "joint"))
-    return ahead[: next(ends, len(ahead))]
-
-
-_LIST = frozenset([",", "and", "&", "+", "plus"])
-
-
-def _merge(drafts: list[_Draft]) -> list[_Draft]:
-    """Join what commas and "and" have cut: relative clauses, lists of parts, adjectives."""
-    drafts = [draft for draft in drafts if draft.words]
-    drafts = _fold(drafts, _is_relative, _take_predicate)
-    drafts = _fold(drafts[::-1], lambda later, d: _shares_predicate(d, later), _give_nouns)[::-1]
-    return _fold(drafts, _continues_list, _take_nouns)
-
-
-def _fold(drafts: list[_Draft], joins, join) -> list[_Draft]:
-    """Merge each draft into the one before it where ``joins(before, draft)`` holds."""
-    out: list[_Draft] = []
-    for draft in drafts:
-        if out and joins(out[-1], draft):
-            join(out[-1], draft)
-        else:
-            out.append(draft)
-    return out
-
-
-def _is_relative(before: _Draft, draft: _Draft) -> bool:
-    """Tell "legs, which are oak": a material without a part, after a part without a material."""
-    adjective = not (before.nouns or before.material) and before.level and draft.joint in _LIST
-    return bool(adjective) or (
-        not before.material
-        and bool(before.nouns)
-        and draft.material is not None
-        and (draft.subjectless or (not draft.nouns and draft.joint == ","))
-    )
-
-
-def _take_predicate(before: _Draft, draft: _Draft) -> None:
-    before.material, before.material_stems = draft.material, draft.material_stems
-    before.level = draft.level or before.level
-    before.nouns += draft.nouns
-    before.linked, before.predicate = before.linked or draft.linked, bool(before.nouns)
-    before.words += draft.words
-
-
-def _shares_predicate(draft: _Draft, later: _Draft) -> bool:
-    """Tell "legs and back are oak": bare nouns before a list's last part."""
-    return draft.bare and later.joint in _LIST and later.predicate and bool(later.nouns)
-
-
-def _give_nouns(later: _Draft, draft: _Draft) -> None:
-    later.nouns = draft.nouns + later.nouns
-    later.words = [*draft.words, "and", *later.words]
-    later.joint = draft.joint
-
-
-def _continues_list(before: _Draft, draft: _Draft) -> bool:
-    """Tell "oak legs and back": bare nouns after a material and its part; or "oak for the legs"."""
-    attributive = before.material is not None and not before.predicate
-    listed = draft.joint in _LIST and bool(before.nouns)
-    return draft.bare and attributive and (listed or draft.joint == "for")
-
-
-def _take_nouns(before: _Draft, draft: _Draft) -> None:
-    before.nouns += draft.nouns
-    before.words += ["and", *draft.words]
+    def stated(self) -> tuple[Clause, ...]:
+        """Its clauses; none where it only says what the object is."""
+        says = any(clause.material or clause.level for clause in self.clauses)
+        return self.clauses if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()

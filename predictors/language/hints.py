@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
-from ..predictor import TextEncoder
-from . import lexicon
+from ..encoders.protocol import TextEncoder
+from ..normalisation import DEFAULT, Normalisation
 from .degrees import ADJECTIVES, BEND, BRITTLE, FLOAT, MODERATE, SINK, SOMEWHAT, STRONGER
 from .lexicon import CHANNELS, Lexicon, default_lexicon, with_lexicon
 from .statement import as_usual
@@ -81,7 +80,7 @@ class PlainWords:
     def _level(self, text: str) -> tuple[str, str | None] | None:
         """Return the plain words for what is said, if just one thing is."""
         channels = self.lexicon.channels(text).tolist()
-        hints: dict[str, float] = dict(zip(lexicon.CHANNELS, channels, strict=True))
+        hints: dict[str, float] = dict(zip(CHANNELS, channels, strict=True))
         if hints["floats"] or hints["sinks"]:
             return ("floats on water", None) if hints["floats"] else ("sinks in water", None)
         if hints["brittle"]:
@@ -120,11 +119,6 @@ def _attribute(words: list[str]) -> tuple[int, int] | None:
     return start, end
 
 
-@lru_cache(maxsize=1)
-def _default() -> PlainWords:
-    return PlainWords(default_lexicon())
-
-
 UNSAID = "object"  # is embedded for a clause that names no part
 
 
@@ -132,25 +126,35 @@ class HintedEncoder:
     """A text encoder that hears clauses in plain words: sentence, the lexicon's hints, subject.
 
     Of the sentences, ``plain`` out of two are said in plain words first: all at run time, half in
-    training, which is to hear every way of speaking too.
+    training, which is to hear every way of speaking too. The values of materials are hints in the
+    ranges of ``normalisation``.
     """
 
-    def __init__(self, encoder: TextEncoder, *, plain: int = 2) -> None:
+    def __init__(
+        self, encoder: TextEncoder, *, plain: int = 2, normalisation: Normalisation = DEFAULT
+    ) -> None:
         self.encoder, self.plain = encoder, plain
+        self.lexicon = default_lexicon(normalisation)
+        self.plainly = PlainWords(self.lexicon)
 
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
         """Embedding of each sentence, its hints, and of its subject: (n, dim + channels + dim)."""
-        said = [_default()(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
-        subjects = [subject(text) for text in said]
+        said = [self.plainly(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
+        subjects = [self.subject(text) for text in said]
         distinct = {text: at for at, text in enumerate(dict.fromkeys(subjects))}
         if not said:
             dim = 2 * self.encoder.text([UNSAID]).shape[1] + len(CHANNELS)
             return np.zeros((0, dim), dtype=np.float32)
         spoken_of = self.encoder.text(list(distinct))[[distinct[text] for text in subjects]]
-        return np.concatenate([with_lexicon(self.encoder.text(said), said), spoken_of], axis=1)
+        heard = with_lexicon(self.encoder.text(said), said, lexicon=self.lexicon)
+        return np.concatenate([heard, spoken_of], axis=1)
+
+    def subject(self, text: str) -> str:
+        """Words for what a clause speaks of; see ``subject``."""
+        return subject(text, lexicon=self.lexicon)
 
 
-def subject(text: str) -> str:
+def subject(text: str, *, lexicon: Lexicon | None = None) -> str:
     """Words for what a clause speaks of: of the part, else of its material, else of anything."""
-    said = default_lexicon().read(text)
+    said = (lexicon or default_lexicon()).read(text)
     return said.subject or said.material or UNSAID

@@ -41,7 +41,7 @@ _CHAFF = frozenset(
 )
 
 
-def plain_words(name: str) -> list[str]:
+def bare_words(name: str) -> list[str]:
     """Lower-case words of a name, without digits, file suffixes and the like."""
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-ZÀ-Ý])", " ", name)
     words = re.findall(r"[^\W\d_]+", spaced.lower())
@@ -50,7 +50,7 @@ def plain_words(name: str) -> list[str]:
 
 def kind_of(name: str) -> str | None:
     """Kind of material that a name speaks of, or None."""
-    words = plain_words(name)
+    words = bare_words(name)
     found = {_KIND_OF[word] for word in words if word in _KIND_OF}
     if not found:
         found = {k for k, stems in _INSIDE.items() for s in stems if any(s in w for w in words)}

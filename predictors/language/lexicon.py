@@ -15,12 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.scene.materials import MaterialTable, load_table
-from ..datasets.grammar import material_at_level
-from ..datasets.wordings import Level
-from ..normalisation import DEFAULT
+from ..normalisation import DEFAULT, Normalisation
 from .degrees import BEND, BRITTLE, FLOAT, HEAVY, LIGHT, MODERATE, SINK, SOFT, STIFF, STRONGER
-from .statement import Reader, Statement, as_usual
-from .vocabulary import Vocabulary
+from .levels import Level, material_at_level
+from .statement import Reader, as_usual
+from .vocabulary import vocabulary_of
 
 CHANNELS = (
     "material", "E", "nu", "rho", "stiffness", "stiffness score", "weight", "weight score",
@@ -28,6 +27,7 @@ CHANNELS = (
 )  # fmt: skip
 # On the scale where an embedding's numbers have unit variance: louder than any one of them.
 LOUDNESS = 2.0
+REMEMBERED = 1024  # clauses that were read: more than any one object has
 # Scores of an adjective as it stands, strengthened, and in the middle of the range.
 _PLAIN, _STRONG, _MIDDLE = 0.5, 1.0, 0.1
 
@@ -48,12 +48,17 @@ _BRITTLE_SHARE = 0.85
 
 
 class Lexicon:
-    """Channels of clauses, by the words of a material table."""
+    """Channels of clauses, by the words of a material table; values as ``normalisation`` has them.
 
-    def __init__(self, table: MaterialTable | None = None) -> None:
+    ``read`` gives the ``Statement`` of a clause; it remembers what it has read.
+    """
+
+    def __init__(
+        self, table: MaterialTable | None = None, *, normalisation: Normalisation = DEFAULT
+    ) -> None:
         self.table = table or load_table()
-        self.vocabulary = Vocabulary(self.table.phrases)
-        self.read = Reader(self.vocabulary)
+        self.normalisation = normalisation
+        self.read = lru_cache(maxsize=REMEMBERED)(Reader(vocabulary_of(self.table)))
 
     def channels(self, text: str) -> Float[np.ndarray, "channels"]:
         """Return the ``CHANNELS`` of one clause, each about in [-1, 1], 0 where it is silent."""
@@ -69,14 +74,14 @@ class Lexicon:
 
     def _material(self, text: str) -> tuple[float, float, float, float]:
         """Whether the clause names a material, and its normalised value, as stiff as it says."""
-        said: Statement = self.read(text)
+        said = self.read(text)
         if said.material is None:
             return (0.0, 0.0, 0.0, 0.0)
         stiffness, weight = _share(_stiffness(said.manner)), _share(_weight(said.manner))
         if stiffness is None and BRITTLE & set(said.manner):
             stiffness = _BRITTLE_SHARE
         value = material_at_level(self.table.exact(said.material), Level(stiffness, weight))
-        E, nu, rho = DEFAULT.normalise(*value).tolist()
+        E, nu, rho = self.normalisation.normalise(*value).tolist()
         return (1.0, E, nu, rho)
 
 
@@ -152,18 +157,19 @@ def _water(words: Sequence[str]) -> int:
     return 0
 
 
-@lru_cache(maxsize=1)
-def default_lexicon() -> Lexicon:
+@lru_cache(maxsize=4)
+def default_lexicon(normalisation: Normalisation = DEFAULT) -> Lexicon:
     """Return the lexicon of the package's own table."""
-    return Lexicon()
+    return Lexicon(normalisation=normalisation)
 
 
 def with_lexicon(
-    embedding: Float[np.ndarray, "n dim"], texts: Sequence[str]
+    embedding: Float[np.ndarray, "n dim"], texts: Sequence[str], *, lexicon: Lexicon | None = None
 ) -> Float[np.ndarray, "n wider"]:
-    """Unit embeddings joined by the lexicon's channels, shape (n, dim + channels), float32."""
+    """Unit embeddings joined by a lexicon's channels, shape (n, dim + channels), float32."""
     if not len(texts):
         return np.zeros((0, embedding.shape[1] + len(CHANNELS)), dtype=np.float32)
-    hints = np.stack([default_lexicon().channels(text) for text in texts])
+    lexicon = lexicon or default_lexicon()
+    hints = np.stack([lexicon.channels(text) for text in texts])
     loud = LOUDNESS / np.sqrt(embedding.shape[1])
     return np.concatenate([embedding, loud * hints], axis=1).astype(np.float32)

@@ -1,6 +1,6 @@
 """What one clause speaks of and what it is made of: "very soft rubber for the grip".
 
-``text.parse`` cuts a sentence into clauses and must guess where each ends; here the end is known,
+``parser.parse`` cuts a sentence into clauses and must guess where each ends; here the end is known,
 so the words that remain when the material, how it is, and the small words are taken away are those
 for the part. They bind a clause to voxels whatever it says of them.
 """
@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
-from ..datasets.objects import CATEGORIES, spoken
-from ..datasets.parts import part_kinds
 from . import words
 from .degrees import ADJECTIVES, BEND, BRITTLE, FLOAT, MANNER, MODERATE, SINK
+from .part_names import known_words
 from .vocabulary import TOKEN, Vocabulary, stem
 
 # A statement begins: "legs are", "whose rim must be", "it consists of", "the seat gives way".
@@ -69,7 +67,7 @@ class Reader:
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
-        self._parts = Vocabulary(part_words())
+        self._parts = Vocabulary(known_words())
 
     def __call__(self, text: str) -> Statement:
         """Read a clause."""
@@ -161,10 +159,3 @@ def _idle(word: str, stem: str) -> bool:
 def _join(raw: Sequence[str], stems: Sequence[str], where: range, without) -> str:
     kept = [i for i in where if i not in without and not _idle(raw[i], stems[i])]
     return " ".join("everything" if stems[i] in _ALL else stems[i] for i in kept)
-
-
-@lru_cache(maxsize=1)
-def part_words() -> tuple[str, ...]:
-    """Words for the parts and the things that training knows."""
-    kinds = [kind for kind in part_kinds().values() if not kind.held_out]
-    return (*(word for kind in kinds for word in kind.words), *map(spoken, CATEGORIES))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
+from ...fem.scene.materials import MaterialTable
 from . import words
 
 TOKEN = re.compile(r"[^\W_]+|[.;,&+=:\n]")
@@ -56,3 +58,9 @@ class Vocabulary:
         if found:
             return max(found, key=lambda match: match[1])[0]
         return next((self._foreign[word] for word in stems if word in self._foreign), None)
+
+
+@lru_cache(maxsize=4)
+def vocabulary_of(table: MaterialTable) -> Vocabulary:
+    """Return the phrases of a table."""
+    return Vocabulary(table.phrases)

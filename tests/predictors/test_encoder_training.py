@@ -1,4 +1,4 @@
-"""Laws of the image encoder: corpus round trip, light, regression, learning, the probe."""
+"""Laws of the image encoder: corpus round trip, light, regression, learning."""
 
 import subprocess
 import sys
@@ -19,10 +19,9 @@ from autophyx_tet.predictors.encoders.network import (
     levels,
     new_backbone,
 )
-from autophyx_tet.predictors.encoders.probe import Regions, fit_probe, score
 from autophyx_tet.predictors.images.cameras import hemisphere
 from autophyx_tet.predictors.images.views import render_views
-from autophyx_tet.predictors.language.kinds import KINDS, kind_of, plain_words
+from autophyx_tet.predictors.language.kinds import KINDS, bare_words, kind_of
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
     HeadOptions,
@@ -246,19 +245,6 @@ def test_script_from_corpus_to_head(tmp_path):
     assert np.isfinite(vectors).all()
 
 
-def test_probe_scores():
-    """Separable classes score 1 whatever their sizes, noise scores chance within its interval."""
-    rng = np.random.default_rng(0)
-    label = np.repeat([0, 1, 2], [90, 20, 10])
-    features = rng.normal(size=(120, 60)) + 8 * np.eye(60)[label]
-    regions = Regions(features, label, np.arange(120) // 4)
-    assert score(fit_probe(regions)(features), regions, rng=rng).accuracy == 1
-    blank = Regions(rng.normal(size=(120, 60)), label, regions.thing)
-    fresh = rng.normal(size=(120, 60))
-    result = score(fit_probe(blank)(fresh), blank, rng=rng)
-    assert result.low < 1 / 3 < result.high
-
-
 def test_kinds_of_names():
     """Words, words inside words and other languages; a name without a material has no kind."""
     assert kind_of("Metal_Chrome.001") == "metal"
@@ -266,4 +252,4 @@ def test_kinds_of_names():
     assert kind_of("madera_oscura") == "wood"
     assert kind_of("fiberglass") == "plastic"
     assert kind_of("Cube.012") is None
-    assert plain_words("Dark_Fabric_03.jpg") == ["dark", "fabric"]
+    assert bare_words("Dark_Fabric_03.jpg") == ["dark", "fabric"]

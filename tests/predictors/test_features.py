@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.encoders import Encoder, ImageEncoder, load_encoder
+from autophyx_tet.predictors.encoders import ENCODERS, Encoder, ImageEncoder, load_encoder
 from autophyx_tet.predictors.images.features import features, features_of_views
 from autophyx_tet.predictors.images.names import name_embeddings
 from autophyx_tet.predictors.images.segmentation import best_segmentation, segment
@@ -78,7 +78,22 @@ def test_a_cloud_with_pictures_has_features():
     assert not found.surface.all()
 
 
-@pytest.mark.parametrize("name", ["rgb", "occupancy", "embedded"])
+def test_an_encoder_is_one_class_and_one_registration():
+    """By its name the toy sees an asset like any other encoder; it takes no weights."""
+    ENCODERS.register("colours", Colours)
+    try:
+        found = features(two_boxes(), encoder="colours", cells=12, pixels=24)
+        with pytest.raises(UsageError, match="nothing after a colon"):
+            load_encoder("colours:x")
+    finally:
+        ENCODERS.unregister("colours")
+    assert found.encoder == "colours"
+    assert found.names.shape == (2, 3)
+    with pytest.raises(UsageError, match="unknown encoder 'colours'"):
+        load_encoder("colours")
+
+
+@pytest.mark.parametrize("name", [name for name in ENCODERS if name != "openclip"])
 def test_encoders_give_a_vector_per_cell(name):
     """Any picture size gives (views, rows, columns, dim), the same every time."""
     encoder = load_encoder(name)

@@ -1,10 +1,10 @@
 """Laws of the lexicon: what a clause says word by word."""
 
 import numpy as np
-import pytest
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.wordings import LEVELS, sentence, wordings
+from autophyx_tet.predictors.datasets.wordings import sentence, wordings
 from autophyx_tet.predictors.language.hints import HintedEncoder, PlainWords
+from autophyx_tet.predictors.language.levels import LEVELS
 from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT
 from scipy.stats import spearmanr
@@ -16,19 +16,19 @@ def channel(text: str, name: str) -> float:
     return float(LEXICON.channels(text)[CHANNELS.index(name)])
 
 
-@pytest.mark.parametrize(
-    ("name", "field"), [("stiffness score", "stiffness"), ("weight score", "density")]
-)
-def test_scores_rise_with_the_level(name, field):
+def test_scores_rise_with_the_level():
     """Over all wordings of all levels the score and the asked level correlate by >= .97."""
-    asked, found = [], []
-    for level, shares in LEVELS.items():
-        share = getattr(shares, field)
-        if share is not None and shares.nu is None:
-            said = [w for out in (False, True) for w in sorted(set(wordings(level, held_out=out)))]
-            asked += [share] * len(said)
-            found += [channel(sentence("the seat", w), name) for w in said]
-    assert spearmanr(asked, found)[0] >= 0.97
+    for name, field in (("stiffness score", "stiffness"), ("weight score", "density")):
+        asked, found = [], []
+        for level, shares in LEVELS.items():
+            share = getattr(shares, field)
+            if share is not None and shares.nu is None:
+                said = [
+                    w for out in (False, True) for w in sorted(set(wordings(level, held_out=out)))
+                ]
+                asked += [share] * len(said)
+                found += [channel(sentence("the seat", w), name) for w in said]
+        assert spearmanr(asked, found)[0] >= 0.97, name
 
 
 def test_a_material_is_read_exactly():
@@ -39,18 +39,15 @@ def test_a_material_is_read_exactly():
     assert channel("the base is heavy as lead", "material") == 0
 
 
-@pytest.mark.parametrize(
-    ("text", "name", "sign"),
-    [
+def test_negation_turns_the_sign():
+    """What does not bend is stiff, what is not heavy is light."""
+    for text, name, sign in (
         ("the seat does not bend at all", "stiffness score", 1),
         ("a flexible seat", "stiffness score", -1),
         ("the pole is not heavy", "weight score", -1),
         ("a hefty base", "weight score", 1),
-    ],
-)
-def test_negation_turns_the_sign(text, name, sign):
-    """What does not bend is stiff, what is not heavy is light."""
-    assert channel(text, name) * sign > 0
+    ):
+        assert channel(text, name) * sign > 0, text
 
 
 def test_water():
@@ -68,9 +65,10 @@ def test_hints_follow_the_embedding():
     assert np.isclose(joined[1, 3], LOUDNESS / np.sqrt(3))
 
 
-@pytest.mark.parametrize(
-    ("said", "plain"),
-    [
+def test_plain_words():
+    """What is understood is said in plain words, once and for all; materials stay as they are."""
+    plainly = PlainWords(LEXICON)
+    for said, plain in (
         ("the seat gives way at the slightest touch", "the seat is very soft"),
         ("the legs are rather pliant", "the legs are soft"),
         ("a feather light wing", "a very light wing"),
@@ -79,13 +77,9 @@ def test_hints_follow_the_embedding():
         ("soft rubber sole", "soft rubber sole"),
         ("the legs are made of oak", "the legs are made of oak"),
         ("the mushroom cap is quite firm", "the mushroom cap is stiff"),
-    ],
-)
-def test_plain_words(said, plain):
-    """What is understood is said in plain words, once and for all; materials stay as they are."""
-    plainly = PlainWords(LEXICON)
-    assert plainly(said) == plain
-    assert plainly(plain) == plain
+    ):
+        assert plainly(said) == plain
+        assert plainly(plain) == plain
 
 
 def test_training_hears_every_word():

@@ -57,6 +57,47 @@ def test_a_cold_process_embeds_a_sentence_without_torch():
     assert done.returncode == 0, done.stderr
 
 
+def reference(folder, tokens):
+    """The network by torch's own layers: its GELU, norm and attention."""
+    import torch
+    from safetensors.torch import load_file
+    from torch.nn import functional as F
+
+    w = {k: x.float() for k, x in load_file(folder / "model.safetensors").items()}
+
+    def dense(name, x):
+        return F.linear(x, w[f"{name}.weight"], w[f"{name}.bias"])
+
+    def norm(name, x):
+        return F.layer_norm(x, x.shape[-1:], w[f"{name}.weight"], w[f"{name}.bias"], 1e-12)
+
+    x = w["embeddings.word_embeddings.weight"][torch.tensor(tokens)]
+    x = x + w["embeddings.position_embeddings.weight"][: len(tokens)]
+    x = norm("embeddings.LayerNorm", x + w["embeddings.token_type_embeddings.weight"][0])
+    for layer in range(6):
+        at = f"encoder.layer.{layer}"
+        q, k, v = (
+            dense(f"{at}.attention.self.{role}", x).unflatten(-1, (12, -1)).transpose(0, 1)
+            for role in ("query", "key", "value")
+        )
+        seen = F.scaled_dot_product_attention(q, k, v).transpose(0, 1).flatten(1)
+        x = norm(
+            f"{at}.attention.output.LayerNorm", x + dense(f"{at}.attention.output.dense", seen)
+        )
+        inner = F.gelu(dense(f"{at}.intermediate.dense", x))
+        x = norm(f"{at}.output.LayerNorm", x + dense(f"{at}.output.dense", inner))
+    return F.normalize(x.mean(dim=0), dim=0).numpy()
+
+
+@pytest.mark.parametrize("device", [None, "cpu"])
+def test_numpy_and_torch_are_one_network(device):
+    """Both libraries give what torch's own layers give, to 1e-5."""
+    embed = MiniLM(device=device)
+    rows = [encoding.ids for encoding in embed._tokenizer.encode_batch(SENTENCES)]
+    wanted = np.stack([reference(packaged_weights(), row) for row in rows])
+    np.testing.assert_allclose(embed.text(SENTENCES), wanted, atol=1e-5)
+
+
 @pytest.mark.slow
 def test_it_is_the_reference_implementation(encoder):
     """Cosine >= .9999 with sentence-transformers on the same weights, truncation included."""

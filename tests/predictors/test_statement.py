@@ -1,13 +1,13 @@
 """Laws of reading one clause: what it speaks of, of what it is, and how that is."""
 
 import numpy as np
-import pytest
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.grammar import Grammar, material_at_level
-from autophyx_tet.predictors.datasets.parts import part_kinds
-from autophyx_tet.predictors.datasets.wordings import LEVELS
+from autophyx_tet.predictors.datasets.grammar import Grammar
+from autophyx_tet.predictors.datasets.objects import CATEGORIES
 from autophyx_tet.predictors.language.hints import PlainWords, subject
+from autophyx_tet.predictors.language.levels import LEVELS, material_at_level
 from autophyx_tet.predictors.language.lexicon import CHANNELS, Lexicon
+from autophyx_tet.predictors.language.part_names import CATEGORY_NAMES, known_words, part_kinds
 from autophyx_tet.predictors.language.statement import Reader
 from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.normalisation import DEFAULT
@@ -15,9 +15,9 @@ from autophyx_tet.predictors.normalisation import DEFAULT
 READ = Reader(Vocabulary(load_table().phrases))
 
 
-@pytest.mark.parametrize(
-    ("text", "of", "material"),
-    [
+def test_subject_and_material():
+    """Whatever the frame, the words for the part and the material's phrase are told apart."""
+    for text, of, material in (
         ("the legs are oak", "leg", "oak"),
         ("oak for the legs", "leg", "oak"),
         ("use velvet for the fabric", "fabric", "velvet"),
@@ -30,12 +30,9 @@ READ = Reader(Vocabulary(load_table().phrases))
         ("the seat is soft as wool", "seat", None),
         ("whose rim cannot be bent", "rim", None),
         ("it is all oak", "everything", "oak"),
-    ],
-)
-def test_subject_and_material(text, of, material):
-    """Whatever the frame, the words for the part and the material's phrase are told apart."""
-    said = READ(text)
-    assert (said.subject, said.material) == (of, material)
+    ):
+        said = READ(text)
+        assert (said.subject, said.material) == (of, material), text
 
 
 def test_a_level_moves_a_material_within_its_own_range():
@@ -68,3 +65,12 @@ def test_plain_words_speak_of_the_same_part():
         assert subject(plain(text)) == subject(text)
     said = "it has a mild steel hard shell"
     assert plain(said) == said
+
+
+def test_words_for_things_are_those_of_training():
+    """The names of whole things, which the reader knows, are the categories that training draws."""
+    assert tuple(CATEGORIES) == CATEGORY_NAMES
+    assert {"potted plant", "backrest"} <= set(known_words())
+    assert not {w for k in part_kinds().values() if k.held_out for w in k.words} & set(
+        known_words()
+    )

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.appearance import Finish, finish_of, to_linear, to_srgb
-from autophyx_tet.predictors.images.cameras import Camera, hemisphere, look_at
+from autophyx_tet.predictors.images.cameras import Camera, hemisphere, look_at, read_transforms
+from autophyx_tet.predictors.images.surface_colour import Finish, finish_of, to_linear, to_srgb
 from autophyx_tet.predictors.images.views import load_photographs, render_views
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
@@ -196,6 +196,7 @@ def test_photographs_and_cameras(tmp_path):
     assert views.colour.shape == (1, 24, 32, 3)
     assert views.opacity[0, 0, 0] == pytest.approx(128 / 255)
     assert views.cameras[0].focal == (50.0, 50.0)
+    assert views.cameras[0].center == (16.0, 12.0)
     assert np.allclose(views.cameras[0].pose, pose)
     document["frames"][0]["file_path"] = "../a.png"
     Image.new("RGB", (4, 4)).save(tmp_path.parent / "a.png")
@@ -205,6 +206,18 @@ def test_photographs_and_cameras(tmp_path):
     path.write_text("{}")
     with pytest.raises(InputError, match="frames"):
         load_photographs(path)
+
+
+def test_intrinsics_of_another_resolution_are_scaled(tmp_path):
+    """Photographs at a half and a third of the pixels that the file speaks of: same rays."""
+    Image.new("RGB", (32, 24)).save(tmp_path / "a.png")
+    pose = look_at(np.array([0, 0, 5.0]), np.zeros(3)).pose
+    given = {"fl_x": 100.0, "fl_y": 90.0, "cx": 30.0, "cy": 40.0, "w": 64, "h": 72}
+    frame = {"file_path": "a.png", "transform_matrix": pose.tolist()}
+    (tmp_path / "transforms.json").write_text(json.dumps({**given, "frames": [frame]}))
+    (shot,) = read_transforms(tmp_path / "transforms.json")
+    whole = Camera(pose, (100.0, 90.0), (30.0, 40.0), (72, 64)).resized(24, 32)
+    np.testing.assert_allclose(shot.camera.directions(), whole.directions())
 
 
 def test_views_of_two_sizes_are_refused():

@@ -6,8 +6,8 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.appearance import to_srgb
 from autophyx_tet.predictors.images.cameras import look_at
+from autophyx_tet.predictors.images.surface_colour import to_srgb
 from autophyx_tet.toolkit.io.bonsai import FINISHES, bonsai
 from autophyx_tet.toolkit.report.picture import (
     asset_panel,

@@ -19,7 +19,7 @@ from ...converters.points.table import PointTable
 from ...converters.registry import GRID_FORMATS, POINT_FORMATS
 from ...fem.errors import InputError
 from ...predictors.grid import Grid
-from ...predictors.images.appearance import GREY
+from ...predictors.images.surface_colour import GREY
 from ...predictors.images.surface_voxels import OPAQUE, density_of_points
 
 FAINT = 0.1  # opacity below which a splat is haze, no part of the object

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...asset import Asset, up_vector
-from ...images.appearance import finish_of, material_name
 from ...images.cameras import hemisphere
+from ...images.surface_colour import finish_of, material_name
 from ...images.views import Views, render_views
-from ...language.kinds import KINDS, kind_of, plain_words
+from ...language.kinds import KINDS, bare_words, kind_of
 
 if TYPE_CHECKING:
     import torch
@@ -234,5 +234,5 @@ def _text_table(
 
 def _known(name: str, text_encoder: Any) -> list[str]:
     """Words of a name that are English, or at least whole in the encoder's vocabulary."""
-    words = [word for word in plain_words(name) if word not in _PRIMITIVES]
+    words = [word for word in bare_words(name) if word not in _PRIMITIVES]
     return list(dict.fromkeys(word for word in words if text_encoder.knows(word)))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...images.appearance import Finish
 from ...images.cameras import FIELD_OF_VIEW
+from ...images.surface_colour import Finish
 from ...images.views import (
     AMBIENT,
     BACKGROUND,

@@ -9,11 +9,10 @@ import numpy as np
 
 from ...datasets.real import RealObject
 from ...datasets.text_table import TextTable, build_text_table
-from ...encoders.minilm import packaged_weights
+from ...encoders.minilm import MiniLM
 from ...film.config import NetworkConfig
 from ...language.hints import HintedEncoder
 from ...language.lexicon import CHANNELS
-from ..embedding import TorchMiniLM
 from .config import TrainingConfig
 from .mixture import Mixture
 
@@ -103,6 +102,6 @@ def device_text_table(
     real: Sequence[RealObject] = (),
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device."""
-    encoder = HintedEncoder(TorchMiniLM(packaged_weights(), device=device), plain=1)
+    encoder = HintedEncoder(MiniLM(device=device), plain=1)
     rng = np.random.default_rng(seed)
     return build_text_table(rng, encoder.text, per_part=per_part, real=real)

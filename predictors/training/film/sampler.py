@@ -12,9 +12,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...datasets.grammar import Role
-from ...datasets.parts import part_kinds
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ...film.config import Scene
+from ...language.part_names import part_kinds
 from ..sentences import Sentences
 from ..stores import Store, parts_that_exist, take
 from .augmentation import shrunk, turned

@@ -1,4 +1,4 @@
-"""What parts of things are called and what they may be made of."""
+"""What parts and whole things are called, and what parts may be made of."""
 
 from __future__ import annotations
 
@@ -120,6 +120,15 @@ spectacles: spectacle frame, glasses frame | acetal, titanium, wood, steel
 rock: rock, boulder | granite, limestone, sandstone, foam
 statue: statue, figure | bronze, marble, plaster, wood
 """
+# Whole things that people know, in the order of the training's categories.
+CATEGORY_NAMES = tuple(
+    "chair armchair sofa stool bench table desk bed lamp bookshelf wardrobe dresser door window "
+    "house fence clock candlestick hammer axe knife sword screwdriver shovel broom brush pan "
+    "saucepan teapot mug bottle jar bucket basket barrel parcel suitcase handbag shoe hat "
+    "helmet glasses car wagon airplane rocket dumbbell trophy drum racket pencil book "
+    "potted_plant cactus tree bouquet apple mushroom layer_cake ice_cream burger lollipop teddy "
+    "duck snowman robot monument garden candy_bowl".split()
+)
 # Parts of the two categories that training never sees, with words that nothing else uses.
 _HELD_OUT_PARTS = """
 hull: hull, boat hull | oak, gfrp, aluminium, plastic
@@ -180,3 +189,15 @@ def _read(text: str, held_out: bool) -> dict[str, PartKind]:
 def part_kinds() -> dict[str, PartKind]:
     """Every kind of part by name; the held-out ones last."""
     return {**_read(_PARTS, False), **_read(_HELD_OUT_PARTS, True)}
+
+
+def spoken(category: str) -> str:
+    """Return the name of a category as people say it: "potted plant"."""
+    return category.replace("_", " ")
+
+
+@lru_cache(maxsize=1)
+def known_words() -> tuple[str, ...]:
+    """Words for parts and whole things, but for those that only tests of the network speak of."""
+    kinds = [kind for kind in part_kinds().values() if not kind.held_out]
+    return (*(word for kind in kinds for word in kind.words), *map(spoken, CATEGORY_NAMES))

@@ -3,23 +3,26 @@
 import pytest
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.language.clauses import MAX_TEXT, parse
-from autophyx_tet.predictors.language.vocabulary import Vocabulary, name_words, stem
+from autophyx_tet.predictors.language.parser import MAX_TEXT, parse
+from autophyx_tet.predictors.language.vocabulary import name_words, stem, vocabulary_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-VOCABULARY = Vocabulary(load_table().phrases)
+TABLE = load_table()
 OAK_FOAM = [("oak", "leg"), ("foam", "seat")]
+
+
+def clauses(text):
+    return parse(text, TABLE).clauses
 
 
 def pairs(text):
     """(material, part) pairs of a text, in order."""
-    return [(c.material, part) for c in parse(text, VOCABULARY) for part in c.parts]
+    return [(c.material, part) for c in clauses(text) for part in c.parts]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_all_these_say_oak_legs_and_a_foam_seat():
+    for text in (
         "oak legs, foam seat",
         "oak legs foam seat",
         "legs of oak and a seat of foam",
@@ -33,16 +36,12 @@ def pairs(text):
         "two oak legs (30 cm) & one foam seat of 1.5 kg",
         "OAK LEGS AND FOAM SEAT!",
         "the legs are not steel but oak, the seat is foam",
-    ],
-)
-def test_all_these_say_oak_legs_and_a_foam_seat(text):
-    found = pairs(text)
-    assert [pair for pair in found if pair[0]] == OAK_FOAM
+    ):
+        assert [pair for pair in pairs(text) if pair[0]] == OAK_FOAM, text
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
+def test_lists_relative_clauses_and_words_that_are_part_and_material():
+    for text, expected in (
         ("oak legs and back, foam seat", [("oak", "leg"), ("oak", "back"), ("foam", "seat")]),
         ("legs, back and seat are oak", [("oak", "leg"), ("oak", "back"), ("oak", "seat")]),
         ("oak for the legs", [("oak", "leg")]),
@@ -55,31 +54,29 @@ def test_all_these_say_oak_legs_and_a_foam_seat(text):
         ("oak legs of the chair", [("oak", "leg"), ("oak", "chair")]),
         ("", []),
         ("10 cm x 20 cm", []),
-    ],
-)
-def test_lists_relative_clauses_and_words_that_are_part_and_material(text, expected):
-    assert pairs(text) == expected
+    ):
+        assert pairs(text) == expected, text
 
 
 def test_longest_phrase_and_level():
-    (clause,) = parse("solid steel ball, 10 cm", VOCABULARY)
+    (clause,) = clauses("solid steel ball, 10 cm")
     assert (clause.material, clause.parts, clause.level) == ("steel", ("ball",), None)
-    soft, stiff = parse("a natural rubber grip that is very soft; a stiff frame", VOCABULARY)
+    soft, stiff = clauses("a natural rubber grip that is very soft; a stiff frame")
     assert (soft.material, soft.parts, soft.level) == ("natural rubber", ("grip",), "soft")
     assert (stiff.material, stiff.parts, stiff.level) == (None, ("frame",), "stiff")
-    (alloy,) = parse("6061-T6 aluminium hull", Vocabulary(["6061 t6"]))
+    (alloy,) = clauses("6061-T6 hull")
     assert alloy.material == "6061 t6"
 
 
 def test_a_text_too_long_is_refused():
-    parse("oak " * (MAX_TEXT // 4), VOCABULARY)
+    clauses("oak " * (MAX_TEXT // 4))
     with pytest.raises(UsageError, match=str(MAX_TEXT)):
-        parse("x" * (MAX_TEXT + 1), VOCABULARY)
+        clauses("x" * (MAX_TEXT + 1))
 
 
-@pytest.mark.parametrize(
-    ("name", "phrase"),
-    [
+def test_materials_in_the_names_of_assets():
+    vocabulary = vocabulary_of(TABLE)
+    for name, phrase in (
         ("Metal_Chrome", "chrome"),
         ("legno_scuro", "wood"),
         ("WoodSeat02", "wood"),
@@ -87,12 +84,9 @@ def test_a_text_too_long_is_refused():
         ("tissu-rouge", "fabric"),
         ("sweethome3d_mat_3", None),
         ("Group1", None),
-    ],
-)
-def test_materials_in_the_names_of_assets(name, phrase):
-    found = VOCABULARY.in_name(name)
-    rows = load_table()
-    assert (found and rows.exact(found)) is (phrase and rows.exact(phrase))
+    ):
+        found = vocabulary.in_name(name)
+        assert (found and TABLE.exact(found)) is (phrase and TABLE.exact(phrase)), name
 
 
 def test_stems():
@@ -108,7 +102,26 @@ def test_stems():
 )).map(" ".join))  # fmt: skip
 def test_any_text_is_read(text):
     """No input fails, and case and surrounding space do not matter."""
-    clauses = parse(text, VOCABULARY)
-    assert all(clause.material or clause.parts for clause in clauses)
+    found = clauses(text)
+    assert all(clause.material or clause.parts for clause in found)
     if text.isascii():
-        assert parse(f"  {text.upper()} ", VOCABULARY) == clauses
+        assert clauses(f"  {text.upper()} ") == found
+
+
+def test_clauses_keep_their_words_as_written():
+    """Every word between the first and the last, in the user's own letters; no word of others."""
+    text = "Extremely squishy FOAM seat and a leather back; oak legs, arms"
+    assert [clause.written for clause in clauses(text)] == [
+        "squishy FOAM seat",
+        "a leather back",
+        "oak legs and arms",  # a list taken apart: as it was understood
+    ]
+    assert clauses("a seat of very soft foam")[0].written == "a seat of very soft foam"
+
+
+def test_a_template_states_nothing():
+    """AutoPhyX's template only names the object; with a material or a level it says something."""
+    assert parse("This is a potted plant.", TABLE).stated == ()
+    for text in ("This is an oak chair.", "this is a soft toy", "chair with legs"):
+        sentence = parse(text, TABLE)
+        assert sentence.stated == sentence.clauses != (), text

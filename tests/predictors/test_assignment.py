@@ -7,18 +7,21 @@ import pytest
 import torch
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.assignment import SPECK, answer, divide
+from autophyx_tet.predictors.assignment import predict_materials
 from autophyx_tet.predictors.datasets.objects import make_objects
 from autophyx_tet.predictors.datasets.shapes import EMPTY, rasterise
-from autophyx_tet.predictors.film.predictor import FilmPredictor, Found
+from autophyx_tet.predictors.film.inference import FilmModel, Inference
+from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.binding import NamedPart, homeless, overlap
-from autophyx_tet.predictors.language.clauses import Clause, parse
-from autophyx_tet.predictors.language.vocabulary import Vocabulary
+from autophyx_tet.predictors.language.binding import NamedPart, overlap, unbound_clauses
+from autophyx_tet.predictors.language.clauses import Clause
+from autophyx_tet.predictors.language.parser import parse
+from autophyx_tet.predictors.language.vocabulary import vocabulary_of
+from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.voxels import PartVoxels
 
 TABLE = load_table()
-WORDS = Vocabulary(TABLE.phrases)
+WORDS = vocabulary_of(TABLE)
 
 
 def block(*names: str, cells: int = 8) -> PartVoxels:
@@ -28,42 +31,45 @@ def block(*names: str, cells: int = 8) -> PartVoxels:
     return PartVoxels(Grid(np.zeros(3), 0.01, part.shape), part, names)
 
 
-class Network(FilmPredictor):
+class Model(FilmModel):
     """Finds the same everywhere, and counts how often it is asked."""
 
-    def __init__(self, found: Found | None = None) -> None:
+    def __init__(self, found: Inference | None = None) -> None:
         super().__init__()
         self.found, self.asked = found, 0
 
-    def look(self, *_, **__) -> Found:
+    def infer(self, *_, **__) -> Inference:
         """Return what is found."""
         self.asked += 1
         assert self.found is not None
         return self.found
 
 
-@pytest.mark.parametrize(
-    ("names", "text"),
-    [
+def network(found: Inference | None = None) -> FilmPredictor:
+    """The predictor over such a model."""
+    predictor = FilmPredictor()
+    predictor.model = Model(found)
+    return predictor
+
+
+def test_the_network_is_not_asked_where_words_settle_everything():
+    for names, text in (
         (("leg", "seat"), "the legs are oak, the seat is soft foam"),
         (("geometry_0",), "oak"),
         (("geometry_0",), "a steel bracket"),
         (("chair",), "an oak chair"),
         (("leg", "seat"), "foam seat, the rest is steel"),
         (("mat_3", "Metal_Chrome"), "the rest is rubber"),
-    ],
-)
-def test_the_network_is_not_asked_where_words_settle_everything(names, text):
-    network = Network()
-    found = answer(block(*names), text, film=network)
-    assert network.asked == 0
-    assert found.parts.part_names == names
-    assert all(choice.told for choice in found.choices)
+    ):
+        film = network()
+        found = predict_materials(block(*names), text, predictor=film)
+        assert film.model.asked == 0, text
+        assert found.parts.part_names == names
+        assert all(choice.settled for choice in found.choices), text
 
 
-@pytest.mark.parametrize(
-    ("names", "text", "lost"),
-    [
+def test_clauses_about_parts_that_the_asset_lacks_are_known():
+    for names, text, lost in (
         (("geometry_0",), "the legs are oak, the seat is soft foam", 2),
         (("chair",), "an oak chair with steel legs", 1),
         (("geometry_0",), "steel with a rubber grip", 1),
@@ -72,15 +78,13 @@ def test_the_network_is_not_asked_where_words_settle_everything(names, text):
         (("geometry_0",), "an oak chair", 0),
         (("geometry_0",), "everything is soft", 0),
         (("geometry_0",), "a steel bracket", 0),
-    ],
-)
-def test_clauses_about_parts_that_the_asset_lacks_are_known(names, text, lost):
-    clauses = parse(text, WORDS)
-    parts = [NamedPart.of([name], WORDS, 1.0) for name in names]
-    assert len(homeless(clauses, overlap(clauses, parts))) == lost
+    ):
+        clauses = parse(text, TABLE).clauses
+        parts = [NamedPart.of([name], WORDS, 1.0) for name in names]
+        assert len(unbound_clauses(clauses, overlap(clauses, parts))) == lost, text
 
 
-def halves(parts: PartVoxels, *, speck: bool = False) -> Found:
+def halves(parts: PartVoxels, *, speck: bool = False) -> Inference:
     """The lower half is of the first clause, the upper of the second; perhaps one cell is not."""
     shares = np.zeros((*parts.part.shape, 3), dtype=np.float32)
     middle = parts.part.shape[2] // 2
@@ -92,7 +96,7 @@ def halves(parts: PartVoxels, *, speck: bool = False) -> Found:
         Clause("oak legs", "oak", ("leg",)),
         Clause("soft foam seat", "soft foam", ("seat",)),
     ]
-    return Found(clauses, values, shares, np.zeros(parts.part.shape))
+    return Inference(clauses, values, shares, np.zeros(parts.part.shape))
 
 
 @pytest.mark.parametrize("speck", [False, True])
@@ -100,7 +104,9 @@ def test_a_part_is_divided_where_two_clauses_speak_of_it(speck):
     """The pieces are the halves, each with the exact values of its material; specks are not."""
     parts = block("blob", cells=12)
     assert not speck or 8 < SPECK * parts.part.size
-    found = answer(parts, "oak legs, soft foam seat", film=Network(halves(parts, speck=speck)))
+    found = predict_materials(
+        parts, "oak legs, soft foam seat", predictor=network(halves(parts, speck=speck))
+    )
     assert sorted(found.parts.part_names) == ["blob leg", "blob seat"]
     assert found.parents == (0, 0)
     for name, row, cells in (
@@ -117,7 +123,8 @@ def test_a_part_is_divided_where_two_clauses_speak_of_it(speck):
 def test_pieces_partition_their_part_and_others_stay():
     """Every cell of an open part is in one piece of it; a settled part is untouched."""
     parts = block("blob", "Metal_Chrome")
-    pieces, parents, owners = divide(parts, [0], halves(parts))
+    found = halves(parts)
+    pieces, parents, owners = partition(parts, [0], found.shares, found.clauses)
     assert len(set(pieces.part_names)) == len(parents) == len(owners) == 3
     np.testing.assert_array_equal(np.array(parents)[pieces.part], parts.part)
     assert owners[1] is None
@@ -129,8 +136,8 @@ def test_every_clause_gets_a_part_if_there_are_enough():
     found = halves(parts)
     shares = np.zeros_like(found.shares)
     shares[parts.part == 0], shares[parts.part == 1] = [0.9, 0.1, 0], [0.6, 0.3, 0.1]
-    network = Network(found._replace(shares=shares))
-    told = answer(parts, "oak legs, soft foam seat", film=network)
+    film = network(found._replace(shares=shares))
+    told = predict_materials(parts, "oak legs, soft foam seat", predictor=film)
     assert [choice.row.name for choice in told.choices] == [
         TABLE.exact("oak").name,
         TABLE.exact("soft foam").name,
@@ -140,17 +147,23 @@ def test_every_clause_gets_a_part_if_there_are_enough():
 
 def test_what_speaks_of_nothing_is_told():
     """No part is called handle, and words settle all parts: the clause is not lost silently."""
-    told = answer(block("blade", "grip"), "steel blade, rubber grip, oak handle")
-    assert told.unheard == ("oak handle",)
-    assert not answer(block("blade", "grip"), "steel blade, the rest is rubber").unheard
+    knife, text = block("blade", "grip"), "steel blade, rubber grip, oak handle"
+    found = predict_materials(knife, text, predictor="retrieval")
+    assert found.unbound == ("oak handle",)
+    assert any("'oak handle'" in doubt for doubt in found.doubts())
+    option = {"grip": "oak handle"}  # the way out that the doubt names; now rubber has no part
+    found = predict_materials(knife, text, overrides=option, predictor="retrieval")
+    assert found.unbound == ("rubber grip",)
+    rest = "steel blade, the rest is rubber"
+    assert not predict_materials(knife, rest, predictor="retrieval").unbound
 
 
 def test_alpha_moves_words_only():
     """--alpha works where words name the material, and says so where they do not."""
-    soft = answer(block("geometry_0"), "oak", alpha=0.0, film=Network())
+    soft = predict_materials(block("geometry_0"), "oak", alpha=0.0, predictor=network())
     assert soft.choices[0].value.E == pytest.approx(TABLE.exact("oak").E.min)
     with pytest.raises(UsageError, match=r"--alpha.*'blob'.*--predictor retrieval"):
-        answer(block("blob"), "the legs are oak", alpha=0.0, film=Network())
+        predict_materials(block("blob"), "the legs are oak", alpha=0.0, predictor=network())
 
 
 @pytest.mark.slow
@@ -171,7 +184,7 @@ def test_a_thing_in_one_piece_is_divided_as_a_person_would(category, text, named
     label = rasterise(torch.tensor(made.rows), cells=48)[0].numpy().astype(np.int64)
     truth = np.where(label == EMPTY, -1, label)
     parts = PartVoxels(Grid(np.zeros(3), 0.02, truth.shape), np.minimum(truth, 0), ("geometry_0",))
-    found = answer(parts, text, film=FilmPredictor())
+    found = predict_materials(parts, text, predictor="film")
     right = 0
     for index, word in named.items():
         cells = truth == index

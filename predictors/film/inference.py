@@ -1,0 +1,188 @@
+"""What the network finds on the cells of an asset: clauses bound to cells, values, how surely.
+
+Every clause of the text is embedded alone and bound to voxels by what the network sees of shape
+and colour, by the asset's own names, and by the features of a vision-language encoder if given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...fem.scene.materials import MaterialTable, load_table
+from ..asset import UpAxis
+from ..encoders.protocol import TextEncoder
+from ..language.binding import NamedPart, of_pieces
+from ..language.clauses import Clause, Sentence
+from ..language.hints import HintedEncoder
+from ..language.vocabulary import vocabulary_of
+from ..normalisation import DEFAULT, Normalisation
+from ..predictor import Appearance
+from ..voxels import PartVoxels, pooled
+from .evidence import VISION, name_evidence, own_name, standard
+from .frame import Frame
+
+if TYPE_CHECKING:
+    from .config import Scene
+    from .unet import FilmUNet
+
+WEIGHTS = Path(__file__).parents[1] / "weights" / "film.safetensors"
+
+
+class Inference(NamedTuple):
+    """What the network finds on the cells of the parts.
+
+    ``values`` (nx, ny, nz, 3) are log E, nu, log rho in the ranges of ``normalisation``; ``shares``
+    (nx, ny, nz, K + 1) say how surely each of the ``clauses`` speaks of a cell, the last one that
+    none does; ``spread`` (nx, ny, nz) is the deviation of log10 E between views of the object from
+    several sides.
+    """
+
+    clauses: Sequence[Clause]
+    values: np.ndarray
+    shares: np.ndarray
+    spread: np.ndarray
+    normalisation: Normalisation = DEFAULT
+
+    def pooled(self, parts: PartVoxels) -> Inference:
+        """Return the means over every part: each is of one matter."""
+        return self._replace(
+            values=pooled(self.values, parts.part), shares=pooled(self.shares, parts.part)
+        )
+
+
+class FilmModel:
+    """The shipped network, or that of ``weights``, with all that it needs to read an asset."""
+
+    def __init__(
+        self,
+        *,
+        weights: Path | None = None,
+        table: MaterialTable | None = None,
+        encoder: TextEncoder | None = None,
+    ) -> None:
+        self.table = table or load_table()
+        self._weights, self._given_encoder = weights or WEIGHTS, encoder
+
+    @cached_property
+    def encoder(self) -> TextEncoder:
+        """The text encoder that the network was trained with."""
+        from ..encoders.minilm import MiniLM
+
+        return self._given_encoder or MiniLM()
+
+    @cached_property
+    def network(self) -> FilmUNet:
+        """The network, loaded on the first inference."""
+        from .checkpoint import load_checkpoint
+
+        return load_checkpoint(self._weights)
+
+    def infer(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
+        up: UpAxis = "z",
+        appearance: Appearance | None = None,
+        names: bool = True,
+        turns: int = 4,
+    ) -> Inference:
+        """Return what the network finds on every cell.
+
+        Parameters
+        ----------
+        up
+            The axis that points up.
+        appearance
+            Colours and features of the cells, if known.
+        names
+            Whether the asset's own names may be read.
+        turns
+            Views from so many sides are averaged; their spread is reported.
+        """
+        frame, clauses = Frame.of(parts, up), sentence.stated
+        scene = self._scene(parts, frame, sentence, appearance or Appearance(), names)
+        values, shares = self._run(scene, frame, turns)
+        normalisation = self.network.normalisation
+        spread = values[..., 0].std(axis=0) * normalisation.span[0] / 2
+        shares = shares[..., [*range(len(clauses)), -1]]  # without the slot of a silent text
+        found = Inference(
+            clauses,
+            frame.back(values.mean(axis=0), parts),
+            frame.back(shares, parts),
+            frame.back(spread, parts),
+            normalisation,
+        )
+        # Otherwise each part is of one matter.
+        return found if of_pieces(clauses, parts.part_names) else found.pooled(parts)
+
+    def _scene(
+        self,
+        parts: PartVoxels,
+        frame: Frame,
+        sentence: Sentence,
+        appearance: Appearance,
+        names: bool,
+    ) -> Scene:
+        """Put everything that is known into the tensors of the network."""
+        import torch
+
+        from .config import Scene
+
+        clauses, vocabulary = sentence.stated, vocabulary_of(self.table)
+        named = [NamedPart.of(labels, vocabulary, 0.0) for labels in parts.part_labels]
+        spoken = [own_name(part) for part in named]
+        k = max(len(clauses), 1)
+        heard = HintedEncoder(self.encoder, normalisation=self.network.normalisation)
+        said = [clause.written for clause in clauses]
+        vectors = heard.text([*said, *spoken, sentence.text or "object"])
+        dim = vectors.shape[1]
+        embedded = np.zeros((1, k, dim), dtype=np.float32)
+        embedded[0, : len(clauses)] = vectors[: len(clauses)]
+        own, whole = vectors[len(clauses) : -1], vectors[-1]
+        part = frame.forward(parts.part, outside=-1)
+        evidence = np.zeros((1, 2, k, *part.shape), dtype=np.float32)
+        reliability = np.zeros((1, 2), dtype=np.float32)
+        if clauses and appearance.features is not None and appearance.words is not None:
+            seen = frame.forward(appearance.features) @ appearance.words.text(
+                [heard.subject(clause) for clause in said]
+            ).T.astype(np.float32)
+            evidence[0, 0], reliability[0, 0] = standard(seen, part >= 0), VISION
+        if clauses and names:
+            score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
+            evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
+        inputs = frame.inputs(part, appearance.colours)
+        # The name of a part says nothing of its pieces.
+        known = [bool(name) and names and not of_pieces(clauses, named) for name in spoken]
+        present = np.arange(k)[None] < len(clauses)
+        unsaid = np.array([not clauses and bool(sentence.text.strip())])
+        numbers = (
+            inputs[None], embedded, present, whole[None], unsaid,
+            evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
+        )  # fmt: skip
+        return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
+
+    def _run(self, scene: Scene, frame: Frame, turns: int):
+        """Values (turns, x, y, z, 3) and mean shares (x, y, z, clauses + 1) in the frame."""
+        import torch
+
+        out, shares = [], []
+        fields = ("inputs", "evidence", "part")
+        for turn in range(turns):
+            turned = scene._replace(
+                **{f: torch.rot90(getattr(scene, f), turn, (-3, -2)) for f in fields}
+            )
+            x, y, z = turned.inputs.shape[2:]
+            place = torch.from_numpy(frame.place((x, y, z)))
+            inputs = torch.cat([turned.inputs[:, :5], place[None] * turned.inputs[:, :1]], 1)
+            with torch.inference_mode():
+                result = self.network(turned._replace(inputs=inputs))
+            out.append(torch.rot90(result.values, -turn, (-3, -2))[0].movedim(0, -1).numpy())
+            share = torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0]
+            shares.append(share.movedim(0, -1).numpy())
+        return np.stack(out), np.mean(shares, axis=0)

@@ -1,0 +1,74 @@
+"""Rows of the table by nearness in meaning: softmax(cosine / .1) over sentence embeddings.
+
+After NeRF2Physics (Zhai et al. 2024), without its language model.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.scene.materials import Material, MaterialTable
+from ..encoders.protocol import TextEncoder
+
+KERNEL_WIDTH = 0.1  # of the softmax over cosines: NeRF2Physics' temperature
+
+
+class Nearest(NamedTuple):
+    """The row nearest to a query, and its share of the kernel's weight."""
+
+    row: Material
+    share: float
+
+
+class RowKernel:
+    """Keeps the embeddings of a table's rows, and of the words it was asked about."""
+
+    def __init__(self, table: MaterialTable, encoder: TextEncoder | None = None) -> None:
+        self.table, self._given_encoder = table, encoder
+        self._embedded: dict[str, np.ndarray] = {}  # parts often share their words
+
+    @cached_property
+    def encoder(self) -> TextEncoder:
+        """The text encoder, loaded when the words of the table do not suffice."""
+        from ..encoders.minilm import MiniLM
+
+        return self._given_encoder or MiniLM()
+
+    @cached_property
+    def _rows(self) -> Float[np.ndarray, "rows dim"]:
+        return self.encoder.text([_description(row) for row in self.table])
+
+    def cosines(self, query: str) -> Float[np.ndarray, "rows"]:
+        """Cosine of a query with every row."""
+        return self._rows @ self._embed([query])[0]
+
+    def nearest(
+        self, cosines: Float[np.ndarray, "rows"], *, among: Collection[str] | None = None
+    ) -> Nearest:
+        """Return the row with the largest cosine, of those named ``among`` if given."""
+        if among is not None:
+            cosines = np.where([row.name in among for row in self.table], cosines, -np.inf)
+        weight = np.exp((cosines - cosines.max()) / KERNEL_WIDTH)
+        best = int(np.argmax(weight))
+        return Nearest(self.table.rows[best], float(weight[best] / weight.sum()))
+
+    def similarity(self, left: list[str], right: list[str]) -> Float[np.ndarray, "left right"]:
+        """Cosines of two lists of texts."""
+        return self._embed(left) @ self._embed(right).T
+
+    def _embed(self, texts: list[str]) -> Float[np.ndarray, "n dim"]:
+        new = [text for text in dict.fromkeys(texts) if text not in self._embedded]
+        if new:
+            self._embedded.update(zip(new, self.encoder.text(new), strict=True))
+        return np.stack([self._embedded[text] for text in texts])
+
+
+def _description(row: Material) -> str:
+    """Return what is embedded of a row: its name without the small print, and an everyday word."""
+    return ", ".join([re.sub(r"\s*\(.*\)", "", row.name), *row.aliases[:2]])

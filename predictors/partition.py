@@ -1,0 +1,111 @@
+"""Parts divided, and clauses matched to them, by how surely each clause speaks of a cell.
+
+A part that is one piece for the modeller may be several for the speaker ("the legs are oak, the
+seat is foam" of a chair in one piece): it is then divided by the clauses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .language.clauses import Clause
+from .voxels import PartVoxels
+
+SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
+SPECK = 0.01  # of a part's cells: a smaller piece is given to its surroundings
+_LEAST = 1e-6  # of a share, for its logarithm
+
+
+class Partition(NamedTuple):
+    """Pieces, for each the part it is of, and the clause that speaks of it, if any."""
+
+    parts: PartVoxels
+    parents: tuple[int, ...]
+    owners: tuple[int | None, ...]
+
+
+def match_clauses(
+    parts: PartVoxels,
+    left_open: Sequence[int],
+    shares: Float[np.ndarray, "nx ny nz k"],
+    unbound: Sequence[int],
+) -> tuple[int | None, ...]:
+    """Find the clause that speaks of each open part, None for none.
+
+    ``shares`` say how surely each clause speaks of a cell, the last one that none does. Each of the
+    ``unbound`` clauses, which no name binds, has one part at least, so that all fit best together.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    none = shares.shape[-1] - 1
+    mean = np.array([shares[parts.part == i].mean(axis=0) for i in left_open])
+    owner = mean.argmax(axis=1)
+    rows, columns = linear_sum_assignment(-np.log(mean[:, list(unbound)] + _LEAST))
+    owner[rows] = np.array(unbound, dtype=int)[columns]
+    chosen = dict(zip(left_open, owner.tolist(), strict=True))
+    return tuple(
+        None if chosen.get(i, none) == none else chosen[i] for i in range(len(parts.part_names))
+    )
+
+
+def partition(
+    parts: PartVoxels,
+    left_open: Sequence[int],
+    shares: Float[np.ndarray, "nx ny nz k"],
+    clauses: Sequence[Clause],
+) -> Partition:
+    """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
+    none = len(clauses)
+    label, names, labels = parts.part.copy(), list(parts.part_names), list(parts.labels)
+    parents = list(range(len(names)))
+    owners: list[int | None] = [None] * len(names)
+    for i in left_open:
+        cells = parts.part == i
+        owner = _owners(shares, cells)
+        if not len(owner):
+            continue
+        # What nothing speaks of keeps the name; without it every piece is named by its clause.
+        kept, *others = sorted(np.unique(owner), key=lambda k: (k != none, -(owner == k).sum()))
+        if kept != none:
+            owners[i] = int(kept)
+            if others:
+                names[i] = _piece(parts.part_names[i], clauses[kept], names)
+        for k in others:
+            label[tuple(axis[owner == k] for axis in np.nonzero(cells))] = len(names)
+            names.append(_piece(parts.part_names[i], clauses[k], names))
+            labels.append(parts.labels[i])
+            parents.append(i)
+            owners.append(int(k))
+    pieces = PartVoxels(parts.grid, label, tuple(names), tuple(labels))
+    return Partition(pieces, tuple(parents), tuple(owners))
+
+
+def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.ndarray, "n"]:
+    """Clause of each of a part's cells, without noise."""
+    from scipy.ndimage import distance_transform_edt, label, uniform_filter
+
+    within = cells[..., None]
+    smooth = uniform_filter(np.where(within, shares, 0.0), SMOOTH, mode="constant", axes=(0, 1, 2))
+    owner = np.where(cells, smooth.argmax(axis=-1), -1)
+    fewest = SPECK * cells.sum()
+    speck = np.zeros_like(cells)
+    for k in np.unique(owner[cells]):
+        piece, _ = label(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
+        speck |= (piece > 0) & (np.bincount(piece.ravel()) < fewest)[piece]
+    if speck.any() and not speck[cells].all():
+        nearest = distance_transform_edt(
+            ~(cells & ~speck), return_distances=False, return_indices=True
+        )
+        owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
+    return owner[cells]
+
+
+def _piece(part: str, clause: Clause, taken: Sequence[str]) -> str:
+    """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
+    name = f"{part} {' '.join(clause.parts) or clause.material or clause.text}"
+    options = (name, *(f"{name} {i}" for i in range(2, len(taken) + 3)))
+    return next(option for option in options if option not in taken)

@@ -1,0 +1,44 @@
+"""Retrieval: the table's rows alone, by words and by nearness in meaning; nothing is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from ..fem.scene.materials import MaterialTable
+from .asset import UpAxis
+from .encoders.protocol import TextEncoder
+from .language.clauses import Sentence
+from .lookup.lookup import Lookup
+from .prediction import PartChoice, Prediction
+from .predictor import Appearance
+from .voxels import PartVoxels
+
+
+class RetrievalPredictor:
+    """Gives every part its likeliest row: the baseline, and the fallback of all others."""
+
+    name: ClassVar[str] = "retrieval"
+    takes_alpha: ClassVar[bool] = True
+
+    def __init__(
+        self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None
+    ) -> None:
+        self.lookup = Lookup(table=table, encoder=encoder)
+
+    def predict(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
+        choices: Sequence[PartChoice] | None = None,
+        appearance: Callable[[], Appearance] | None = None,
+        up: UpAxis = "z",
+        alpha: float | None = None,
+    ) -> Prediction:
+        """Return the choices themselves; see ``Predictor``. What is seen is not asked for."""
+        if choices is None:
+            choices = self.lookup.choose(
+                parts.part_labels, sentence, alpha=alpha, part_volumes=parts.volumes
+            )
+        return Prediction.of(parts, choices, sentence, alpha=alpha)

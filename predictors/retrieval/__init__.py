@@ -1,1 +1,0 @@
-"""Retrieval: the material of every part from the table, nothing trained."""

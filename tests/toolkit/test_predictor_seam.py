@@ -1,0 +1,132 @@
+"""The seams of predictors and encoders, as a user of the verbs meets them."""
+
+from collections import Counter
+from typing import ClassVar
+
+import autophyx_tet as apx
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.predictors.language import parser, statement
+from autophyx_tet.predictors.prediction import PartChoice, Prediction
+from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.options import AssignOptions, FeatureOptions
+
+LEAD = load_table().exact("lead")
+
+
+def two_regions() -> TetMesh:
+    """A bar along x of two regions that no word names."""
+    box = box_mesh((2, 1, 1), (4, 2, 2))
+    region = (box.centroids[:, 0] > 1).astype(int)
+    return TetMesh(box.points, box.tets, region, ("mat_1", "seat"))
+
+
+class Leaden:
+    """A toy predictor: what words leave open is lead, as stiff as the dial says."""
+
+    name: ClassVar[str] = "leaden"
+    takes_alpha: ClassVar[bool] = True
+
+    def predict(self, parts, sentence, *, choices=None, appearance=None, up="z", alpha=None):
+        """Lead for every open part."""
+        place = 0.5 if alpha is None else alpha
+        lead = [
+            c
+            if c.settled
+            else PartChoice(c.part, LEAD, LEAD.value(place), 1.0, place, "toy", settled=False)
+            for c in choices
+        ]
+        return Prediction.of(parts, lead, sentence, alpha=alpha)
+
+
+@pytest.fixture
+def toy():
+    PREDICTORS.register("leaden", Leaden)
+    yield Leaden
+    PREDICTORS.unregister("leaden")
+
+
+def test_a_predictor_is_one_class_and_one_registration(toy):
+    """The toy gets what words leave open, and the dial that its kind takes; words stay."""
+    assert isinstance(toy(), Predictor)
+    options = AssignOptions(predictor="leaden", alpha=1.0, cells=16)
+    found = apx.assign(two_regions(), "a soft foam seat with stiff legs", options=options)
+    by_part = {choice.part: choice for choice in found.choices}
+    assert by_part["seat"].row is load_table().exact("soft foam")
+    assert by_part["mat_1"].value.E == pytest.approx(LEAD.E.max)
+    left = found.mesh.region == 0
+    assert found.mesh.material is not None
+    np.testing.assert_allclose(found.mesh.material.rho[left], LEAD.value().rho)
+
+
+def test_unknown_predictors_are_named_in_one_line():
+    with pytest.raises(UsageError, match="unknown predictor 'flim': known are film, retrieval"):
+        apx.assign(two_regions(), "oak", options=AssignOptions(predictor="flim", cells=8))
+
+
+def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
+    """One parse of the text for each call of ``assign``, and no clause of it is read twice."""
+    parsed, read = [], Counter()
+    tokenise, materials = parser.tokenise, statement.Reader._materials
+
+    def counted_tokens(text, vocabulary):
+        parsed.append(text)
+        return tokenise(text, vocabulary)
+
+    def counted_reading(self, raw, stems):
+        read[" ".join(raw)] += 1
+        return materials(self, raw, stems)
+
+    monkeypatch.setattr(parser, "tokenise", counted_tokens)
+    monkeypatch.setattr(statement.Reader, "_materials", counted_reading)
+    text = "the legs are very soft oak, the seat is squishy"
+    for name in PREDICTORS:
+        parsed.clear(), read.clear()
+        apx.assign(two_regions(), text, options=AssignOptions(predictor=name, cells=8))
+        assert parsed == [text], name
+        assert set(read.values()) <= {1}, name
+    option = "soft rubber"
+    parsed.clear()
+    apx.assign(
+        two_regions(), text, options=AssignOptions(part=(f"seat={option}",), predictor="retrieval")
+    )
+    assert parsed == [text, option]
+
+
+@pytest.fixture
+def files(tmp_path):
+    write_mesh(tmp_path / "bar.msh", two_regions())
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.obj")
+    return tmp_path
+
+
+def test_an_unknown_encoder_is_refused_before_the_work(files, capsys):
+    """Exit code 2, one line with the known names, nothing written; also where none is needed."""
+    words = ["--text", "oak"]
+    known = "embedded, openclip, rgb, occupancy"
+    for command, encoder, said in (
+        (["assign", "bar.msh", *words, "-o", "out.msh"], "nonsense", known),
+        (["assign", "bar.msh", *words, "-o", "out.msh"], "rgb:3", "takes nothing after a colon"),
+        (["assign", "bar.msh", *words, "-o", "out.msh"], "rgb", "reads no words"),
+        (["run", "box.obj", *words, "-o", "out"], "nonsense", known),
+        (["features", "box.obj", "-o", "out.npz"], "nonsense", known),
+    ):
+        verb, source, *rest = command
+        rest[-1] = str(files / rest[-1])
+        assert main([verb, str(files / source), *rest, "--encoder", encoder]) == 2, command
+        error = capsys.readouterr().err
+        assert said in error, command
+        assert error.count("\n") == 1, command
+    assert {path.name for path in files.iterdir()} == {"bar.msh", "box.obj"}
+    for options in (AssignOptions(encoder="clap"), FeatureOptions(encoder="clap")):
+        with pytest.raises(UsageError, match=known):
+            options.checked()
+    tagged = AssignOptions(encoder="openclip:some_tag")
+    assert tagged.checked() is tagged
