@@ -1,104 +1,137 @@
-"""The rules of the house: direction of imports, package list, start-up time, what loads."""
+"""The rules of the house: what imports what, how large a thing is, what a folder says of itself."""
 
 import ast
-import os
-import re
-import subprocess
-import sys
-import tomllib
+from functools import cache
+from pathlib import Path
 
-import pytest
-
-ORDER = ["fem", "predictors", "converters", "toolkit"]
-HEAVY = {
-    "torch", "warp", "open3d", "pymeshlab", "pytetwild", "igl", "trimesh", "meshio", "scipy",
-    "plotly", "transformers", "tokenizers", "safetensors", "pyvista", "matplotlib", "PIL",
+ROOT = Path(__file__).resolve().parent.parent
+# Arrows go down this list, between rooms and inside each: a folder or a file of a room imports only
+# from those named before it. What stands in one line together knows nothing of each other.
+FLOORS = {
+    "fem": (
+        "errors", "registry", "deprecation", "device", "scene", "laws", "discrete", "linalg",
+        "contact", "result", "solve", "scenarios", "verdicts",
+    ),
+    "predictors": (
+        "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",
+        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film",
+        "assignment", "datasets", "training", "evaluation",
+    ),
+    "converters": (
+        "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "voxelisation",
+        "material_sampling", "field_sources", "carriers", "programs",
+    ),
+    "toolkit": (
+        "surfaces", "native", "io", "options", "config", "meshing", "results", "scenario", "report",
+        "features", "appearance", "image_features", "pipeline", "transfer", "learning", "listing",
+        "doctor", "estimate", "batch", "cli",
+    ),
 }  # fmt: skip
+# Rooms that only training and evaluation enter: what a user runs needs neither data nor trainer.
+LEARNING = ("predictors.datasets", "predictors.training")
+LEARNERS = (*LEARNING, "predictors.evaluation", "toolkit.learning", "toolkit.image_features")
+MOST_FILES, MOST_LINES, LONGEST = 14, 300, 60
+FOLDERS = sorted({init.parent for room in FLOORS for init in (ROOT / room).rglob("__init__.py")})
+CODE = [path for folder in FOLDERS for path in sorted(folder.glob("*.py"))]
 
 
-def _room_imports(path, root):
-    """Rooms that a file of ours imports from, by relative import at any depth."""
-    depth = len(path.relative_to(root).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.relative_to(root).parent.parts[: depth - node.level + 1]
-            full = (*base, *(node.module or "").split("."))
-            names = [n.name for n in node.names] if not full or not full[0] else [full[0]]
-            yield from names
-        elif isinstance(node, ast.Import | ast.ImportFrom):
-            module = node.module if isinstance(node, ast.ImportFrom) else node.names[0].name
-            assert not (module or "").startswith("autophyx_tet"), f"{path}: absolute import"
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@pytest.mark.parametrize("room", ORDER)
-def test_imports_only_go_down(room, root):
-    above = set(ORDER[ORDER.index(room) + 1 :])
-    files = list((root / room).rglob("*.py"))
-    assert files
-    for path in files:
-        assert not above & set(_room_imports(path, root)), f"{path} imports from above"
+@cache
+def arrows() -> dict[str, set[str]]:
+    """Module -> the modules of ours that it imports, at any depth of its code."""
+    modules = {name_of(path) for path in CODE}
+    out: dict[str, set[str]] = {}
+    for path in CODE:
+        package = list(path.relative_to(ROOT).parent.parts)
+        found = out.setdefault(name_of(path), set())
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                base = package[: len(package) - node.level + 1]
+                home = ".".join([*base, *((node.module or "").split("."))]).strip(".")
+                inside = {f"{home}.{alias.name}" for alias in node.names} & modules
+                found |= inside or ({home} & modules)
+        found.discard(name_of(path))
+    return out
 
 
-def test_package_list_matches_the_tree(root):
-    listed = set(
-        tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    )
-    found = {"autophyx_tet"} | {
-        "autophyx_tet." + init.parent.relative_to(root).as_posix().replace("/", ".")
-        for room in ORDER
-        for init in (root / room).rglob("__init__.py")
-    }
-    assert listed == found
+def floor_of(module: str) -> tuple[str, str]:
+    room, _, rest = module.partition(".")
+    return room, rest.partition(".")[0]
 
 
-def test_only_the_four_rooms_hold_library_code(root):
-    assert [p.name for p in root.glob("*.py")] == ["__init__.py"]
-    assert not [p for room in ORDER for p in (root / room).rglob("utils.py")]
+def test_imports_only_go_down():
+    """Between rooms, and between the folders and files of one room."""
+    rooms = list(FLOORS)
+    wrong = []
+    for module, taken in arrows().items():
+        room, floor = floor_of(module)
+        for other in taken:
+            other_room, other_floor = floor_of(other)
+            if not floor or not other_floor:  # a room's own face, or the package's
+                continue
+            if rooms.index(other_room) > rooms.index(room):
+                wrong.append(f"{module} -> {other}")
+            order = FLOORS[room]
+            if other_room == room and order.index(other_floor) > order.index(floor):
+                wrong.append(f"{module} -> {other}")
+    assert not wrong
 
 
-def _loaded(code: str) -> set[str]:
-    script = f"{code}\nimport sys; print(*sorted({{m.split('.')[0] for m in sys.modules}}))"
-    out = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    ).stdout
-    return set(out.splitlines()[-1].split())
+def test_no_circles():
+    """Not between two files, wherever in them the import stands."""
+    state: dict[str, int] = {}
+    circles = []
+
+    def walk(module: str, path: tuple[str, ...]) -> None:
+        state[module] = 1
+        for other in sorted(arrows()[module]):
+            if state.get(other) == 1:
+                circles.append(" -> ".join([*path[path.index(other) :], other]))
+            elif other not in state:
+                walk(other, (*path, other))
+        state[module] = 2
+
+    for module in arrows():
+        if module not in state:
+            walk(module, (module,))
+    assert not circles
 
 
-def test_import_loads_no_heavy_package():
-    assert not _loaded("import autophyx_tet") & (HEAVY | {"numpy"})
+def test_nothing_at_run_time_imports_data_sets_or_training():
+    wrong = [
+        f"{module} -> {other}"
+        for module, taken in arrows().items()
+        for other in taken
+        if other.startswith(LEARNING) and not module.startswith(LEARNERS)
+    ]
+    assert not wrong
 
 
-def test_the_command_line_parses_without_a_heavy_package():
-    """What `--help` waits for: modules are counted, because seconds depend on who else works."""
-    code = "from autophyx_tet.toolkit.cli import main as c\ntry: c.main(['--help'])\n"
-    code += "except SystemExit: pass"
-    assert not _loaded(code) & HEAVY
+def test_a_folder_can_be_read():
+    """At most 14 files; its face says in five lines what goes in, what comes out, what to read."""
+    for folder in FOLDERS:
+        files = sorted(path.stem for path in folder.glob("*.py"))
+        assert len(files) <= MOST_FILES, f"{folder}: {len(files)} files"
+        said = ast.get_docstring(ast.parse((folder / "__init__.py").read_text())) or ""
+        keys = ("In", "Out", "Read")
+        lines = {key: said.partition(f"{key}: ")[2].partition("\n")[0] for key in keys}
+        assert all(lines.values()), f"{folder}: its __init__ wants the lines In, Out and Read"
+        named = lines["Read"].strip(".").split(", ")
+        there = {*files, *(inner.parent.name for inner in folder.glob("*/__init__.py"))}
+        assert set(named) <= there, f"{folder}: {set(named) - there} to read is not there"
 
 
-def test_versions_agree(root):
-    """The package, its metadata and the newest entry of the changelog name one version."""
-    import autophyx_tet
-
-    declared = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
-    changes = (root / "CHANGELOG.md").read_text()
-    assert declared == autophyx_tet.__version__
-    assert re.search(r"^## (\S+)", changes, re.MULTILINE)[1] == declared
-
-
-def test_notice_names_every_dependency(root):
-    """Each package that pip brings for users is listed with its licence."""
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    users = [name for name in extras if name not in ("dev", "docs", "external")]
-    wanted = project["dependencies"] + [need for name in users for need in extras[name]]
-    names = {re.match(r"[\w.-]+", need)[0].lower() for need in wanted}
-    notice = (root / "NOTICE").read_text().lower()
-    assert {name for name in names if name not in notice} == set()
-
-
-def test_no_random_example_is_timed():
-    """A busy machine fails no test: generated examples have no deadline, and are the same ones."""
-    from hypothesis import settings
-
-    assert settings().deadline is None
-    assert settings().derandomize or "AUTOPHYX_EXPLORE" in os.environ
+def test_nothing_is_too_long():
+    """Files of at most 300 lines, functions of at most 60; tests, benchmarks and notebooks too."""
+    others = [p for d in ("tests", "benchmarks", "notebooks") for p in (ROOT / d).rglob("*.py")]
+    for path in [*CODE, *others]:
+        text = path.read_text()
+        assert text.count("\n") <= MOST_LINES, f"{path}: {text.count(chr(10))} lines"
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                length = node.end_lineno - node.lineno + 1
+                assert length <= LONGEST, f"{path}:{node.lineno} {node.name}: {length} lines"

@@ -85,9 +85,7 @@ def assign(
     BandError
         Under ``options.strict``, where a value leaves the band of its category.
     """
-    from ..converters import npz
     from ..converters.material_sampling import sample_material
-    from ..converters.mesh.mesh_file import write_mesh
     from ..converters.voxelisation import divided_by_voxels, voxelize
     from ..predictors.assignment import predict_materials
     from .appearance import appearance_of
@@ -127,14 +125,23 @@ def assign(
     )
     if options.strict:
         result.check_bands()
+    return _written(result, output, field_output)
+
+
+def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
+    """Write the mesh with its sidecar, and the field; the files are on record."""
+    from ..converters import npz
+    from ..converters.mesh.mesh_file import write_mesh
+
+    files: tuple[Path, ...] = ()
     if output is not None:
         write_mesh(output, result.mesh)
         result.described().write(output)
-        result = replace(result, files=(output, Sidecar.path(output)))
+        files = (output, Sidecar.path(output))
     if field_output is not None:
         npz.save(field_output, result.field)
-        result = replace(result, files=(*result.files, field_output))
-    return result
+        files = (*files, field_output)
+    return replace(result, files=files)
 
 
 def simulate(

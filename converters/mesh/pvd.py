@@ -17,13 +17,13 @@ from .meshdata import Arrays, MeshData
 from .vtk import read_vtk, write_vtk
 
 WANTED = "a ParaView .pvd series"
-Frame = tuple[float, Mapping[str, np.ndarray]]
+TimedFields = tuple[float, Mapping[str, np.ndarray]]
 
 
 def write_pvd(
     path: str | os.PathLike,
     mesh: TetMesh,
-    frames: Iterable[Frame],
+    frames: Iterable[TimedFields],
     *,
     cell_data: Arrays | None = None,
 ) -> list[Path]:

@@ -21,7 +21,7 @@ from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
 
 if TYPE_CHECKING:
-    from ..film.config import Output, Scene
+    from ..film.config import Output, VoxelScene
     from ..film.unet import FilmUNet
 
 
@@ -63,7 +63,7 @@ class FilmRow:
 
         return predict
 
-    def deprived(self, scene: Scene, dim: int) -> Scene:
+    def deprived(self, scene: VoxelScene, dim: int) -> VoxelScene:
         """Return the scene without what the row does without; ``dim`` is that of a sentence."""
         import torch
 
@@ -86,7 +86,7 @@ NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(p
 RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
 
 
-def pooled_by_part(output: Output, scene: Scene) -> Output:
+def pooled_by_part(output: Output, scene: VoxelScene) -> Output:
     """Return the means over each part, but for ``binding.of_pieces``: as at run time."""
     import torch
 
@@ -102,7 +102,7 @@ def pooled_by_part(output: Output, scene: Scene) -> Output:
     return output._replace(values=values, logits=shares.clamp(min=1e-9).log())
 
 
-def with_vision(scene: Scene, example: HeldOutObject, encoder: TextEncoder) -> Scene:
+def with_vision(scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder) -> VoxelScene:
     """Return the scene with the evidence of an image encoder, at half the resolution."""
     import torch
 
@@ -124,8 +124,8 @@ def with_vision(scene: Scene, example: HeldOutObject, encoder: TextEncoder) -> S
 
 
 def with_slot_names(
-    scene: Scene, example: HeldOutObject, encoder: TextEncoder, vocabulary: Vocabulary
-) -> Scene:
+    scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder, vocabulary: Vocabulary
+) -> VoxelScene:
     """Return the scene with the evidence of names as it is gathered at run time."""
     import torch
 

@@ -56,7 +56,7 @@ class NetworkConfig:
         return cls(**plain)
 
 
-class Scene(NamedTuple):
+class VoxelScene(NamedTuple):
     """What is given of a batch of objects; K clauses, S sources, P parts.
 
     Parameters
@@ -99,7 +99,7 @@ class Output(NamedTuple):
     logits: Tensor
 
 
-def halve(scene: Scene) -> Scene:
+def halve(scene: VoxelScene) -> VoxelScene:
     """Return the scene at half the resolution."""
     mask = scene.inputs[:, :1]
     b, s, k = scene.evidence.shape[:3]

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .conditioning import composed
-from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, Scene
+from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, VoxelScene
 from .grounding import slot_weights
 from .layers import FilmBlock, Listening, Modulation, mix
 
@@ -44,7 +44,9 @@ class FineStage(nn.Module):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
 
-    def forward(self, scene: Scene, coarse: CoarseOutput, slots: Tensor, says: Tensor) -> Output:
+    def forward(
+        self, scene: VoxelScene, coarse: CoarseOutput, slots: Tensor, says: Tensor
+    ) -> Output:
         """Return values and binding on the fine grid."""
         mask = scene.inputs[:, :1]
         own = self.stem(scene.inputs) * mask.to(coarse.queries.dtype)

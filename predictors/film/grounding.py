@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .config import NO_CLAUSE, NetworkConfig, Scene
+from .config import NO_CLAUSE, NetworkConfig, VoxelScene
 from .layers import Listening, masked_mean, mix, pool
 
 TRUST = 2.0  # a source of middling reliability counts as it is
@@ -38,7 +38,7 @@ class Binder(nn.Module):
         nn.init.constant_(last.bias, 0.5)
         self.gate = nn.Sequential(nn.Linear(stats, 64), nn.SiLU(), last)
 
-    def forward(self, scene: Scene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
+    def forward(self, scene: VoxelScene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
         """Logits (batch, K + 1, x, y, z), float32; ``features`` fine to coarse."""
         words = self._words(scene, features)
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
@@ -57,7 +57,7 @@ class Binder(nn.Module):
             logits = logits + full * scale[:, None, None, None, None]
         return logits.masked_fill(closed, NO_CLAUSE)
 
-    def _words(self, scene: Scene, features: list[Tensor]) -> Tensor:
+    def _words(self, scene: VoxelScene, features: list[Tensor]) -> Tensor:
         """Scaled dot products of clause keys with the queries of all scales, summed."""
         keys = self.keys(self.listen(scene.clauses))
         keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
@@ -73,7 +73,7 @@ class Binder(nn.Module):
             total = total + logits
         return total
 
-    def _smooth(self, scene: Scene, mask: Tensor) -> Tensor:
+    def _smooth(self, scene: VoxelScene, mask: Tensor) -> Tensor:
         """Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)."""
         b, s, k = scene.evidence.shape[:3]
         size = scene.evidence.shape[3:]
@@ -88,7 +88,7 @@ class Binder(nn.Module):
             total = total + level.reshape(scene.evidence.shape) * share
         return total
 
-    def _gate(self, scene: Scene, words, evidence, deepest: Tensor, masks) -> Tensor:
+    def _gate(self, scene: VoxelScene, words, evidence, deepest: Tensor, masks) -> Tensor:
         """Positive scales (batch, 1 + S) of words and of each source, one set for an object."""
         mask = masks[0].float()
         certainty = masked_mean(words.softmax(1).amax(1, keepdim=True), mask)
@@ -106,7 +106,7 @@ class Binder(nn.Module):
         return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
 
 
-def _without_useless(scene: Scene) -> Scene:
+def _without_useless(scene: VoxelScene) -> VoxelScene:
     """Return the scene with the evidence of useless sources taken away."""
     heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
     evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
@@ -119,7 +119,7 @@ def _agreement(best: Tensor, mask: Tensor) -> Tensor:
     return masked_mean((best[:, :, 1:] == best[:, :, :-1]).float(), both)
 
 
-def slot_weights(scene: Scene, logits: Tensor) -> Tensor:
+def slot_weights(scene: VoxelScene, logits: Tensor) -> Tensor:
     """Weight of every slot at every voxel, (batch, slots, x, y, z): a softmax over clauses.
 
     What no clause takes goes to the part's own name where it is known, else to the null slot.

@@ -27,7 +27,7 @@ from .evidence import VISION, name_evidence, own_name, standard
 from .frame import Frame
 
 if TYPE_CHECKING:
-    from .config import Scene
+    from .config import VoxelScene
     from .unet import FilmUNet
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "film.safetensors"
@@ -128,11 +128,11 @@ class FilmModel:
         sentence: Sentence,
         appearance: Appearance,
         names: bool,
-    ) -> Scene:
+    ) -> VoxelScene:
         """Put everything that is known into the tensors of the network."""
         import torch
 
-        from .config import Scene
+        from .config import VoxelScene
 
         clauses, vocabulary = sentence.stated, vocabulary_of(self.table)
         named = [NamedPart.of(labels, vocabulary, 0.0) for labels in parts.part_labels]
@@ -165,9 +165,9 @@ class FilmModel:
             inputs[None], embedded, present, whole[None], unsaid,
             evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
         )  # fmt: skip
-        return Scene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
+        return VoxelScene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
 
-    def _run(self, scene: Scene, frame: Frame, turns: int):
+    def _run(self, scene: VoxelScene, frame: Frame, turns: int):
         """Values (turns, x, y, z, 3) and mean shares (x, y, z, clauses + 1) in the frame."""
         import torch
 

@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from ..normalisation import DEFAULT, Normalisation
 from .conditioning import Sayings, composed
-from .config import INPUTS, NetworkConfig, Output, Scene, halve
+from .config import INPUTS, NetworkConfig, Output, VoxelScene, halve
 from .fine import CoarseOutput, FineStage
 from .grounding import Binder, slot_weights
 from .layers import FilmBlock, Listening, Modulation, mix, pool, pool_mask
@@ -75,7 +75,7 @@ class FilmUNet(nn.Module):
         ups = [nn.Conv3d(b, a, 1) for a, b in pairwise(widths)]
         return nn.ModuleList(ups), nn.ModuleList(FilmBlock(c, slot) for c in widths[:-1])
 
-    def forward(self, scene: Scene) -> Output:
+    def forward(self, scene: VoxelScene) -> Output:
         """Return values and binding; values on empty voxels mean nothing."""
         scene = self._heard(scene)
         slots = self._all_slots(scene)
@@ -90,13 +90,13 @@ class FilmUNet(nn.Module):
             return self.fine(scene, coarse, slots, says)
         return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
 
-    def _heard(self, scene: Scene) -> Scene:
+    def _heard(self, scene: VoxelScene) -> VoxelScene:
         """Return the scene with as much of the embeddings as the network was built to hear."""
         dim = self.config.text_dim
         fields = ("clauses", "object_name", "names")
         return scene._replace(**{name: getattr(scene, name)[..., :dim] for name in fields})
 
-    def _coarse(self, scene: Scene, slots: Tensor, masks: list[Tensor]) -> CoarseOutput:
+    def _coarse(self, scene: VoxelScene, slots: Tensor, masks: list[Tensor]) -> CoarseOutput:
         """Bind the clauses in a first pass, decode what they say in a second."""
         known = slots[:, scene.clauses.shape[1] :][:, :1]
         whole = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), known) for m in masks]
@@ -120,7 +120,7 @@ class FilmUNet(nn.Module):
         nothing = torch.zeros_like(says[:, :3, None, None, None])
         return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]
 
-    def _all_slots(self, scene: Scene) -> Tensor:
+    def _all_slots(self, scene: VoxelScene) -> Tensor:
         """Hidden vectors of the clauses, of what is known of the object, and of the part names."""
         known = scene.has_object.to(scene.clauses.dtype)[:, None, None]
         named = self.slots(scene.object_name[:, None], 2) * known
@@ -147,7 +147,7 @@ class FilmUNet(nn.Module):
             out.append(x)
         return out[::-1]
 
-    def _global(self, scene: Scene, slots: Tensor, masks: list[Tensor]) -> Output:
+    def _global(self, scene: VoxelScene, slots: Tensor, masks: list[Tensor]) -> Output:
         """Ablations: one vector of the text for all voxels, or unsupervised attention."""
         k = scene.clauses.shape[1]
         present = torch.cat([scene.clause_mask, ~scene.clause_mask.any(1, keepdim=True)], 1)
@@ -173,7 +173,7 @@ class FilmUNet(nn.Module):
         return Output(torch.tanh(self.head(x).float()), logits)
 
 
-def _said(scene: Scene) -> Tensor:
+def _said(scene: VoxelScene) -> Tensor:
     """Embeddings behind all slots: clauses, nothing or the object's name, names of the parts."""
     nothing = torch.zeros_like(scene.object_name)[:, None]
     return torch.cat([scene.clauses, nothing, scene.names], dim=1)

@@ -21,7 +21,7 @@ from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
 from autophyx_tet.predictors.evaluation.metrics import Score, against_best, summary
 from autophyx_tet.predictors.evaluation.rows import BASELINES, ROWS
 from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
-from autophyx_tet.predictors.film.config import Output, Scene
+from autophyx_tet.predictors.film.config import Output, VoxelScene
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.language.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
@@ -111,7 +111,7 @@ def test_a_part_is_of_one_matter():
     part[:, 2:] = 1
     blank = torch.zeros(1, 2, 4)
     there = torch.tensor([[True, False]])
-    scene = Scene(
+    scene = VoxelScene(
         torch.zeros(1, 8, 4, 4, 4), blank, there, blank[0], torch.tensor([False]),
         torch.zeros(1, 2, 2, 4, 4, 4), torch.zeros(1, 2), blank, torch.tensor([[False]]), part,
     )  # fmt: skip
@@ -143,7 +143,7 @@ def test_names_and_looks_are_heard_together():
     part[0, 2:6, 2:6, 2:4], part[0, 2:6, 2:6, 4:6] = 0, 1
     empty = torch.zeros(1, 2, 2, 8, 8, 8)
     blank = torch.zeros(1, 1, 4)
-    scene = Scene(
+    scene = VoxelScene(
         (part >= 0).float()[:, None].expand(1, 8, 8, 8, 8), torch.zeros(1, 2, 4),
         torch.ones(1, 2, dtype=torch.bool), blank[0], torch.tensor([False]), empty,
         torch.zeros(1, 2), blank, torch.tensor([[False]]), part,

@@ -18,7 +18,7 @@ from autophyx_tet.predictors.datasets.grammar import (
 from autophyx_tet.predictors.datasets.objects import CATEGORIES, HELD_OUT, make_objects
 from autophyx_tet.predictors.datasets.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.predictors.datasets.wordings import wordings
-from autophyx_tet.predictors.film.config import NetworkConfig, Scene, halve
+from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
 from autophyx_tet.predictors.film.grounding import USELESS
 from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
 from autophyx_tet.predictors.film.predictor import FilmPredictor
@@ -37,7 +37,7 @@ SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, ke
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def scene(cells=16, clauses=3, seed=0, dim=12) -> Scene:
+def scene(cells=16, clauses=3, seed=0, dim=12) -> VoxelScene:
     g = torch.Generator().manual_seed(seed)
 
     def unit(*shape):
@@ -49,7 +49,7 @@ def scene(cells=16, clauses=3, seed=0, dim=12) -> Scene:
     occupied = (part >= 0).float()[:, None]
     inputs = torch.cat([occupied, torch.rand(1, 7, cells, cells, cells, generator=g)], 1)
     evidence = torch.randn(1, 2, clauses, cells, cells, cells, generator=g)
-    return Scene(
+    return VoxelScene(
         inputs * occupied, unit(1, clauses, dim), torch.ones(1, clauses, dtype=torch.bool),
         unit(1, dim), torch.tensor([True]), evidence, torch.tensor([[0.5, 0.0]]),
         unit(1, 2, dim), torch.tensor([[True, False]]), part,

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ...datasets.shapes import MAX_PARTS
-from ...film.config import Scene
+from ...film.config import VoxelScene
 from ..sentences import Clauses
 
 CLAUSES = MAX_PARTS + 1  # one for each part, one for the whole
@@ -16,7 +16,7 @@ WHOLE = MAX_PARTS
 
 
 class TrainingBatch(NamedTuple):
-    """A scene with its truth: see ``predictors.film.config.Scene``.
+    """A scene with its truth: see ``predictors.film.config.VoxelScene``.
 
     ``target`` (batch, 3, x, y, z) normalised; ``clause`` (batch, x, y, z) the clause that speaks of
     a voxel, ``CLAUSES`` for none; ``valued`` and ``bound``: where each of the two counts.
@@ -25,7 +25,7 @@ class TrainingBatch(NamedTuple):
     ``alone`` are clauses that train without an object, if any.
     """
 
-    scene: Scene
+    scene: VoxelScene
     target: Tensor
     clause: Tensor
     valued: Tensor

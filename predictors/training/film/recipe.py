@@ -65,7 +65,9 @@ def train_film(
 
         def save(trained: FilmUNet, steps: int) -> None:
             if output is not None:
-                save_checkpoint(output, trained, facts={"steps": steps})
+                normalisation = sampler.sentences.normalisation
+                facts = {"steps": steps}
+                save_checkpoint(output, trained, normalisation=normalisation, facts=facts)
 
         return train_network(
             network, sampler, FilmLoss(config.grounded, config.edge), config.options,

@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from ...datasets.grammar import Role
 from ...datasets.shapes import EMPTY, MAX_PARTS
-from ...film.config import Scene
+from ...film.config import VoxelScene
 from ...language.part_names import part_kinds
 from ..sentences import Sentences
 from ..stores import Store, parts_that_exist, take
@@ -128,7 +128,7 @@ class VoxelSampler:
             said_at = by_part(owner, seen_at, CLAUSES)
         evidence, reliability = self._evidence(seen_at, said_at, present, has_names, random_words)
         hinted = self._chance(n, 1 - self.mixture.no_hints)
-        scene = Scene(
+        scene = VoxelScene(
             self._inputs(item, part),
             self.sentences.embed(rows, hinted),
             present,
