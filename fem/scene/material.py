@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ def wave_speed(E, nu, rho) -> np.ndarray:
 class ElementMaterial:
     """Material of every tet: ``E`` [Pa], ``nu`` [1], ``rho`` [kg/m^3], each of shape (tets,).
 
+    The arrays are copies that cannot be written to: what follows from them stays true.
+
     Raises
     ------
     InputError
@@ -59,16 +62,17 @@ class ElementMaterial:
         """Return one material for all ``tets`` elements; E [Pa], nu [1], rho [kg/m^3]."""
         return cls(np.full(tets, float(E)), np.full(tets, float(nu)), np.full(tets, float(rho)))
 
-    @property
+    @cached_property
     def lame(self) -> LameParameters:
         """Lame parameters (lam, mu) [Pa], each (tets,)."""
         return lame_parameters(self.E, self.nu)
 
 
 def _vector(name: str, value) -> np.ndarray:
-    array = np.ascontiguousarray(value, dtype=np.float64)
+    array = np.array(value, dtype=np.float64)
     if array.ndim != 1:
         raise InputError(f"{name} must have shape (tets,), got {array.shape}")
+    array.flags.writeable = False
     return array
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from ...fem.scene.materials import load_table
 from ..encoders.minilm import MiniLM
 from ..encoders.protocol import TextEncoder
-from ..film.evidence import VISION, name_evidence, standard
+from ..film.evidence import VISION, standard
 from ..language.binding import NamedPart
 from ..language.clauses import Clause
-from ..language.hints import subject
+from ..language.hints import name_evidence, subject
 from ..language.parser import parse
 from ..language.vocabulary import Vocabulary
 from ..voxels import pooled

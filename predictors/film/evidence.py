@@ -8,45 +8,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from ..encoders.protocol import TextEncoder
-from ..language.binding import NamedPart, nouns_of, of_pieces, overlap
-from ..language.clauses import Clause
-from ..language.kinds import kind_of
 from ..voxels import PartVoxels
 
-# How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
-SHARED_WORD, LIKE_WORD = 1.0, 0.5
 VISION = 0.2  # as of simulated evidence of strength .8: chosen beforehand, not fitted
-SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: as a word of a label
-
-
-def own_name(part: NamedPart) -> str:
-    """Words of a part with the material its labels tell, "" where they tell nothing."""
-    word = "" if part.spoken == "object" else part.spoken
-    material = part.material or ""
-    return word if material in word else f"{word} {material}".strip()
-
-
-def name_evidence(
-    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
-) -> tuple[Float[np.ndarray, "clauses parts"], float]:
-    """How well each part's own name fits each clause, and how far that is to be trusted."""
-    score = np.clip(overlap(clauses, named), 0, 3)
-    score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
-    if score.any():
-        return score, SHARED_WORD
-    if of_pieces(clauses, named):  # their part's name is like one clause, and they are not
-        return np.zeros_like(score), 0.0
-    nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
-    names = encoder.text([own_name(part) for part in named])
-    return nouns @ names.T, LIKE_WORD
-
-
-def _same_matter(clauses: Sequence[Clause], named: Sequence[NamedPart]) -> np.ndarray:
-    """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
-    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
-    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
-    return np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked])
 
 
 def standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.ndarray:

@@ -16,14 +16,12 @@ import numpy as np
 from ...fem.scene.materials import MaterialTable, load_table
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
-from ..language.binding import NamedPart, of_pieces
 from ..language.clauses import Clause, Sentence
-from ..language.hints import HintedEncoder
-from ..language.vocabulary import vocabulary_of
+from ..language.hints import Heard, HintedEncoder, hear
 from ..normalisation import DEFAULT, Normalisation
 from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
-from .evidence import VISION, name_evidence, own_name, standard
+from .evidence import VISION, standard
 from .frame import Frame
 
 if TYPE_CHECKING:
@@ -39,7 +37,7 @@ class Inference(NamedTuple):
     ``values`` (nx, ny, nz, 3) are log E, nu, log rho in the ranges of ``normalisation``; ``shares``
     (nx, ny, nz, K + 1) say how surely each of the ``clauses`` speaks of a cell, the last one that
     none does; ``spread`` (nx, ny, nz) is the deviation of log10 E between views of the object from
-    several sides.
+    several sides. ``of_pieces`` and ``unbound`` are as ``Heard`` has them.
     """
 
     clauses: Sequence[Clause]
@@ -47,6 +45,8 @@ class Inference(NamedTuple):
     shares: np.ndarray
     spread: np.ndarray
     normalisation: Normalisation = DEFAULT
+    of_pieces: bool = False
+    unbound: Sequence[int] = ()
 
     def pooled(self, parts: PartVoxels) -> Inference:
         """Return the means over every part: each is of one matter."""
@@ -105,27 +105,31 @@ class FilmModel:
         turns
             Views from so many sides are averaged; their spread is reported.
         """
-        frame, clauses = Frame.of(parts, up), sentence.stated
-        scene = self._scene(parts, frame, sentence, appearance or Appearance(), names)
+        frame = Frame.of(parts, up)
+        encoder = HintedEncoder(self.encoder, normalisation=self.network.normalisation)
+        heard = hear(sentence, parts.part_labels, self.table, encoder)
+        scene = self._scene(parts, frame, heard, appearance or Appearance(), names)
         values, shares = self._run(scene, frame, turns)
         normalisation = self.network.normalisation
         spread = values[..., 0].std(axis=0) * normalisation.span[0] / 2
-        shares = shares[..., [*range(len(clauses)), -1]]  # without the slot of a silent text
+        shares = shares[..., [*range(len(heard.clauses)), -1]]  # without the slot of a silent text
         found = Inference(
-            clauses,
+            heard.clauses,
             frame.back(values.mean(axis=0), parts),
             frame.back(shares, parts),
             frame.back(spread, parts),
             normalisation,
+            heard.of_pieces,
+            heard.unbound,
         )
         # Otherwise each part is of one matter.
-        return found if of_pieces(clauses, parts.part_names) else found.pooled(parts)
+        return found if heard.of_pieces else found.pooled(parts)
 
     def _scene(
         self,
         parts: PartVoxels,
         frame: Frame,
-        sentence: Sentence,
+        heard: Heard,
         appearance: Appearance,
         names: bool,
     ) -> VoxelScene:
@@ -134,36 +138,28 @@ class FilmModel:
 
         from .config import VoxelScene
 
-        clauses, vocabulary = sentence.stated, vocabulary_of(self.table)
-        named = [NamedPart.of(labels, vocabulary, 0.0) for labels in parts.part_labels]
-        spoken = [own_name(part) for part in named]
-        k = max(len(clauses), 1)
-        heard = HintedEncoder(self.encoder, normalisation=self.network.normalisation)
-        said = [clause.written for clause in clauses]
-        vectors = heard.text([*said, *spoken, sentence.text or "object"])
-        dim = vectors.shape[1]
-        embedded = np.zeros((1, k, dim), dtype=np.float32)
-        embedded[0, : len(clauses)] = vectors[: len(clauses)]
-        own, whole = vectors[len(clauses) : -1], vectors[-1]
+        count = len(heard.clauses)
+        k = max(count, 1)
+        embedded = np.zeros((1, k, heard.vectors.shape[1]), dtype=np.float32)
+        embedded[0, :count] = heard.vectors
         part = frame.forward(parts.part, outside=-1)
         evidence = np.zeros((1, 2, k, *part.shape), dtype=np.float32)
         reliability = np.zeros((1, 2), dtype=np.float32)
-        if clauses and appearance.features is not None and appearance.words is not None:
-            seen = frame.forward(appearance.features) @ appearance.words.text(
-                [heard.subject(clause) for clause in said]
-            ).T.astype(np.float32)
+        if count and appearance.features is not None and appearance.words is not None:
+            asked = appearance.words.text(list(heard.subjects)).T.astype(np.float32)
+            seen = frame.forward(appearance.features) @ asked
             evidence[0, 0], reliability[0, 0] = standard(seen, part >= 0), VISION
-        if clauses and names:
-            score, reliability[0, 1] = name_evidence(clauses, named, self.encoder)
-            evidence[0, 1] = standard(score.T[part.clip(min=0)], part >= 0)
+        if count and names:
+            evidence[0, 1] = standard(heard.fits.T[part.clip(min=0)], part >= 0)
+            reliability[0, 1] = heard.trust
         inputs = frame.inputs(part, appearance.colours)
         # The name of a part says nothing of its pieces.
-        known = [bool(name) and names and not of_pieces(clauses, named) for name in spoken]
-        present = np.arange(k)[None] < len(clauses)
-        unsaid = np.array([not clauses and bool(sentence.text.strip())])
+        known = [known and names and not heard.of_pieces for known in heard.named]
+        present = np.arange(k)[None] < count
+        unsaid = np.array([not count and heard.spoken])
         numbers = (
-            inputs[None], embedded, present, whole[None], unsaid,
-            evidence, reliability, own[None], np.array([known]), part[None].astype(np.int64),
+            inputs[None], embedded, present, heard.whole[None], unsaid, evidence, reliability,
+            heard.names[None], np.array([known]), part[None].astype(np.int64),
         )  # fmt: skip
         return VoxelScene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
 

@@ -14,9 +14,7 @@ from ...fem.scene.materials import FIELDS, Material, MaterialTable, MaterialValu
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
-from ..language.binding import NamedPart, of_pieces, overlap, unbound_clauses
 from ..language.clauses import Sentence
-from ..language.vocabulary import vocabulary_of
 from ..lookup.lookup import Lookup
 from ..normalisation import Normalisation
 from ..partition import Partition, match_clauses, partition
@@ -98,12 +96,9 @@ class FilmPredictor:
 
     def _pieces(self, parts: PartVoxels, left_open: Sequence[int], found: Inference) -> Partition:
         """Divide parts if the text speaks of more than there are; else match a clause to each."""
-        if of_pieces(found.clauses, parts.part_names):
+        if found.of_pieces:
             return partition(parts, left_open, found.shares, found.clauses)
-        vocabulary = vocabulary_of(self.table)
-        named = [NamedPart.of(labels, vocabulary, 0.0) for labels in parts.part_labels]
-        unbound = unbound_clauses(found.clauses, overlap(found.clauses, named))
-        owners = match_clauses(parts, left_open, found.shares, unbound)
+        owners = match_clauses(parts, left_open, found.shares, found.unbound)
         return Partition(parts, tuple(range(len(owners))), owners)
 
     def _choose(

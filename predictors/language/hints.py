@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.scene.materials import MaterialTable
 from ..encoders.protocol import TextEncoder
 from ..normalisation import DEFAULT, Normalisation
+from .binding import NamedPart, nouns_of, of_pieces, overlap, unbound_clauses
+from .clauses import Clause, Sentence
 from .degrees import ADJECTIVES, BEND, BRITTLE, FLOAT, MODERATE, SINK, SOMEWHAT, STRONGER
+from .kinds import kind_of
 from .lexicon import CHANNELS, Lexicon, default_lexicon, with_lexicon
 from .statement import as_usual
+from .vocabulary import vocabulary_of
 
 # Score of a level at most, and its words: as a predicate, and before a noun.
 _STIFFNESS = (
@@ -120,6 +126,9 @@ def _attribute(words: list[str]) -> tuple[int, int] | None:
 
 
 UNSAID = "object"  # is embedded for a clause that names no part
+# How far names are to be trusted, on the scale of training: a word in common, or only a likeness.
+SHARED_WORD, LIKE_WORD = 1.0, 0.5
+SAME_MATTER = 2.0  # "the metal is iron" of a part that the asset calls chrome: as a word of a label
 
 
 class HintedEncoder:
@@ -158,3 +167,98 @@ def subject(text: str, *, lexicon: Lexicon | None = None) -> str:
     """Words for what a clause speaks of: of the part, else of its material, else of anything."""
     said = (lexicon or default_lexicon()).read(text)
     return said.subject or said.material or UNSAID
+
+
+class Heard(NamedTuple):
+    """What a network is told of a sentence and of the names of an asset's parts.
+
+    Parameters
+    ----------
+    clauses
+        Those that say something.
+    vectors, names, whole
+        Embeddings of the clauses (n, d), of the parts' own names (parts, d), of the text (d,).
+    named
+        Whether a part's name says anything, for each part.
+    subjects
+        What each clause speaks of, in words.
+    fits, trust
+        How well each part's name fits each clause (n, parts), and how far that is to be trusted.
+    of_pieces
+        Whether the text speaks of more parts than there are.
+    unbound
+        Clauses about parts that no part is called after.
+    spoken
+        Whether there is a text at all.
+    """
+
+    clauses: Sequence[Clause]
+    vectors: np.ndarray
+    names: np.ndarray
+    whole: np.ndarray
+    named: tuple[bool, ...]
+    subjects: tuple[str, ...]
+    fits: np.ndarray
+    trust: float
+    of_pieces: bool
+    unbound: tuple[int, ...]
+    spoken: bool
+
+
+def hear(
+    sentence: Sentence,
+    labels: Sequence[Sequence[str]],
+    table: MaterialTable,
+    encoder: HintedEncoder,
+) -> Heard:
+    """Return all that a network is told in words, of parts with these ``labels``."""
+    clauses, vocabulary = sentence.stated, vocabulary_of(table)
+    parts = [NamedPart.of(words, vocabulary, 0.0) for words in labels]
+    spoken = [own_name(part) for part in parts]
+    said = [clause.written for clause in clauses]
+    vectors = encoder.text([*said, *spoken, sentence.text or UNSAID])
+    fits, trust = np.zeros((0, len(parts))), 0.0
+    if clauses:
+        fits, trust = name_evidence(clauses, parts, encoder.encoder)
+    return Heard(
+        clauses,
+        vectors[: len(said)],
+        vectors[len(said) : -1],
+        vectors[-1],
+        tuple(map(bool, spoken)),
+        tuple(encoder.subject(clause) for clause in said),
+        fits,
+        trust,
+        of_pieces(clauses, parts),
+        tuple(unbound_clauses(clauses, overlap(clauses, parts))),
+        bool(sentence.text.strip()),
+    )
+
+
+def own_name(part: NamedPart) -> str:
+    """Words of a part with the material its labels tell, "" where they tell nothing."""
+    word = "" if part.spoken == "object" else part.spoken
+    material = part.material or ""
+    return word if material in word else f"{word} {material}".strip()
+
+
+def name_evidence(
+    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
+) -> tuple[Float[np.ndarray, "clauses parts"], float]:
+    """How well each part's own name fits each clause, and how far that is to be trusted."""
+    score = np.clip(overlap(clauses, named), 0, 3)
+    score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
+    if score.any():
+        return score, SHARED_WORD
+    if of_pieces(clauses, named):  # their part's name is like one clause, and they are not
+        return np.zeros_like(score), 0.0
+    nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
+    names = encoder.text([own_name(part) for part in named])
+    return nouns @ names.T, LIKE_WORD
+
+
+def _same_matter(clauses: Sequence[Clause], named: Sequence[NamedPart]) -> np.ndarray:
+    """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
+    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
+    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
+    return np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked])

@@ -119,12 +119,12 @@ class Lookup:
 
     def _from_clauses(self, parts: list[NamedPart], clauses: Sequence[Clause]) -> list[_Pick]:
         """Pick by clause, by the part's own names, by the whole sentence, or by the kernel."""
+        named = [k for k, clause in enumerate(clauses) if clause.material]
+        rows = {self._row(clauses[k]).name for k in named}
         score = overlap(clauses, parts)
         bound, lost = bind(score), unbound_clauses(clauses, score)
-        named = [k for k, clause in enumerate(clauses) if clause.material]
         rest = [k for k in named if set(nouns_of(clauses[k])) & words.REST]
         free = [k for k in named if k not in bound and k not in rest]
-        rows = {self._row(clauses[k]).name for k in named}
         if len(rows) == 1 and len(free) == len(named) and all(is_whole(clauses[k]) for k in free):
             rest, free = free, []  # "oak cube": one material for everything
         open_parts = [i for i, k in enumerate(bound) if k is None or not clauses[k].material]

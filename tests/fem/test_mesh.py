@@ -76,3 +76,15 @@ def test_material_out_of_range_is_refused():
     ):  # fmt: skip
         with pytest.raises(InputError, match=f"{name} = .* at tet 0"):
             ElementMaterial.uniform(3, E=E, nu=nu, rho=rho)
+
+
+def test_a_material_cannot_change_behind_its_moduli():
+    """Its arrays are copies that refuse to be written to, so that lam and mu are of E and nu."""
+    E = np.full(3, 1e6)
+    material = ElementMaterial(E, np.full(3, 0.3), np.full(3, 1e3))
+    lam = material.lame.lam.copy()
+    E[:] = 1.0
+    np.testing.assert_array_equal(material.E, 1e6)
+    np.testing.assert_array_equal(material.lame.lam, lam)
+    with pytest.raises(ValueError, match="read-only"):
+        material.E[0] = 2.0

@@ -15,6 +15,7 @@ from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.language.binding import NamedPart, overlap, unbound_clauses
 from autophyx_tet.predictors.language.clauses import Clause
+from autophyx_tet.predictors.language.hints import HintedEncoder, hear
 from autophyx_tet.predictors.language.parser import parse
 from autophyx_tet.predictors.language.vocabulary import vocabulary_of
 from autophyx_tet.predictors.partition import SPECK, partition
@@ -38,11 +39,19 @@ class Model(FilmModel):
         super().__init__()
         self.found, self.asked = found, 0
 
-    def infer(self, *_, **__) -> Inference:
-        """Return what is found."""
+    def infer(self, parts, sentence, **_) -> Inference:
+        """Return what is found, with what is heard of the sentence beside it."""
         self.asked += 1
         assert self.found is not None
-        return self.found
+        heard = hear(sentence, parts.part_labels, TABLE, HintedEncoder(NoEncoder()))
+        return self.found._replace(of_pieces=heard.of_pieces, unbound=heard.unbound)
+
+
+class NoEncoder:
+    """Words as vectors of one number: what is bound to what is no matter of likeness here."""
+
+    def text(self, sentences) -> np.ndarray:
+        return np.ones((len(sentences), 1), dtype=np.float32)
 
 
 def network(found: Inference | None = None) -> FilmPredictor:

@@ -144,3 +144,12 @@ def test_a_scenario_and_a_method_of_somebody_else(column, tmp_path):
     finally:
         SCENARIOS.unregister("lean")
         METHODS.unregister("toy")
+
+
+def test_a_structured_mesh_has_a_report(tmp_path):
+    """Tets that are all alike: their qualities differ by round-off, and still have a histogram."""
+    mesh = box_mesh((0.1, 0.1, 0.3), (2, 2, 6)).with_material(
+        ElementMaterial(np.full(144, 1e8), np.full(144, 0.3), np.full(144, 1e3))
+    )
+    simulate(mesh, report=tmp_path / "r.html")
+    assert "<svg" in (tmp_path / "r.html").read_text()

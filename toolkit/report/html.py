@@ -15,6 +15,7 @@ from .data import frames_shown
 from .quantities import mass_words, rounded, si, si_span, value_words, volume_words
 
 Fact = tuple[str, str]
+ALIKE = 1e-6  # of a value: what differs less is round-off, too little to be cut into bins
 HEIGHT, WIDTH, BINS = 110, 360, 36  # of a histogram, in its own pixels
 GAP, ROOM = 1.2, 6  # between its bars, and above the highest
 
@@ -189,7 +190,9 @@ def _histograms(values: Mapping[str, object]) -> Iterator[Histogram]:
 
 def _histogram(label: str, array: np.ndarray) -> Histogram:
     """Bars for a picture that is readable without any script."""
-    counts, edges = np.histogram(array, bins=BINS)
+    middle, half = (array.max() + array.min()) / 2, (array.max() - array.min()) / 2
+    half = max(float(half), ALIKE * abs(float(middle)), np.finfo(float).tiny)
+    counts, edges = np.histogram(array, bins=BINS, range=(middle - half, middle + half))
     step = WIDTH / BINS
     bars = [
         Bar(

@@ -1,0 +1,27 @@
+"""The two journeys through the house: as docs/architecture.md tells them, and never to and fro."""
+
+import importlib.util
+import sys
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def journeys(root):
+    spec = importlib.util.spec_from_file_location("journeys", root / "docs" / "journeys.py")
+    module = sys.modules["journeys"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_what_the_page_tells_is_what_happens(journeys, root):
+    """A sentence, and one E: at most three returns to a room that had been left."""
+    walks = {
+        "a sentence": journeys.walk_of_a_sentence(),
+        "a modulus": journeys.walk_of_a_modulus(),
+    }
+    for name, walk in walks.items():
+        assert len(walk.stays) > 4, f"{name} was lost sight of"
+        assert walk.returns <= 3, f"{name}: {[stay.room for stay in walk.stays]}"
+    page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert journeys.written(page, walks) == page, "run `python docs/journeys.py`"
