@@ -135,3 +135,24 @@ def test_nothing_is_too_long():
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 length = node.end_lineno - node.lineno + 1
                 assert length <= LONGEST, f"{path}:{node.lineno} {node.name}: {length} lines"
+
+
+# One name for one thing: the same thing under one name in two places is what these are.
+TWICE = {
+    "add_diagonal", "body_force", "rigid_motions",  # a function, and its kernel
+    "energy_and_stress", "projected_tangent",  # of every law
+    "features",  # the verb, and what it does to an asset
+    "main",
+}  # fmt: skip
+
+
+def test_one_name_one_thing():
+    """No public function or class of one name in two modules."""
+    homes: dict[str, list[str]] = {}
+    for path in CODE:
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(name_of(path))
+    twice = {name: where for name, where in homes.items() if len(where) > 1}
+    assert {name: where for name, where in twice.items() if name not in TWICE} == {}
+    assert set(twice) >= TWICE, f"no longer twice: {TWICE - set(twice)}"

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
-from ...fem.scene.mesh import TetMesh
+from ...fem.scene.mesh import TetMesh, material_of
 from ...fem.scene.supports import Supports
 from ...predictors.asset import UpAxis
 from ..registry import PROGRAMS, Keeps
-from .material_bins import BinError, NameStyle, bin_materials, material_of
+from .material_bins import BinError, NameStyle, bin_materials
 from .scene_options import SceneOptions
 
 

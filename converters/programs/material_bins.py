@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
 from ...fem.scene.material import ElementMaterial
-from ...fem.scene.mesh import TetMesh
+from ...fem.scene.mesh import TetMesh, material_of
 
 log = logging.getLogger(__name__)
 
@@ -135,13 +135,6 @@ def _variance(scaled, weight, rows) -> tuple[float, int, np.ndarray]:
     mean = np.average(scaled[rows], axis=0, weights=weight[rows])
     squares = weight[rows] @ (scaled[rows] - mean) ** 2
     return float(squares.sum()), int(squares.argmax()), rows
-
-
-def material_of(mesh: TetMesh) -> ElementMaterial:
-    """Return the material of a mesh, or say what to do where it has none."""
-    if mesh.material is None:
-        raise InputError("the mesh has no material yet: run `assign` first")
-    return mesh.material
 
 
 def named_arrays(mesh: TetMesh, names: str) -> dict[str, np.ndarray]:

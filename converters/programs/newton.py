@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.scene.mesh import TetMesh
+from ...fem.scene.mesh import TetMesh, material_of
 from ..mesh.vtk import write_vtk
 from ..npz import save_npz
 from ..registry import MATERIAL, Format, Keeps, Program
-from .material_bins import material_of, vertex_masses
+from .material_bins import vertex_masses
 from .scene_options import SceneOptions
 
 

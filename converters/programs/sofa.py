@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.scene.mesh import TetMesh
+from ...fem.scene.mesh import TetMesh, material_of
 from ...fem.scene.support_finder import find_supports
 from ..files import writing
 from ..mesh.msh import write_msh
 from ..registry import Format, Keeps, Program
-from .material_bins import material_of, vertex_masses
+from .material_bins import vertex_masses
 from .scene_options import SceneOptions
 
 _SCENE = """<?xml version="1.0"?>

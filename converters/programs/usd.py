@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.errors import UsageError
-from ...fem.scene.mesh import TetMesh
+from ...fem.scene.mesh import TetMesh, material_of
 from ..files import writing
 from ..registry import MATERIAL, Format, Program
-from .material_bins import Bins, material_of
+from .material_bins import Bins
 from .scene_options import SceneOptions
 
 

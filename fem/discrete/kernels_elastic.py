@@ -64,7 +64,7 @@ def gradient_p1(
 
 
 @wp.func
-def along(A: mat99d, q: wp.vec3d) -> mat93d:
+def columns_along(A: mat99d, q: wp.vec3d) -> mat93d:
     """Change of the stress with the displacement of a node: sum_d A[., (., d)] q_d."""
     B = mat93d()
     for r in range(9):
@@ -197,7 +197,7 @@ def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
             d = shape_gradients(g, elements, quadrature[n])
             A = second_derivative(gradient_at(d, elements, u, t), w * lam[t], w * mu[t])
             for b in range(size):
-                B = along(A, row10(d, b))
+                B = columns_along(A, row10(d, b))
                 for a in range(b + 1):
                     block = force_block(B, row10(d, a))
                     wp.atomic_add(values, slots[t, size * a + b], block)

@@ -32,7 +32,7 @@ TOLERANCE = 1e-8
 COMPRESSIBLE = 0.499
 
 
-class Problem(NamedTuple):
+class StaticProblem(NamedTuple):
     """A body made discrete: ``held`` and ``load`` [N] (nodes, 3) are on the nodes of ``grid``."""
 
     grid: Discretisation
@@ -42,7 +42,7 @@ class Problem(NamedTuple):
 
 def discrete_problem(
     mesh: TetMesh, supports: Supports, *, order: int, device: str, **loads: Any
-) -> Problem:
+) -> StaticProblem:
     """Space, constraints and loads of a static problem; ``loads`` as in ``solve_static``.
 
     Raises
@@ -54,7 +54,7 @@ def discrete_problem(
     held = node_supports(supports, grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    return Problem(grid, held, load_vector(mesh, grid, **loads))
+    return StaticProblem(grid, held, load_vector(mesh, grid, **loads))
 
 
 @renamed_options(gravity="gravity_vector")

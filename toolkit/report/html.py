@@ -36,7 +36,7 @@ class Cell(NamedTuple):
     span: str = ""
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """One part in the material table; ``source`` is the number of its source."""
 
     name: str
@@ -53,7 +53,7 @@ class Column(NamedTuple):
     text: str
     findings: list[Finding]
     facts: list[Fact]
-    rows: list[Row]
+    rows: list[TableRow]
     sources: list[str]
 
 
@@ -152,7 +152,7 @@ def _warnings(content: ReportContent) -> Iterator[str]:
             )
 
 
-def _row(part: PartRow, sources: list[str]) -> Row:
+def _row(part: PartRow, sources: list[str]) -> TableRow:
     numbers = (
         Cell(si(part.E, "Pa"), _stiffness_span(part.E_span)),
         Cell(f"{part.nu:.3g}", _span(part.nu_span)),
@@ -161,7 +161,7 @@ def _row(part: PartRow, sources: list[str]) -> Row:
         Cell(mass_words(part.mass)),
     )
     source = f"[{sources.index(part.source) + 1}]" if part.source else "–"
-    return Row(part.name, part.material, part.words or "–", numbers, source)
+    return TableRow(part.name, part.material, part.words or "–", numbers, source)
 
 
 def _stiffness_span(span: Span | None) -> str:

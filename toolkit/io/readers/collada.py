@@ -8,7 +8,7 @@ from pathlib import Path
 from ....converters.registry import Format, Keeps
 from ..references import References
 from .asset_formats import AssetContent
-from .surface_scene import node_surfaces, parse, refuse_entities
+from .surface_scene import node_surfaces, parse_scene, refuse_entities
 
 
 def read_collada(path: Path, data: bytes, references: References) -> AssetContent:
@@ -17,7 +17,7 @@ def read_collada(path: Path, data: bytes, references: References) -> AssetConten
     unit = re.search(rb"<unit[^>]*\bmeter=[\"']([\d.eE+-]+)", data)
     axis = re.search(rb"<up_axis>\s*([XYZ])_UP", data)
     return AssetContent(
-        node_surfaces(parse(path, data, references)),
+        node_surfaces(parse_scene(path, data, references)),
         metres=float(unit.group(1)) if unit else 1.0,
         up=axis.group(1).decode().lower() if axis else "y",  # type: ignore[arg-type]
     )

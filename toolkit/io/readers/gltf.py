@@ -8,12 +8,12 @@ from ....converters.registry import Format, Keeps
 from ....fem.errors import InputError
 from ..references import References
 from .asset_formats import AssetContent
-from .surface_scene import node_surfaces, parse
+from .surface_scene import node_surfaces, parse_scene
 
 
 def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface per node and material, in world coordinates."""
-    surfaces = node_surfaces(parse(path, data, references))
+    surfaces = node_surfaces(parse_scene(path, data, references))
     if not surfaces and references.warnings:
         raise InputError(f"{path}: {references.warnings[0]}")
     return AssetContent(surfaces, metres=1.0, up="y")

@@ -8,7 +8,7 @@ from pathlib import Path
 from ....converters.registry import Format, Keeps
 from ..references import References, used_materials
 from .asset_formats import AssetContent, NamedSurface
-from .surface_scene import cloud_of, material_name, parse, surface_meshes
+from .surface_scene import cloud_of, mesh_material_name, parse_scene, surface_meshes
 
 _COUNTED_LINE = re.compile(r"^(?:v|vt|vn|f)[ \t].*$", flags=re.MULTILINE)
 
@@ -18,7 +18,7 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
     text = absolute_indices(data.decode(errors="replace"))
     references.materials = used_materials(text)
     objects = re.search(r"^o[ \t]+\S", text, flags=re.MULTILINE) is not None
-    scene = parse(
+    scene = parse_scene(
         path,
         text.encode(),
         references,
@@ -28,7 +28,7 @@ def read_obj(path: Path, data: bytes, references: References) -> AssetContent:
     )
     surfaces = []
     for name, mesh in surface_meshes(scene):
-        material = material_name(mesh)
+        material = mesh_material_name(mesh)
         surfaces.append(NamedSurface(mesh, (name.removesuffix(f"_{material}"),), material))
     return AssetContent(surfaces, up_guess="y", cloud=None if surfaces else cloud_of(scene))
 

@@ -13,7 +13,7 @@ from ....fem.errors import InputError
 from ..references import References
 from .asset_formats import AssetContent, NamedSurface
 from .carrier import read_carrier
-from .surface_scene import cloud_of, parse, surface_meshes
+from .surface_scene import cloud_of, parse_scene, surface_meshes
 
 if TYPE_CHECKING:
     import trimesh
@@ -23,7 +23,7 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
     """PLY: faces, triangle strips, Gaussian splats, or points alone."""
     if _is_splat(data):
         return read_carrier(path, data, references)
-    scene = parse(path, data, references)
+    scene = parse_scene(path, data, references)
     surfaces = [NamedSurface(mesh) for _, mesh in surface_meshes(scene)]
     if not surfaces:
         surfaces = [

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import trimesh
 
 
-def parse(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
+def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
     """Parse with trimesh, changing nothing."""
     import trimesh
 
@@ -44,7 +44,7 @@ def node_surfaces(scene: trimesh.Scene) -> list[NamedSurface]:
             mesh = mesh.copy()
             mesh.apply_transform(transform)
             names = _ancestry(scene, node, str(geometry))
-            surfaces.append(NamedSurface(mesh, names, material_name(mesh)))
+            surfaces.append(NamedSurface(mesh, names, mesh_material_name(mesh)))
     return surfaces
 
 
@@ -53,7 +53,7 @@ def is_surface(geometry: Any) -> bool:
     return getattr(geometry, "faces", None) is not None and len(geometry.faces) > 0
 
 
-def material_name(mesh: trimesh.Trimesh) -> str | None:
+def mesh_material_name(mesh: trimesh.Trimesh) -> str | None:
     """Name of the material of a surface, if it has one."""
     return getattr(getattr(mesh.visual, "material", None), "name", None)
 

@@ -11,7 +11,7 @@ from ....converters.registry import Format, Keeps
 from ....fem.errors import InputError
 from ..references import References
 from .asset_formats import AssetContent
-from .surface_scene import node_surfaces, parse, refuse_entities
+from .surface_scene import node_surfaces, parse_scene, refuse_entities
 
 MAX_UNPACKED_BYTES = 2 * 2**30  # of an archive: more is a bomb or a scan
 # Metres of the units that 3MF names; it means millimetres where it names none.
@@ -32,7 +32,7 @@ def read_threemf(path: Path, data: bytes, references: References) -> AssetConten
         refuse_entities(path, text)
     unit = re.search(rb"<model[^>]*\bunit=[\"'](\w+)", b"".join(texts))
     metres = THREEMF_METRES.get(unit.group(1).decode().lower() if unit else "millimeter")
-    return AssetContent(node_surfaces(parse(path, data, references)), metres=metres, up="z")
+    return AssetContent(node_surfaces(parse_scene(path, data, references)), metres=metres, up="z")
 
 
 THREEMF = Format(
