@@ -1,4 +1,4 @@
-"""The two journeys through the house: as docs/architecture.md tells them, and never back and forth."""
+"""The two journeys through the house: as docs/architecture.md tells them, not back and forth."""
 
 import importlib.util
 import sys
