@@ -76,3 +76,13 @@ def test_no_random_example_is_timed():
 
     assert settings().deadline is None
     assert settings().derandomize or "AUTOPHYX_EXPLORE" in os.environ
+
+
+def test_system_libraries_are_found_without_the_path_of_root(root):
+    """ldconfig stands in /sbin, which is not on the path of a user who is not root."""
+    call = ["bash", str(root / ".ci" / "system")]
+    said = [
+        subprocess.run(call, env={"PATH": path}, capture_output=True, text=True, check=True).stdout
+        for path in ("/usr/bin:/bin", "/usr/bin:/bin:/usr/sbin:/sbin")
+    ]
+    assert said[0] == said[1]
