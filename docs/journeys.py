@@ -25,10 +25,12 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, LameParameters
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.language.clauses import Clause, Sentence
+from autophyx_tet.toolkit.options import AssignOptions
 
 HERE = Path(__file__).resolve().parent
 ROOMS = ("fem", "predictors", "converters", "toolkit")
 TEXT = "the legs are oak"  # and the seat is left to the network
+CELLS = 12  # of its grid: the way is the same as on a fine one
 
 
 @dataclass
@@ -94,7 +96,7 @@ def walk_of_a_sentence() -> Walk:
 
     mesh = parts_mesh()
     with Walk(carries) as walk:
-        apx.assign(mesh, TEXT)
+        apx.assign(mesh, TEXT, options=AssignOptions(cells=CELLS))
     return walk
 
 

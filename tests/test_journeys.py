@@ -14,6 +14,7 @@ def journeys(root):
     return module
 
 
+@pytest.mark.slow  # every call of ours is looked at
 def test_what_the_page_tells_is_what_happens(journeys, root):
     """A sentence, and one E: at most three returns to a room that had been left."""
     walks = {

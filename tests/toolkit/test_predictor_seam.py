@@ -95,7 +95,9 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
     option = "soft rubber"
     parsed.clear()
     apx.assign(
-        two_regions(), text, options=AssignOptions(part=(f"seat={option}",), predictor="retrieval")
+        two_regions(),
+        text,
+        options=AssignOptions(part=(f"seat={option}",), predictor="retrieval", cells=8),
     )
     assert parsed == [text, option]
 
