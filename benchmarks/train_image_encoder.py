@@ -26,7 +26,7 @@ from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.encoders.embedded import public_backbone
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
-from autophyx_tet.predictors.language.kinds import KINDS
+from autophyx_tet.predictors.hearing.kinds import KINDS
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
     HeadOptions,

@@ -24,7 +24,7 @@ from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, LameParameters
 from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.language.clauses import Clause, Sentence
+from autophyx_tet.predictors.hearing.clauses import HeardClause, HeardSentence
 from autophyx_tet.toolkit.options import AssignOptions
 
 HERE = Path(__file__).resolve().parent
@@ -90,9 +90,13 @@ def walk_of_a_sentence() -> Walk:
     def carries(value: object) -> bool:
         if isinstance(value, str):
             return value == TEXT
-        if isinstance(value, list | tuple) and value and not isinstance(value, Sentence | Clause):
+        if (
+            isinstance(value, list | tuple)
+            and value
+            and not isinstance(value, HeardSentence | HeardClause)
+        ):
             value = value[0]
-        return isinstance(value, Sentence | Clause)
+        return isinstance(value, HeardSentence | HeardClause)
 
     mesh = parts_mesh()
     with Walk(carries) as walk:

@@ -32,7 +32,7 @@ import torch
 from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.film.unet import count_parameters
-from autophyx_tet.predictors.language.hints import HintedEncoder
+from autophyx_tet.predictors.hearing.hints import HintedEncoder
 from autophyx_tet.predictors.training.film.presets import CPU
 from autophyx_tet.predictors.training.film.recipe import train_film
 

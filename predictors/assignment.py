@@ -12,7 +12,7 @@ import numpy as np
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
-from .language.parser import parse
+from .hearing.parser import listen
 from .lookup.lookup import Lookup
 from .prediction import Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
@@ -59,7 +59,7 @@ def predict_materials(
     """
     predictor = PREDICTORS[predictor]() if isinstance(predictor, str) else predictor
     table = table or load_table()
-    sentence = parse(text, table)
+    sentence = listen(text, table)
     choices = Lookup(table=table).choose(
         parts.part_labels, sentence, overrides=overrides, materials=materials, alpha=alpha,
         part_volumes=part_volumes,

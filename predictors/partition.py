@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .language.clauses import Clause
+from .hearing.clauses import HeardClause
 from .voxels import PartVoxels
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
@@ -56,7 +56,7 @@ def partition(
     parts: PartVoxels,
     left_open: Sequence[int],
     shares: Float[np.ndarray, "nx ny nz k"],
-    clauses: Sequence[Clause],
+    clauses: Sequence[HeardClause],
 ) -> Partition:
     """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
     none = len(clauses)
@@ -85,7 +85,7 @@ def partition(
 
 
 def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.ndarray, "n"]:
-    """Clause of each of a part's cells, without noise."""
+    """HeardClause of each of a part's cells, without noise."""
     from scipy.ndimage import distance_transform_edt, label, uniform_filter
 
     within = cells[..., None]
@@ -104,7 +104,7 @@ def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.n
     return owner[cells]
 
 
-def _piece(part: str, clause: Clause, taken: Sequence[str]) -> str:
+def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
     name = f"{part} {' '.join(clause.parts) or clause.material or clause.text}"
     options = (name, *(f"{name} {i}" for i in range(2, len(taken) + 3)))

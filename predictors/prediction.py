@@ -10,8 +10,8 @@ import numpy as np
 
 from ..fem.scene.materials import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
-from .language import words
-from .language.clauses import Clause, Sentence
+from .hearing import words
+from .hearing.clauses import HeardClause, HeardSentence
 from .voxels import PartVoxels
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
@@ -69,7 +69,7 @@ class PartChoice:
     alpha: float
     why: str
     settled: bool = True
-    clause: Clause | None = None
+    clause: HeardClause | None = None
     borrowed: bool = False
     binding: Binding | None = None
     network: str = ""
@@ -114,7 +114,7 @@ class Prediction:
         cls,
         parts: PartVoxels,
         choices: Sequence[PartChoice],
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         alpha: float | None = None,
     ) -> Prediction:
@@ -146,7 +146,7 @@ class Prediction:
             yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
 
 
-def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
+def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[HeardClause]) -> tuple[str, ...]:
     """Clauses that name a material and that no choice follows, nor an option's text repeats."""
     followed = "\n".join(choice.clause.text for choice in choices if choice.clause).lower()
     named = (c for c in clauses if c.material and not set(c.parts) & words.REST)

@@ -8,7 +8,7 @@ from typing import ClassVar
 from ..fem.scene.materials import MaterialTable
 from .asset import UpAxis
 from .encoders.protocol import TextEncoder
-from .language.clauses import Sentence
+from .hearing.clauses import HeardSentence
 from .lookup.lookup import Lookup
 from .prediction import PartChoice, Prediction
 from .predictor import Appearance
@@ -29,7 +29,7 @@ class RetrievalPredictor:
     def predict(
         self,
         parts: PartVoxels,
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         choices: Sequence[PartChoice] | None = None,
         appearance: Callable[[], Appearance] | None = None,

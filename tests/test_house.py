@@ -14,7 +14,7 @@ FLOORS = {
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",
-        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film",
+        "hearing", "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film",
         "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (

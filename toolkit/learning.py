@@ -98,7 +98,7 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
     """Draw procedural objects, each part in a colour of its own; return what was said of them."""
     from ..predictors.datasets.grammar import Grammar
     from ..predictors.datasets.objects import category_names, make_objects
-    from ..predictors.language.part_names import spoken
+    from ..predictors.hearing.part_names import spoken
     from ..predictors.training.stores import procedural_store
 
     check_file(output, (".png",))

@@ -18,9 +18,9 @@ import numpy as np
 
 from ...fem.scene.materials import Material, MaterialValue, load_table
 from ...fem.scene.materials import key as key_of
-from ..language.kinds import KINDS, kind_of
-from ..language.levels import LEVELS, Level, material_at_level
-from ..language.part_names import PartKind, part_kinds, spoken
+from ..hearing.kinds import KINDS, kind_of
+from ..hearing.levels import LEVELS, Level, material_at_level
+from ..hearing.part_names import PartKind, part_kinds, spoken
 from . import frames
 from .frames import split_frames
 from .objects import CATEGORIES, HELD_OUT, category_names

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..language.part_names import part_kinds
+from ..hearing.part_names import part_kinds
 from .categories.clothing import CLOTHING
 from .categories.containers import CONTAINERS
 from .categories.furniture import FURNITURE, umbrella

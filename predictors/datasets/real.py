@@ -14,10 +14,10 @@ from jaxtyping import Float, UInt8
 from ...fem.errors import InputError
 from ...fem.scene.materials import Material, load_table
 from ..asset import Asset, Part
+from ..hearing.kinds import KINDS, kind_of
+from ..hearing.vocabulary import Vocabulary
 from ..images.surface_colour import material_name, skin_of
 from ..images.surface_voxels import random_points
-from ..language.kinds import KINDS, kind_of
-from ..language.vocabulary import Vocabulary
 from .shapes import EMPTY, MAX_PARTS
 
 CELLS = 64

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
-from ..language.kinds import bare_words
-from ..language.levels import LEVELS, Level
-from ..language.part_names import part_kinds
-from ..language.words import FOREIGN
+from ..hearing.kinds import bare_words
+from ..hearing.levels import LEVELS, Level
+from ..hearing.part_names import part_kinds
+from ..hearing.words import FOREIGN
 from ..normalisation import DEFAULT, Normalisation
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
 from .objects import category_names

@@ -11,11 +11,11 @@ from ...fem.scene.materials import load_table
 from ..encoders.minilm import MiniLM
 from ..encoders.protocol import TextEncoder
 from ..film.evidence import VISION, standard
-from ..language.binding import NamedPart
-from ..language.clauses import Clause
-from ..language.hints import name_evidence, subject
-from ..language.parser import parse
-from ..language.vocabulary import Vocabulary
+from ..hearing.binding import NamedPart
+from ..hearing.clauses import HeardClause
+from ..hearing.hints import name_evidence, subject
+from ..hearing.parser import listen
+from ..hearing.vocabulary import Vocabulary
 from ..voxels import pooled
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
@@ -146,8 +146,8 @@ def with_slot_names(
     return scene._replace(evidence=evidence, reliability=reliability)
 
 
-def _one_clause(said: str) -> Clause:
+def _one_clause(said: str) -> HeardClause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
-    first, *others = [*parse(said, load_table()).clauses, Clause(said)]
+    first, *others = [*listen(said, load_table()).clauses, HeardClause(said)]
     spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
-    return Clause(said, first.material, (*first.parts, *spoken_of))
+    return HeardClause(said, first.material, (*first.parts, *spoken_of))

@@ -13,7 +13,7 @@ from ...fem.errors import UsageError
 from ..field import MaterialField
 from ..film.evidence import with_names
 from ..film.predictor import FilmPredictor
-from ..language.parser import parse
+from ..hearing.parser import listen
 from ..normalisation import DEFAULT
 from ..predictor import Appearance
 from ..retrieval import RetrievalPredictor
@@ -76,10 +76,10 @@ def _predictor(name: str, weights: Path | None) -> FieldPredictor:
         if not named:
             parts = with_names(parts, [f"part {i + 1}" for i in range(len(parts.part_names))])
         if film is None:
-            return retrieval.predict(parts, parse(text, retrieval.lookup.table)).field
+            return retrieval.predict(parts, listen(text, retrieval.lookup.table)).field
         colours = None if example.colours is None else example.colours[parts.part.clip(min=0)]
         seen = Appearance(colours=colours)
-        sentence = parse(text, film.table)
+        sentence = listen(text, film.table)
         return film.field(parts, sentence, up=example.up, names=named, appearance=seen)
 
     return predict

@@ -12,7 +12,7 @@ from ..datasets.objects import make_objects
 from ..datasets.real import RealObject
 from ..datasets.text_table import TextTable, build_text_table
 from ..encoders.minilm import MiniLM
-from ..language.hints import HintedEncoder
+from ..hearing.hints import HintedEncoder
 
 if TYPE_CHECKING:
     from ..training.film.batch import TrainingBatch

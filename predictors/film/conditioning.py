@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..language.lexicon import CHANNELS, LOUDNESS
+from ..hearing.lexicon import CHANNELS, LOUDNESS
 from .config import NetworkConfig
 from .layers import mix
 

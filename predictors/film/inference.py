@@ -16,8 +16,8 @@ import numpy as np
 from ...fem.scene.materials import MaterialTable, load_table
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
-from ..language.clauses import Clause, Sentence
-from ..language.hints import Heard, HintedEncoder, hear
+from ..hearing.clauses import HeardClause, HeardSentence
+from ..hearing.hints import Heard, HintedEncoder, hear
 from ..normalisation import DEFAULT, Normalisation
 from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
@@ -40,7 +40,7 @@ class Inference(NamedTuple):
     several sides. ``of_pieces`` and ``unbound`` are as ``Heard`` has them.
     """
 
-    clauses: Sequence[Clause]
+    clauses: Sequence[HeardClause]
     values: np.ndarray
     shares: np.ndarray
     spread: np.ndarray
@@ -85,7 +85,7 @@ class FilmModel:
     def infer(
         self,
         parts: PartVoxels,
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,

@@ -14,7 +14,7 @@ from ...fem.scene.materials import FIELDS, Material, MaterialTable, MaterialValu
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
-from ..language.clauses import Sentence
+from ..hearing.clauses import HeardSentence
 from ..lookup.lookup import Lookup
 from ..normalisation import Normalisation
 from ..partition import Partition, match_clauses, partition
@@ -44,7 +44,7 @@ class FilmPredictor:
     def predict(
         self,
         parts: PartVoxels,
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         choices: Sequence[PartChoice] | None = None,
         appearance: Callable[[], Appearance] | None = None,
@@ -78,7 +78,7 @@ class FilmPredictor:
     def field(
         self,
         parts: PartVoxels,
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,

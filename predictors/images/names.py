@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..encoders.protocol import Encoder
-from ..language.kinds import bare_words
+from ..hearing.kinds import bare_words
 
 
 def name_embeddings(

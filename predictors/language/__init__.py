@@ -1,6 +1,6 @@
-"""Language: a sentence as clauses, what each says, and which part it speaks of.
+"""Language: a text read once, as clauses that say what of an object is what.
 
 In: a text, the material table, the names that an asset has for its parts.
-Out: a Sentence of Clauses, their binding to parts, their levels and materials as numbers.
-Read: clauses, parser, tokens, vocabulary, words, binding, part_names, levels, statement, lexicon.
+Out: a Sentence of Clauses and of unread words; which clause speaks of which part.
+Read: clauses.
 """

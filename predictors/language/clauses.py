@@ -1,53 +1,169 @@
-"""What a sentence says: its clauses, each a material or a level of some parts."""
+"""What a sentence says: clauses, each about some parts, and the words that none of them took."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Literal
 
-# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
-_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
+# What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
+# nothing that it says ("oak" alone).
+Scope = Literal["parts", "whole", "rest", "none"]
+# Of a material: Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], hardness on two of
+# Shore's scales [1], filled share of a print [1], mass [kg] and thickness [m] of what is spoken of.
+Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "mass", "thickness"]
+# How stiff or heavy a thing is said to be, from 1 (very soft, very light) to 5 (very stiff, very
+# heavy); 3 is "medium".
+Degree = Literal[1, 2, 3, 4, 5]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that was said, in SI units, and the words that say it."""
+
+    measure: Measure
+    value: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a clause speaks of.
+
+    Parameters
+    ----------
+    scope
+        Parts, the whole, the rest, or nothing that is said.
+    names
+        For each part that is spoken of the words that name it, its head last: ("front", "leg").
+    exceptions
+        Parts that a whole or a rest leaves out: "all but the seat".
+    """
+
+    scope: Scope
+    names: tuple[tuple[str, ...], ...] = ()
+    exceptions: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What is said of a part beside another: "twice as stiff as the legs".
+
+    Parameters
+    ----------
+    measure
+        What is compared: E or rho.
+    factor
+        How many times the other's value; above 1 without a number where it is ``exact`` no more
+        than "stiffer", below 1 for "softer".
+    exact
+        Whether a number was said.
+    other
+        The words that name the other part; () for all others.
+    """
+
+    measure: Literal["E", "rho"]
+    factor: float
+    exact: bool
+    other: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Blend:
+    """A second matter inside the first: 30 % of glass fibre in nylon."""
+
+    material: str
+    share: float
 
 
 @dataclass(frozen=True)
 class Clause:
-    """One statement of a sentence.
+    """One statement of a sentence: what is said of one subject.
 
     Parameters
     ----------
     text
-        Its words, without those that say nothing.
+        Its words as they were written.
+    span
+        First and one past last character of them in the sentence.
+    subject
+        What it speaks of.
     material
-        The phrase of the table that it names, or None.
-    parts
-        Stems of the words for the parts it speaks of, in order.
-    level
-        "soft", "stiff", "dense" or "light" where an adjective says so.
-    written
-        All words from its first to its last as they were written: "extremely" is no filler for a
-        network. ``text`` where its words stand apart in the sentence.
+        Name of the row of the table that it names, or None.
+    phrase
+        The words that name the row: "soft foam"; "" without a material.
+    kind
+        Category of the table, where only that is named: "some kind of metal", "ceramic".
+    unknown
+        Words that stand where a material is named and that no row answers to.
+    nearest
+        Names of the rows that are written most like ``unknown``.
+    excluded
+        Rows and categories that it rules out: "not metal".
+    stiffness, density
+        How stiff and heavy it is said to be, or None; within the row's range where one is named.
+    character
+        Words for behaviour, each a key of the table of characters: brittle, tough, bouncy, floats.
+    numbers
+        What was said in numbers, SI.
+    comparisons
+        Relations to other parts.
+    coating, filling
+        Rows of what lies on it, and of what it is full of.
+    blend
+        A second matter in it.
+    condition
+        What picks a row among its relatives: "green", "tempered".
+    certainty
+        1 where it was read as it stands; lower where spelling or structure was guessed.
     """
 
     text: str
+    span: tuple[int, int]
+    subject: Subject
     material: str | None = None
-    parts: tuple[str, ...] = ()
-    level: str | None = None
-    written: str = field(default="", compare=False)
-
-    def __post_init__(self) -> None:
-        if not self.written:
-            object.__setattr__(self, "written", self.text)
-
-
-class Sentence(NamedTuple):
-    """A text, read once: every later stage takes its clauses and not its characters."""
-
-    text: str
-    clauses: tuple[Clause, ...]
+    phrase: str = ""
+    kind: str | None = None
+    unknown: str = ""
+    nearest: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
+    stiffness: Degree | None = None
+    density: Degree | None = None
+    character: tuple[str, ...] = ()
+    numbers: tuple[Quantity, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    coating: str | None = None
+    filling: str | None = None
+    blend: Blend | None = None
+    condition: str = ""
+    certainty: float = 1.0
 
     @property
-    def stated(self) -> tuple[Clause, ...]:
-        """Its clauses; none where it only says what the object is."""
-        says = any(clause.material or clause.level for clause in self.clauses)
-        return self.clauses if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()
+    def says_matter(self) -> bool:
+        """Whether it says anything of a material: a name, a kind, a level, a number, a relation."""
+        return bool(
+            self.material or self.kind or self.unknown or self.excluded or self.stiffness
+            or self.density or self.character or self.numbers or self.comparisons
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A text, read once: every later stage takes its clauses and not its characters.
+
+    Parameters
+    ----------
+    text
+        The text.
+    clauses
+        What it says, in its order.
+    unread
+        Words, or numbers with their units, that no clause took.
+    notes
+        What the reader took upon itself, each a sentence for the user: a spelling that was mended,
+        a language that is not English.
+    """
+
+    text: str
+    clauses: tuple[Clause, ...] = ()
+    unread: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

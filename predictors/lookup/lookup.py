@@ -15,8 +15,8 @@ import numpy as np
 from ...fem.errors import UsageError
 from ...fem.scene.materials import Material, MaterialTable, key, load_table
 from ..encoders.protocol import TextEncoder
-from ..language import words
-from ..language.binding import (
+from ..hearing import words
+from ..hearing.binding import (
     NamedPart,
     allocate,
     bind,
@@ -25,9 +25,9 @@ from ..language.binding import (
     overlap,
     unbound_clauses,
 )
-from ..language.clauses import Clause, Sentence
-from ..language.parser import parse
-from ..language.vocabulary import vocabulary_of
+from ..hearing.clauses import HeardClause, HeardSentence
+from ..hearing.parser import listen
+from ..hearing.vocabulary import vocabulary_of
 from ..prediction import PartChoice
 from .kernel import RowKernel
 
@@ -48,7 +48,7 @@ class _Pick:
     weight: float = 1.0
     level: str | None = None
     settled: bool = True
-    clause: Clause | None = None
+    clause: HeardClause | None = None
     borrowed: bool = False
 
 
@@ -65,7 +65,7 @@ class Lookup:
     def choose(
         self,
         part_labels: Sequence[Sequence[str]],
-        sentence: Sentence,
+        sentence: HeardSentence,
         *,
         overrides: Mapping[str, str] | None = None,
         materials: Mapping[str, str] | None = None,
@@ -104,20 +104,20 @@ class Lookup:
             self._choice(part.name, pick, alpha) for part, pick in zip(parts, picks, strict=True)
         ]
 
-    def of_clause(self, part: str, clause: Clause, why: str) -> PartChoice:
+    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
         """Choose for a part what a clause names."""
         return self._choice(part, self._named(clause, why), None)
 
-    def _as_whole(self, free: str) -> Clause:
+    def _as_whole(self, free: str) -> HeardClause:
         """Read a text that is about one part only: the first material counts."""
-        clauses = parse(free, self.table).clauses
+        clauses = listen(free, self.table).clauses
         named = [clause for clause in clauses if clause.material]
         level = next((clause.level for clause in clauses if clause.level), None)
         if named:
-            return Clause(free, named[0].material, (), level)
-        return Clause(free, None, ("everything",), level)
+            return HeardClause(free, named[0].material, (), level)
+        return HeardClause(free, None, ("everything",), level)
 
-    def _from_clauses(self, parts: list[NamedPart], clauses: Sequence[Clause]) -> list[_Pick]:
+    def _from_clauses(self, parts: list[NamedPart], clauses: Sequence[HeardClause]) -> list[_Pick]:
         """Pick by clause, by the part's own names, by the whole sentence, or by the kernel."""
         named = [k for k, clause in enumerate(clauses) if clause.material]
         rows = {self._row(clauses[k]).name for k in named}
@@ -157,8 +157,8 @@ class Lookup:
     def _pick(
         self,
         part: NamedPart,
-        clause: Clause | None,
-        clauses: Sequence[Clause],
+        clause: HeardClause | None,
+        clauses: Sequence[HeardClause],
         rest: list[int],
         whole: list[int],
     ) -> _Pick:
@@ -175,19 +175,21 @@ class Lookup:
         said = clause or next((c for c in clauses if not (c.material or c.level)), None)
         return self._nearest(part, said, [c for c in clauses if c.material])
 
-    def _named(self, clause: Clause, why: str) -> _Pick:
+    def _named(self, clause: HeardClause, why: str) -> _Pick:
         material = clause.material or ""
         return _Pick(self._row(clause), why, material, level=clause.level, clause=clause)
 
-    def _borrowed(self, clause: Clause, level: str | None) -> _Pick:
+    def _borrowed(self, clause: HeardClause, level: str | None) -> _Pick:
         """Pick what the text says of no part, as stiff as it says of this one."""
         pick = self._named(clause, f"whole sentence: {clause.text!r}")
         return replace(pick, level=pick.level or level, borrowed=True)
 
-    def _row(self, clause: Clause) -> Material:
+    def _row(self, clause: HeardClause) -> Material:
         return self.table.exact(clause.material or "")
 
-    def _nearest(self, part: NamedPart, said: Clause | None, named: list[Clause]) -> _Pick:
+    def _nearest(
+        self, part: NamedPart, said: HeardClause | None, named: list[HeardClause]
+    ) -> _Pick:
         """Pick by meaning: from all rows, the text's own, or the common ones if all are far."""
         level = said.level if said else None
         query = f"{part.spoken} {said.text if said else ''}".strip()

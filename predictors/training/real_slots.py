@@ -8,8 +8,8 @@ import torch
 from ..datasets.grammar import Role, spoken_names
 from ..datasets.real import RealObject, kind_index
 from ..datasets.text_table import TextTable
-from ..language.kinds import KINDS
-from ..language.part_names import part_kinds
+from ..hearing.kinds import KINDS
+from ..hearing.part_names import part_kinds
 from .sentences import Sentences
 from .stores import Store, slot_columns
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..datasets.grammar import Role
 from ..datasets.text_table import TextTable
-from ..language.lexicon import CHANNELS
+from ..hearing.lexicon import CHANNELS
 
 UNHINTED = 0.2  # of the clauses that train alone
 

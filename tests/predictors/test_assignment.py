@@ -13,11 +13,11 @@ from autophyx_tet.predictors.datasets.shapes import EMPTY, rasterise
 from autophyx_tet.predictors.film.inference import FilmModel, Inference
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.binding import NamedPart, overlap, unbound_clauses
-from autophyx_tet.predictors.language.clauses import Clause
-from autophyx_tet.predictors.language.hints import HintedEncoder, hear
-from autophyx_tet.predictors.language.parser import parse
-from autophyx_tet.predictors.language.vocabulary import vocabulary_of
+from autophyx_tet.predictors.hearing.binding import NamedPart, overlap, unbound_clauses
+from autophyx_tet.predictors.hearing.clauses import HeardClause
+from autophyx_tet.predictors.hearing.hints import HintedEncoder, hear
+from autophyx_tet.predictors.hearing.parser import listen
+from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -88,7 +88,7 @@ def test_clauses_about_parts_that_the_asset_lacks_are_known():
         (("geometry_0",), "everything is soft", 0),
         (("geometry_0",), "a steel bracket", 0),
     ):
-        clauses = parse(text, TABLE).clauses
+        clauses = listen(text, TABLE).clauses
         parts = [NamedPart.of([name], WORDS, 1.0) for name in names]
         assert len(unbound_clauses(clauses, overlap(clauses, parts))) == lost, text
 
@@ -102,8 +102,8 @@ def halves(parts: PartVoxels, *, speck: bool = False) -> Inference:
         shares[4:6, 4:6, 1:3] = [0, 0, 1]  # under 1 % of the cells
     values = np.zeros((*parts.part.shape, 3), dtype=np.float32)
     clauses = [
-        Clause("oak legs", "oak", ("leg",)),
-        Clause("soft foam seat", "soft foam", ("seat",)),
+        HeardClause("oak legs", "oak", ("leg",)),
+        HeardClause("soft foam seat", "soft foam", ("seat",)),
     ]
     return Inference(clauses, values, shares, np.zeros(parts.part.shape))
 

@@ -12,8 +12,8 @@ from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.lexicon import CHANNELS
-from autophyx_tet.predictors.language.parser import parse
+from autophyx_tet.predictors.hearing.lexicon import CHANNELS
+from autophyx_tet.predictors.hearing.parser import listen
 from autophyx_tet.predictors.normalisation import DEFAULT, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 from safetensors import safe_open
@@ -65,7 +65,7 @@ def test_a_network_predicts_in_its_own_ranges(tmp_path):
         save_checkpoint(tmp_path / "film", network(), normalisation=ranges)
         predictor = FilmPredictor(weights=tmp_path / "film", encoder=Words())
         assert predictor.model.network.normalisation == ranges
-        fields.append(predictor.field(block(), parse("", TABLE)))
+        fields.append(predictor.field(block(), listen("", TABLE)))
     wide, narrow = (ranges.normalise(f.E, f.nu, f.rho)
                     for ranges, f in zip((DEFAULT, NARROW), fields, strict=True))  # fmt: skip
     np.testing.assert_allclose(wide, narrow, atol=1e-6)
@@ -86,7 +86,7 @@ def test_a_named_material_keeps_its_value_in_other_ranges(tmp_path):
         save_checkpoint(tmp_path / "film", network(), normalisation=ranges)
         predictor = FilmPredictor(weights=tmp_path / "film", encoder=Words())
         predictor.model.network.binder.forward = bound_to_the_first
-        field = predictor.field(block(), parse("oak legs", TABLE))
+        field = predictor.field(block(), listen("oak legs", TABLE))
         for found, wanted in zip((field.E, field.nu, field.rho), oak, strict=True):
             np.testing.assert_allclose(found, wanted, rtol=1e-4)
 

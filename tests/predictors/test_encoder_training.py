@@ -19,9 +19,9 @@ from autophyx_tet.predictors.encoders.network import (
     levels,
     new_backbone,
 )
+from autophyx_tet.predictors.hearing.kinds import KINDS, bare_words, kind_of
 from autophyx_tet.predictors.images.cameras import hemisphere
 from autophyx_tet.predictors.images.views import render_views
-from autophyx_tet.predictors.language.kinds import KINDS, bare_words, kind_of
 from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
 from autophyx_tet.predictors.training.encoder.head import (
     HeadOptions,

@@ -23,7 +23,7 @@ from autophyx_tet.predictors.evaluation.rows import BASELINES, ROWS
 from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
 from autophyx_tet.predictors.film.config import Output, VoxelScene
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.vocabulary import Vocabulary
+from autophyx_tet.predictors.hearing.vocabulary import Vocabulary
 from autophyx_tet.predictors.voxels import PartVoxels
 
 

@@ -24,10 +24,10 @@ from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modu
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.levels import LEVELS
-from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, with_lexicon
-from autophyx_tet.predictors.language.parser import parse
-from autophyx_tet.predictors.language.part_names import part_kinds
+from autophyx_tet.predictors.hearing.levels import LEVELS
+from autophyx_tet.predictors.hearing.lexicon import CHANNELS, LOUDNESS, with_lexicon
+from autophyx_tet.predictors.hearing.parser import listen
+from autophyx_tet.predictors.hearing.part_names import part_kinds
 from autophyx_tet.predictors.normalisation import DEFAULT, Normalisation
 from autophyx_tet.predictors.voxels import PartVoxels
 
@@ -234,7 +234,7 @@ def test_shipped_weights_follow_words():
     oak = load_table().exact("oak").value()
     oaken = parts.part == 0
     learnt, swapped = (
-        predictor.field(parts, parse(f"{legs} legs and a soft foam seat", predictor.table))
+        predictor.field(parts, listen(f"{legs} legs and a soft foam seat", predictor.table))
         for legs in ("oak", "steel")
     )
     assert abs(np.log10(learnt.E[oaken]).mean() - np.log10(oak.E)) < 0.3

@@ -3,9 +3,9 @@
 import numpy as np
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.datasets.wordings import sentence, wordings
-from autophyx_tet.predictors.language.hints import HintedEncoder, PlainWords
-from autophyx_tet.predictors.language.levels import LEVELS
-from autophyx_tet.predictors.language.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
+from autophyx_tet.predictors.hearing.hints import HintedEncoder, PlainWords
+from autophyx_tet.predictors.hearing.levels import LEVELS
+from autophyx_tet.predictors.hearing.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
 from autophyx_tet.predictors.normalisation import DEFAULT
 from scipy.stats import spearmanr
 

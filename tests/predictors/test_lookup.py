@@ -7,7 +7,7 @@ import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.parser import parse
+from autophyx_tet.predictors.hearing.parser import listen
 from autophyx_tet.predictors.lookup.lookup import Lookup
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.predictors.voxels import PartVoxels
@@ -22,7 +22,7 @@ LOOKUP = Lookup()
 
 
 def choose(labels, text, **options):
-    return LOOKUP.choose(labels, parse(text, TABLE), **options)
+    return LOOKUP.choose(labels, listen(text, TABLE), **options)
 
 
 def materials(parts, text, **options):
@@ -142,7 +142,7 @@ def test_field_has_the_values_of_the_parts():
     voxels = PartVoxels(grid, part, ("frame", "seat"))
     predictor = PREDICTORS["retrieval"]()
     assert isinstance(predictor, Predictor)
-    prediction = predictor.predict(voxels, parse(RUBBER_FOAM, TABLE))
+    prediction = predictor.predict(voxels, listen(RUBBER_FOAM, TABLE))
     assert prediction.parents == (0, 1)
     field = prediction.field
     np.testing.assert_array_equal(field.occupied, part >= 0)

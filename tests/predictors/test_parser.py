@@ -3,8 +3,8 @@
 import pytest
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.language.parser import MAX_TEXT, parse
-from autophyx_tet.predictors.language.vocabulary import name_words, stem, vocabulary_of
+from autophyx_tet.predictors.hearing.parser import MAX_TEXT, listen
+from autophyx_tet.predictors.hearing.vocabulary import name_words, stem, vocabulary_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +13,7 @@ OAK_FOAM = [("oak", "leg"), ("foam", "seat")]
 
 
 def clauses(text):
-    return parse(text, TABLE).clauses
+    return listen(text, TABLE).clauses
 
 
 def pairs(text):
@@ -121,7 +121,7 @@ def test_clauses_keep_their_words_as_written():
 
 def test_a_template_states_nothing():
     """AutoPhyX's template only names the object; with a material or a level it says something."""
-    assert parse("This is a potted plant.", TABLE).stated == ()
+    assert listen("This is a potted plant.", TABLE).stated == ()
     for text in ("This is an oak chair.", "this is a soft toy", "chair with legs"):
-        sentence = parse(text, TABLE)
+        sentence = listen(text, TABLE)
         assert sentence.stated == sentence.clauses != (), text

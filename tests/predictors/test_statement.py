@@ -4,12 +4,12 @@ import numpy as np
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.datasets.grammar import Grammar
 from autophyx_tet.predictors.datasets.objects import CATEGORIES
-from autophyx_tet.predictors.language.hints import PlainWords, subject
-from autophyx_tet.predictors.language.levels import LEVELS, material_at_level
-from autophyx_tet.predictors.language.lexicon import CHANNELS, Lexicon
-from autophyx_tet.predictors.language.part_names import CATEGORY_NAMES, known_words, part_kinds
-from autophyx_tet.predictors.language.statement import Reader
-from autophyx_tet.predictors.language.vocabulary import Vocabulary
+from autophyx_tet.predictors.hearing.hints import PlainWords, subject
+from autophyx_tet.predictors.hearing.levels import LEVELS, material_at_level
+from autophyx_tet.predictors.hearing.lexicon import CHANNELS, Lexicon
+from autophyx_tet.predictors.hearing.part_names import CATEGORY_NAMES, known_words, part_kinds
+from autophyx_tet.predictors.hearing.statement import Reader
+from autophyx_tet.predictors.hearing.vocabulary import Vocabulary
 from autophyx_tet.predictors.normalisation import DEFAULT
 
 READ = Reader(Vocabulary(load_table().phrases))

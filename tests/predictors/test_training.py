@@ -19,7 +19,7 @@ from autophyx_tet.predictors.datasets.text_table import (
 from autophyx_tet.predictors.film.config import NetworkConfig
 from autophyx_tet.predictors.film.frame import Frame
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.language.lexicon import with_lexicon
+from autophyx_tet.predictors.hearing.lexicon import with_lexicon
 from autophyx_tet.predictors.training.film.mixture import Mixture
 from autophyx_tet.predictors.training.film.presets import ABLATIONS, CPU, TEXT_DIM
 from autophyx_tet.predictors.training.film.recipe import train_film

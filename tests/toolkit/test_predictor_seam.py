@@ -12,7 +12,7 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.language import parser, statement
+from autophyx_tet.predictors.hearing import parser, statement
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.toolkit.cli.main import main

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
-from ...predictors.language.vocabulary import name_words
+from ...predictors.hearing.vocabulary import name_words
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 

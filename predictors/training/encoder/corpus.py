@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...asset import Asset, up_vector
+from ...hearing.kinds import KINDS, bare_words, kind_of
 from ...images.cameras import hemisphere
 from ...images.surface_colour import finish_of, material_name
 from ...images.views import Views, render_views
-from ...language.kinds import KINDS, bare_words, kind_of
 
 if TYPE_CHECKING:
     import torch

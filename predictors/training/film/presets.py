@@ -11,8 +11,8 @@ from ...datasets.real import RealObject
 from ...datasets.text_table import TextTable, build_text_table
 from ...encoders.minilm import MiniLM
 from ...film.config import NetworkConfig
-from ...language.hints import HintedEncoder
-from ...language.lexicon import CHANNELS
+from ...hearing.hints import HintedEncoder
+from ...hearing.lexicon import CHANNELS
 from .config import TrainingConfig
 from .mixture import Mixture
 

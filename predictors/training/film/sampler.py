@@ -14,7 +14,7 @@ from torch.nn import functional as F
 from ...datasets.grammar import Role
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ...film.config import VoxelScene
-from ...language.part_names import part_kinds
+from ...hearing.part_names import part_kinds
 from ..sentences import Sentences
 from ..stores import Store, parts_that_exist, take
 from .augmentation import shrunk, turned

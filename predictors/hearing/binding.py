@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from . import words
-from .clauses import Clause
+from .clauses import HeardClause
 from .vocabulary import Vocabulary, name_words, stem
 
 # Strength of a match between a clause's noun and a part: its head word ("oak_seat" is a seat), any
@@ -78,13 +78,13 @@ def _strength(noun: str, part: NamedPart) -> float:
     return FRAME if is_frame else 0.0
 
 
-def nouns_of(clause: Clause) -> tuple[str, ...]:
+def nouns_of(clause: HeardClause) -> tuple[str, ...]:
     """Part words of a clause; of "soil" alone the material is the part."""
     return clause.parts or tuple(map(stem, (clause.material or "").split()))
 
 
 def overlap(
-    clauses: Sequence[Clause], parts: Sequence[NamedPart]
+    clauses: Sequence[HeardClause], parts: Sequence[NamedPart]
 ) -> Float[np.ndarray, "clauses parts"]:
     """Word overlap of every clause with every part, summed over the clause's nouns."""
     many = len({clause.material for clause in clauses if clause.material}) > 1
@@ -102,19 +102,19 @@ def overlap(
 
 
 def bind(score: Float[np.ndarray, "clauses parts"]) -> list[int | None]:
-    """Clause of each part by word overlap, None where no word matches; the first of equals."""
+    """HeardClause of each part by word overlap, None where no word matches; the first of equals."""
     if not score.size:
         return [None] * score.shape[1]
     return [int(np.argmax(column)) if column.max() > 0 else None for column in score.T]
 
 
-def of_pieces(clauses: Sequence[Clause], parts: Sequence) -> bool:
+def of_pieces(clauses: Sequence[HeardClause], parts: Sequence) -> bool:
     """Whether a text speaks of more parts than the asset has, and so of pieces of them."""
     return len(clauses) > len(parts)
 
 
 def unbound_clauses(
-    clauses: Sequence[Clause], score: Float[np.ndarray, "clauses parts"]
+    clauses: Sequence[HeardClause], score: Float[np.ndarray, "clauses parts"]
 ) -> list[int]:
     """Clauses about parts that no part of the asset is called after: legs of a chair in one piece.
 
@@ -130,14 +130,14 @@ def unbound_clauses(
     return [] if len(lost) == 1 and alone and is_whole(clauses[lost[0]]) else lost
 
 
-def is_whole(clause: Clause) -> bool:
+def is_whole(clause: HeardClause) -> bool:
     """Whether a clause speaks of the object ("oak cube") and of no part that people know."""
     known = frozenset().union(*words.SYNONYMS) | words.STRUCTURE
     return not clause.parts or not set(clause.parts) & known
 
 
 def allocate(
-    clauses: Sequence[Clause],
+    clauses: Sequence[HeardClause],
     parts: Sequence[NamedPart],
     *,
     similarity: Callable[[list[str], list[str]], np.ndarray],
@@ -168,7 +168,7 @@ def allocate(
     return bound
 
 
-def _kinship(clause: Clause, part: NamedPart, category: Callable[[str], str]) -> float:
+def _kinship(clause: HeardClause, part: NamedPart, category: Callable[[str], str]) -> float:
     """Tell how well a clause fits the material that the asset itself names."""
     if not part.material:
         return 0.0

@@ -18,7 +18,7 @@ from ...fem.scene.materials import MaterialTable
 from ..encoders.protocol import TextEncoder
 from ..normalisation import DEFAULT, Normalisation
 from .binding import NamedPart, nouns_of, of_pieces, overlap, unbound_clauses
-from .clauses import Clause, Sentence
+from .clauses import HeardClause, HeardSentence
 from .degrees import ADJECTIVES, BEND, BRITTLE, FLOAT, MODERATE, SINK, SOMEWHAT, STRONGER
 from .kinds import kind_of
 from .lexicon import CHANNELS, Lexicon, default_lexicon, with_lexicon
@@ -192,7 +192,7 @@ class Heard(NamedTuple):
         Whether there is a text at all.
     """
 
-    clauses: Sequence[Clause]
+    clauses: Sequence[HeardClause]
     vectors: np.ndarray
     names: np.ndarray
     whole: np.ndarray
@@ -206,7 +206,7 @@ class Heard(NamedTuple):
 
 
 def hear(
-    sentence: Sentence,
+    sentence: HeardSentence,
     labels: Sequence[Sequence[str]],
     table: MaterialTable,
     encoder: HintedEncoder,
@@ -243,7 +243,7 @@ def own_name(part: NamedPart) -> str:
 
 
 def name_evidence(
-    clauses: Sequence[Clause], named: Sequence[NamedPart], encoder: TextEncoder
+    clauses: Sequence[HeardClause], named: Sequence[NamedPart], encoder: TextEncoder
 ) -> tuple[Float[np.ndarray, "clauses parts"], float]:
     """How well each part's own name fits each clause, and how far that is to be trusted."""
     score = np.clip(overlap(clauses, named), 0, 3)
@@ -257,7 +257,7 @@ def name_evidence(
     return nouns @ names.T, LIKE_WORD
 
 
-def _same_matter(clauses: Sequence[Clause], named: Sequence[NamedPart]) -> np.ndarray:
+def _same_matter(clauses: Sequence[HeardClause], named: Sequence[NamedPart]) -> np.ndarray:
     """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
     asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
     own = [kind_of(" ".join((part.name, *part.labels))) for part in named]

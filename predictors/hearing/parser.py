@@ -17,7 +17,7 @@ from typing import Literal
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
 from . import words
-from .clauses import Clause, Sentence
+from .clauses import HeardClause, HeardSentence
 from .tokens import Role, Token, tokenise
 from .vocabulary import vocabulary_of
 
@@ -55,9 +55,11 @@ class _Draft:
         self.material, self.material_stems = token.word, token.stems
         self.predicate = bool(self.nouns)
 
-    def clause(self, text: str) -> Clause:
+    def clause(self, text: str) -> HeardClause:
         said = " ".join(token.said for token in self.words)
-        return Clause(said, self.material, tuple(self.subject), self.level, self._written(text))
+        return HeardClause(
+            said, self.material, tuple(self.subject), self.level, self._written(text)
+        )
 
     def _written(self, text: str) -> str:
         """Characters from the first word to the last; "" where the words are not in this order."""
@@ -67,7 +69,7 @@ class _Draft:
         return " ".join(text[spans[0][0] : spans[-1][1]].split())
 
 
-def parse(text: str, table: MaterialTable) -> Sentence:
+def listen(text: str, table: MaterialTable) -> HeardSentence:
     """Read a text by the words of a table.
 
     Raises
@@ -81,7 +83,7 @@ def parse(text: str, table: MaterialTable) -> Sentence:
         )
     drafts = _merge(_scan(tokenise(text, vocabulary_of(table))))
     clauses = (draft.clause(text) for draft in drafts if draft.material or draft.subject)
-    return Sentence(text, tuple(clauses))
+    return HeardSentence(text, tuple(clauses))
 
 
 def _scan(tokens: list[Token]) -> list[_Draft]:

@@ -1,0 +1,53 @@
+"""What a sentence says: its clauses, each a material or a level of some parts."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+# AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
+_TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class HeardClause:
+    """One statement of a sentence.
+
+    Parameters
+    ----------
+    text
+        Its words, without those that say nothing.
+    material
+        The phrase of the table that it names, or None.
+    parts
+        Stems of the words for the parts it speaks of, in order.
+    level
+        "soft", "stiff", "dense" or "light" where an adjective says so.
+    written
+        All words from its first to its last as they were written: "extremely" is no filler for a
+        network. ``text`` where its words stand apart in the sentence.
+    """
+
+    text: str
+    material: str | None = None
+    parts: tuple[str, ...] = ()
+    level: str | None = None
+    written: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.written:
+            object.__setattr__(self, "written", self.text)
+
+
+class HeardSentence(NamedTuple):
+    """A text, read once: every later stage takes its clauses and not its characters."""
+
+    text: str
+    clauses: tuple[HeardClause, ...]
+
+    @property
+    def stated(self) -> tuple[HeardClause, ...]:
+        """Its clauses; none where it only says what the object is."""
+        says = any(clause.material or clause.level for clause in self.clauses)
+        return self.clauses if says or not _TEMPLATE.fullmatch(self.text.strip()) else ()
