@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 from ..fem.errors import AutophyxError, InputError
 
 UNFINISHED = ".tmp-"  # begins the name of a file while it is being written
+UNFINISHED_LIST = "AUTOPHYX_TET_UNFINISHED"  # variable: a file that lists them for who cleans up
 
 
 @contextmanager
@@ -47,15 +49,108 @@ def writing(path: str | os.PathLike) -> Iterator[Path]:
     A failed or interrupted write leaves whatever was there before.
     """
     path = Path(path)
-    temporary = path.with_name(f"{UNFINISHED}{secrets.token_hex(6)}{path.suffix}")
+    temporary = _unfinished(path.parent, path.suffix)
     try:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise InputError(
-            f"cannot write {path}: {error.strerror or error}; choose a folder that exists and is "
-            "writable"
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
-        with suppress(OSError):  # gone already: renamed, or the folder never was there
-            temporary.unlink()
+        discard(temporary)
+
+
+@contextmanager
+def writing_folder(folder: str | os.PathLike) -> Iterator[Path]:
+    """Yield a temporary folder inside ``folder``; on success its files move there, oldest first.
+
+    A failed or interrupted write leaves whatever was there before; ``folder`` itself may be new.
+    """
+    folder = Path(folder)
+    with holding(folder):
+        temporary = _unfinished(folder)
+        try:
+            temporary.mkdir()
+            yield temporary
+            files = [path for path in temporary.rglob("*") if path.is_file()]
+            for file in sorted(files, key=lambda path: path.stat().st_mtime_ns):
+                target = folder / file.relative_to(temporary)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(target)
+        except OSError as error:
+            raise _unwritable(folder, error) from error
+        finally:
+            discard(temporary)
+
+
+@contextmanager
+def holding(folder: str | os.PathLike) -> Iterator[None]:
+    """Make a folder for the time of a block; what is empty at its end goes again."""
+    folder = Path(folder).absolute()
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        for path in reversed(new):
+            _listed(path)
+            path.mkdir(exist_ok=True)
+        yield
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    finally:
+        for path in new:
+            discard(path)
+
+
+@contextmanager
+def alone(folder: str | os.PathLike) -> Iterator[None]:
+    """Hold a folder for this process, and no other one, for the time of a block.
+
+    Raises
+    ------
+    InputError
+        Where another process holds it, or it cannot be made.
+    """
+    import fcntl
+
+    with holding(folder):
+        lock = os.open(folder, os.O_RDONLY)  # of the folder itself: no file that stays behind
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(lock)
+            raise InputError(
+                f"another run is at work in {folder}: wait for its end, or give another -o"
+            ) from error
+        try:
+            yield
+        finally:
+            os.close(lock)
+
+
+def discard(path: str | os.PathLike) -> None:
+    """Remove an unfinished file or folder, or another folder if it is empty."""
+    path = Path(path)
+    with suppress(OSError):  # gone already: renamed, or it never was there
+        if not path.name.startswith(UNFINISHED):
+            path.rmdir()
+        elif path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+
+def _unfinished(folder: Path, suffix: str = "") -> Path:
+    return _listed(folder / f"{UNFINISHED}{secrets.token_hex(6)}{suffix}")
+
+
+def _listed(path: Path) -> Path:
+    """Put a path on the list of who removes it where this process is killed meanwhile."""
+    if listed := os.environ.get(UNFINISHED_LIST):
+        with suppress(OSError), open(listed, "a", encoding="utf-8") as names:
+            names.write(f"{path.absolute()}\n")
+    return path
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(
+        f"cannot write {path}: {error.strerror or error}; choose a folder that exists and is "
+        "writable"
+    )

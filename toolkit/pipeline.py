@@ -33,7 +33,7 @@ def convert(
     asset
         File to load, or an asset already loaded.
     output
-        Mesh to write (.msh, .vtu, .vtk), with its sidecar .json beside it.
+        Mesh to write (.msh, .vtu, .vtk), with its sidecar beside it, chair.msh.json.
     progress
         Called with (stage, seconds) while the engine works.
 
@@ -213,6 +213,7 @@ def run(
     shows what the image encoder sees. Nothing is written before everything is computed. Raises what
     the single verbs raise.
     """
+    from ..converters.files import alone
     from .report.folder import write_folder
     from .report.snapshot import SUFFIXES, write_picture
 
@@ -220,26 +221,27 @@ def run(
     assigning = (assign_options or AssignOptions()).checked()
     if picture is not None:
         check_file(picture, SUFFIXES)
-    clock = Stopwatch()
-    solid = convert(asset, options=convert_options, progress=progress)
-    clock.lap("convert")
-    cases = []
-    for text in texts:
-        body = assign(solid.mesh, text, asset=solid.asset, options=assigning)
-        clock.lap("assign")
-        answer = simulate(body.mesh, up=solid.asset.up, options=simulate_options, progress=progress)
-        cases.append(RunCase(body, answer))
-        clock.lap("simulate")
-    result = RunResult(solid, tuple(cases), clock.seconds)
-    if features:
-        from .features import features as features_of
+    with alone(output):
+        clock = Stopwatch()
+        solid = convert(asset, options=convert_options, progress=progress)
+        clock.lap("convert")
+        cases, up = [], solid.asset.up
+        for text in texts:
+            body = assign(solid.mesh, text, asset=solid.asset, options=assigning)
+            clock.lap("assign")
+            answer = simulate(body.mesh, up=up, options=simulate_options, progress=progress)
+            cases.append(RunCase(body, answer))
+            clock.lap("simulate")
+        result = RunResult(solid, tuple(cases), clock.seconds)
+        if features:
+            from .features import features as features_of
 
-        result = replace(result, features=features_of(solid.asset).voxels)
-        clock.lap("features")
-    if picture is not None:
-        drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
-        result = replace(result, files=(drawn,))
-    return write_folder(output, result)
+            result = replace(result, features=features_of(solid.asset).voxels)
+            clock.lap("features")
+        if picture is not None:
+            drawn = write_picture(picture, cases[0].simulation, up=up)
+            result = replace(result, files=(drawn,))
+        return write_folder(output, result)
 
 
 def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):

@@ -14,7 +14,7 @@ from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import AssignOptions
 from autophyx_tet.toolkit.pipeline import assign
 
-OUTPUTS = {"mesh.msh", "mesh.json", "mesh.vtu", "field.npz", "motion.pvd", "report.html"}
+OUTPUTS = {"mesh.msh", "mesh.msh.json", "mesh.vtu", "field.npz", "motion.pvd", "report.html"}
 
 
 def run(capsys, *arguments):

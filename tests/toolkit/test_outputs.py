@@ -4,6 +4,7 @@ import json
 
 import pytest
 import trimesh
+from autophyx_tet.converters.files import alone, writing_folder
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
@@ -28,11 +29,11 @@ def calls(box, folder):
     mesh, out = folder / "chair.msh", folder / "out"
     convert = ConvertOptions()
     return (
-        ("convert", "chair.json", lambda: pipeline.convert(box, output=mesh)),
-        ("assign", "chair.json", lambda: pipeline.assign(box, "oak", output=mesh)),
-        ("run", "out/mesh.json", lambda: pipeline.run(box, ["oak"], output=out)),
+        ("convert", "chair.msh.json", lambda: pipeline.convert(box, output=mesh)),
+        ("assign", "chair.msh.json", lambda: pipeline.assign(box, "oak", output=mesh)),
+        ("run", "out/mesh.msh.json", lambda: pipeline.run(box, ["oak"], output=out)),
         ("run", "out/run.json", lambda: pipeline.run(box, ["oak"], output=out)),
-        ("convert --dry-run", "chair.json", lambda: plan(box, convert, output=mesh)),
+        ("convert --dry-run", "chair.msh.json", lambda: plan(box, convert, output=mesh)),
         ("run --dry-run", "out/run.json", lambda: plan(box, convert, output=out, texts=["oak"])),
     )
 
@@ -73,9 +74,49 @@ def test_a_sidecar_of_ours_is_written_anew(box, tmp_path):
 
 def test_a_surface_is_refused_as_early(tmp_path):
     """The check comes before the asset is loaded: one that is missing is not even looked for."""
-    (tmp_path / "chair.json").write_text(FOREIGN)
-    with pytest.raises(InputError, match=r"chair\.json"):
+    for mesh in ("chair.msh", "chair.vtu"):
+        (tmp_path / f"{mesh}.json").write_text(FOREIGN)
+    with pytest.raises(InputError, match=r"chair\.msh\.json"):
         pipeline.convert(tmp_path / "nowhere.obj", output=tmp_path / "chair.msh")
     trimesh.creation.box().export(tmp_path / "box.obj")
-    with pytest.raises(InputError, match=r"chair\.json"):
+    with pytest.raises(InputError, match=r"chair\.vtu\.json"):
         pipeline.convert(tmp_path / "box.obj", output=tmp_path / "chair.vtu")
+
+
+def test_meshes_of_one_name_and_a_foreign_document_live_side_by_side(box, tmp_path):
+    """Each mesh has its own sidecar, and chair.json is nobody's: it may be anyone's."""
+    (tmp_path / "chair.json").write_text(FOREIGN)
+    for name in ("chair.msh", "chair.vtu"):
+        pipeline.assign(box, "oak", output=tmp_path / name)
+        assert json.loads((tmp_path / f"{name}.json").read_text())["record"]["assign"]
+    assert (tmp_path / "chair.json").read_text() == FOREIGN
+
+
+def test_two_runs_do_not_share_a_folder(box, tmp_path):
+    """The second one is told so before it works; a run that fails leaves no folder behind."""
+    out = tmp_path / "new" / "out"
+    with alone(out), pytest.raises(InputError, match=r"another run is at work in .*out: .*-o"):
+        pipeline.run(box, ["oak"], output=out)
+    assert not out.parent.exists()
+    with pytest.raises(InputError, match="nowhere"):
+        pipeline.run(tmp_path / "nowhere.obj", ["oak"], output=out)
+    assert not out.parent.exists()
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
+    """A failure on the way leaves what was there; success moves all files in, nested ones too."""
+    (tmp_path / "a.txt").write_text("old")
+
+    def interrupted():
+        with writing_folder(tmp_path) as home:
+            (home / "a.txt").write_text("new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "old"
+    with writing_folder(tmp_path / "b") as home:
+        (home / "c").mkdir()
+        (home / "c" / "d.txt").write_text("new")
+    assert [path.name for path in (tmp_path / "b").rglob("*")] == ["c", "d.txt"]

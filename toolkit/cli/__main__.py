@@ -2,6 +2,7 @@
 
 import sys
 
-from .main import main
+from .supervisor import main
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

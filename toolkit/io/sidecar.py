@@ -1,4 +1,4 @@
-"""The sidecar ``NAME.json`` of a mesh: what the mesh format has no room for."""
+"""The sidecar of a mesh, ``chair.msh.json``: what the mesh format has no room for."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Sidecar:
     @staticmethod
     def path(mesh: Path) -> Path:
         """Return the sidecar's path of a mesh file."""
-        return mesh.with_suffix(".json")
+        return mesh.with_name(f"{mesh.name}.json")
 
     @classmethod
     def read(cls, mesh: Path) -> Sidecar | None:

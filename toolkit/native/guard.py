@@ -29,9 +29,14 @@ def guard(parent: int, memory: int) -> None:
     """Limit this process's address space to ``memory`` [bytes]; let it die with its parent."""
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    die_with(parent)
+
+
+def die_with(parent: int) -> None:
+    """Let this process be killed when its parent dies, or at once if it did already."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before the line above took effect
+    if os.getppid() != parent:  # before the line above took effect
         os._exit(1)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...converters import npz
+from ...converters.files import writing_folder
 from ...converters.mesh.mesh_file import write_mesh
 from ..io.document import SCHEMA, write_json
 from ..results.run import RunCase, RunResult
@@ -17,11 +18,20 @@ PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seco
 
 
 def write_folder(folder: Path, result: RunResult) -> RunResult:
-    """Write everything and return the result with its files; further texts go to ``text2/`` ..."""
-    files = list(result.files)
+    """Write everything or nothing; the result with its files. Further texts go to ``text2/`` ..."""
+    with writing_folder(folder) as home:
+        made = [*_write_files(home, result), home / "run.json"]
+        files = (*result.files, *(folder / file.relative_to(home) for file in made))
+        result = replace(result, files=files)
+        write_json(made[-1], {"schema": SCHEMA, **result.document()})
+    return result
+
+
+def _write_files(folder: Path, result: RunResult) -> list[Path]:
+    files: list[Path] = []
     for number, case in enumerate(result.cases, 1):
         home = folder if number == 1 else folder / f"text{number}"
-        home.mkdir(parents=True, exist_ok=True)
+        home.mkdir(exist_ok=True)
         files += _write_case(home, case, bare_mesh=number == 1)
     pictures = {}
     if result.features is not None:
@@ -31,11 +41,7 @@ def write_folder(folder: Path, result: RunResult) -> RunResult:
         files.append(feature_png(folder / "features.png", result.features, asset))
         pictures[CAPTION] = files[-1].read_bytes()
     report = write_report(folder / "report.html", run_page(result, pictures=pictures))
-    files.append(_write_picture(folder / "picture.png", result))
-    record = folder / "run.json"
-    result = replace(result, files=(*files, report, record))
-    write_json(record, {"schema": SCHEMA, **result.document()})
-    return result
+    return [*files, _write_picture(folder / "picture.png", result), report]
 
 
 def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:
