@@ -146,7 +146,9 @@ class Motion:
     u, v, a
         Displacement [m], velocity [m/s] and acceleration [m/s^2], shape (nodes, 3).
     contact_force
-        Force of the obstacles on every node [N], shape (nodes, 3).
+        Force of the obstacles together on every node [N], shape (nodes, 3).
+    obstacle_force
+        Force of every obstacle on the body [N], shape (obstacles, 3).
     gap
         Smallest distance of the surface from an obstacle [m]; infinite without obstacles.
     kinetic, elastic, potential, barrier
@@ -160,6 +162,7 @@ class Motion:
     v: Float[np.ndarray, "nodes 3"]
     a: Float[np.ndarray, "nodes 3"]
     contact_force: Float[np.ndarray, "nodes 3"]
+    obstacle_force: Float[np.ndarray, "obstacles 3"]
     gap: float
     kinetic: float
     elastic: float
@@ -196,8 +199,13 @@ class MotionResult:
 
     @property
     def contact_forces(self) -> Float[np.ndarray, "frames 3"]:
-        """Total force of the obstacles on the body [N] in every frame."""
+        """Total force of the obstacles on the body [N] in every frame: two plates cancel."""
         return np.stack([f.contact_force.sum(axis=0) for f in self.frames])
+
+    @property
+    def obstacle_forces(self) -> Float[np.ndarray, "frames obstacles 3"]:
+        """Force of every obstacle on the body [N] in every frame."""
+        return np.stack([f.obstacle_force for f in self.frames])
 
     @property
     def smallest_gap(self) -> float:

@@ -9,8 +9,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "registry", "deprecation", "device", "scene", "laws", "discrete", "linalg",
-        "contact", "result", "solve", "scenarios", "verdicts",
+        "errors", "registry", "deprecation", "device", "validation", "scene", "laws", "discrete",
+        "linalg", "contact", "result", "solve", "scenarios", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",

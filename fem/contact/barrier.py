@@ -188,6 +188,16 @@ class Contact:
             share = min(share, float(done.min()))
         return share
 
+    def obstacle_forces(self, u: np.ndarray) -> np.ndarray:
+        """Force of every obstacle on the body [N], shape (obstacles, 3)."""
+        total = np.zeros((len(self.obstacles), 3))
+        for k, d in enumerate(self._distances(u)):
+            total[k] = -(self._slope(d.gap)[:, None] * d.normal).sum(axis=0)
+        for k, lag in enumerate(self.lagged):
+            y, over, _ = self._slip(u, lag)
+            total[k] -= ((lag.force * over)[:, None] * y).sum(axis=0)
+        return total
+
     def forces(self, u: np.ndarray, count: int) -> np.ndarray:
         """Force of the obstacles on every node [N], shape (count, 3)."""
         out = np.zeros((count, 3))

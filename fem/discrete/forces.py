@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..scene.boundary import face_areas
 from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
+from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
 from .quadrature import TET_POINTS
 from .space import Space, shape_functions
@@ -69,6 +70,8 @@ def body_force(
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a surface traction, constant on every face."""
     faces = np.asarray(load.faces)
+    if np.ndim(load.value) == 0:
+        raise InputError(f"traction {load.value} Pa: wanted x, y, z, or `pressure` for a scalar")
     total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
     if space.order == 2:  # all weight sits at the middles of the edges, a third each
         faces = _edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
@@ -105,20 +108,24 @@ def load_vector(
     """
     space = grid.space
     total = np.zeros((len(space.nodes), 3))
-    if np.any(gravity_vector):
-        rho = material_of(mesh).rho
-        total += gravity_force(grid, rho, np.asarray(gravity_vector, dtype=float))
+    gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
+    if gravity.any():
+        total += gravity_force(grid, material_of(mesh).rho, gravity)
     if body is not None:
         total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:
         total += traction_force(mesh, space, load)
     if forces is not None:
-        if len(forces) not in (space.points, len(space.nodes)):
-            raise InputError(f"forces of shape {forces.shape}: wanted ({space.points}, 3)")
-        total[: len(forces)] += forces
+        rows = checked_rows("forces", forces, node_counts(space), "N")
+        total[: len(rows)] += rows
     if not np.isfinite(total).all():
         raise InputError("a load is not finite: wanted numbers in SI units")
     return total
+
+
+def node_counts(space: Space) -> dict[int, str]:
+    """What an array may have a row for: every node of the space, or every point of the mesh."""
+    return {len(space.nodes): f"nodes of order {space.order}", space.points: "points of the mesh"}
 
 
 def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:

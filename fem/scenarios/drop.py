@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from ..deprecation import renamed_options
-from ..errors import InputError
 from ..laws.law import Law
 from ..result import MotionResult
 from ..scene.mesh import TetMesh
@@ -18,6 +17,7 @@ from ..scene.support_finder import Axis, up_axis
 from ..solve.dynamics import DynamicMethod
 from ..solve.method import FrameProgress
 from ..solve.schemes import Scheme
+from ..validation import checked_number, checked_positive
 
 # A drop is followed for this many fall times, so that the bounce is seen.
 FALLS = 3.0
@@ -45,8 +45,9 @@ class Drop:
         axis = up_axis(up)
         size = float(np.ptp(mesh.bounds, axis=0).max())
         height = 0.5 * size if self.height is None else self.height
-        if not height > 0:
-            raise InputError(f"height {height:g} m: wanted > 0")
+        checked_positive("height", height, "m")
+        checked_positive("gravity", self.gravity, "m/s^2")
+        checked_number("friction", self.friction, "", least=0.0)
         normal = np.eye(3)[axis]
         ground = Plane(tuple(mesh.bounds[0] - height * normal), tuple(normal))
         return Scene(

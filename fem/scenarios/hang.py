@@ -12,6 +12,7 @@ from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.support_finder import Axis, find_supports, up_axis
 from ..solve.equilibrium import StaticMethod
+from ..validation import checked_number
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Hang:
         """Scene of the hanging ``mesh``."""
         axis = up_axis(up)
         held, warnings = find_supports(mesh, axis, from_top=True)
-        weight = -self.gravity * np.eye(3)[axis]
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * np.eye(3)[axis]
         return Scene(mesh=mesh, up=axis, supports=held, gravity_vector=weight, warnings=warnings)
 
 
@@ -36,7 +37,7 @@ def hang(
     mesh: TetMesh,
     *,
     up: Axis = "z",
-    order: int = 1,
+    order: int | None = None,
     gravity: float = 9.81,
     law: str | None = None,
     device: str = "cpu",

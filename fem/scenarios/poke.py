@@ -15,6 +15,7 @@ from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.support_finder import Axis, find_supports, up_axis
 from ..solve.equilibrium import StaticMethod
+from ..validation import checked_direction, checked_positive, checked_vector
 
 # Radius of a finger as a share of the body's diagonal.
 FINGER_SHARE = 0.05
@@ -40,14 +41,16 @@ class Poke:
         axis = up_axis(up)
         used = np.unique(mesh.tets)
         highest = mesh.points[used[np.argmax(mesh.points[used, axis])]]
-        place = highest if self.at is None else np.asarray(self.at, dtype=float)
+        place = highest if self.at is None else checked_vector("poke at", self.at, "m")
         down = -np.eye(3)[axis]
-        pushes = down if self.direction is None else np.asarray(self.direction, dtype=float)
+        given = down if self.direction is None else self.direction
+        pushes = checked_direction("poke direction", given)
+        force = checked_positive("poke force", self.force, "N")
         faces = mesh.boundary.faces
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
         patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
-        pressure = self.force / face_areas(mesh.points, touched).sum() / np.linalg.norm(pushes)
+        pressure = force / face_areas(mesh.points, touched).sum()
         held, warnings = find_supports(mesh, axis)
         loads = (Traction(touched, np.broadcast_to(pressure * pushes, touched.shape)),)
         return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
@@ -60,7 +63,7 @@ def poke(
     force: float = 10.0,
     at: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,
-    order: int = 1,
+    order: int | None = None,
     law: str | None = None,
     device: str = "cpu",
 ) -> SagResult:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
+from ..errors import InputError
 from ..result import SagResult
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.support_finder import Axis, find_supports, up_axis
 from ..solve.equilibrium import StaticMethod
+from ..validation import checked_number
+
+SUPPORTS = ("base", "three-point")
 
 
 @dataclass(frozen=True)
@@ -26,14 +30,16 @@ class Sag:
     method: ClassVar[str] = "statics"
     with_modes: ClassVar[bool] = True
 
-    supports: Literal["base", "three-point"] = "base"
+    supports: str = "base"
     gravity: float = 9.81
 
     def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
         axis = up_axis(up)
+        if self.supports not in SUPPORTS:
+            raise InputError(f"supports {self.supports!r}: wanted one of {', '.join(SUPPORTS)}")
         held, warnings = find_supports(mesh, axis, three_point=self.supports == "three-point")
-        weight = -self.gravity * np.eye(3)[axis]
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * np.eye(3)[axis]
         return Scene(mesh=mesh, up=axis, supports=held, gravity_vector=weight, warnings=warnings)
 
 
@@ -41,8 +47,8 @@ def sag(
     mesh: TetMesh,
     *,
     up: Axis = "z",
-    order: int = 1,
-    supports: Literal["base", "three-point"] = "base",
+    order: int | None = None,
+    supports: str = "base",
     gravity: float = 9.81,
     law: str | None = None,
     device: str = "cpu",
@@ -56,7 +62,7 @@ def sag(
     up
         The axis that points up.
     order
-        1: linear tets, 2: quadratic.
+        1: linear tets, 2: quadratic; None: quadratic while they are affordable.
     supports
         'base': the nodes near the lowest point are clamped; 'three-point': it rests on three of
         them, free to expand sideways.

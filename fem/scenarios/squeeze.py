@@ -17,6 +17,7 @@ from ..scene.scene import Scene
 from ..scene.support_finder import Axis, up_axis
 from ..solve.dynamics import DynamicMethod
 from ..solve.method import FrameProgress
+from ..validation import checked_number
 
 FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
@@ -48,6 +49,7 @@ class Squeeze:
         """Scene of ``mesh`` between the plates; ``InputError`` where the share is not one."""
         if not 0 < self.share < 1:
             raise InputError(f"share {self.share:g}: wanted between 0 and 1")
+        checked_number("friction", self.friction, "", least=0.0)
         k = up_axis(self.axis or ("x" if up != "x" else "y"))
         low, high = mesh.bounds
         diagonal = float(np.linalg.norm(high - low))

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..errors import InputError
 from ..result import SagResult
 from ..scene.boundary import face_normals
 from ..scene.loads import Traction
@@ -16,6 +15,7 @@ from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.support_finder import Axis, find_supports, up_axis
 from ..solve.equilibrium import StaticMethod
+from ..validation import checked_direction, checked_positive
 
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 
@@ -40,14 +40,13 @@ class Wind:
         """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
         axis = up_axis(up)
         given = np.eye(3)[(axis + 1) % 3] if self.direction is None else self.direction
-        blows = np.asarray(given, dtype=float)
-        if not np.linalg.norm(blows) > 0:
-            raise InputError(f"wind direction {given}: wanted a vector that is not zero")
-        blows = blows / np.linalg.norm(blows)
+        blows = checked_direction("wind direction", given)
+        speed = checked_positive("wind speed", self.speed, "m/s")
+        drag = checked_positive("drag coefficient", self.drag, "")
         faces = mesh.boundary.faces
         facing = -face_normals(mesh.points, faces) @ blows
         windward = facing > 0
-        push = 0.5 * AIR_DENSITY * self.speed**2 * self.drag * facing[windward, None] * blows
+        push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
         held, warnings = find_supports(mesh, axis)
         loads = (Traction(faces[windward], push),)
         return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
@@ -60,7 +59,7 @@ def wind(
     direction: Sequence[float] | None = None,
     speed: float = 10.0,
     drag: float = 1.2,
-    order: int = 1,
+    order: int | None = None,
     law: str | None = None,
     device: str = "cpu",
 ) -> SagResult:

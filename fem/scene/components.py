@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float, Int
+from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..errors import InputError
 from .boundary import FACES
 from .mesh import TetMesh
 
@@ -39,33 +42,53 @@ def spans_plane(points: Float[np.ndarray, "n 3"]) -> bool:
     return bool(extent[1] > FLATNESS * extent[0])
 
 
-def free_components(mesh: TetMesh, held: Float[np.ndarray, "points 3"]) -> Int[np.ndarray, "free"]:
-    """Components that can still move as rigid bodies where the entries ``held > 0`` are stopped.
+class FreeMotions(NamedTuple):
+    """What a body may do without resistance.
 
-    Every component has six rigid motions; supports, and points shared with others, resist them.
-    A component is free where a motion meets no resistance.
+    ``motions`` (points, 3, k) is a basis of the displacements, rigid in every component, that meet
+    none; ``components`` (free,) are those that take part.
+    """
+
+    motions: Float[np.ndarray, "points 3 k"]
+    components: Int[np.ndarray, "free"]
+
+
+def free_motions(mesh: TetMesh, held: Bool[np.ndarray, "points 3"]) -> FreeMotions:
+    """Rigid motions of the components of ``mesh`` that the entries ``held`` do not stop.
+
+    Every component has six; supports, and points shared with others, resist them.
+
+    Raises
+    ------
+    InputError
+        If the mesh has more than ``MAX_COMPONENTS`` components.
     """
     labels = face_components(mesh)
     count = int(labels.max()) + 1
     if count > MAX_COMPONENTS:
-        return np.zeros(0, dtype=np.int64)
+        raise InputError(f"{count} separate pieces: wanted at most {MAX_COMPONENTS}")
     pairs = np.unique(np.stack([mesh.tets.ravel(), np.repeat(labels, 4)], axis=1), axis=0)
+    point, component = pairs.T
+    owner = np.zeros(len(mesh.points), dtype=np.int64)
+    owner[point[::-1]] = component[::-1]  # the first component around every point
     scale = np.ptp(mesh.bounds, axis=0).max()
     motion = rigid_motions((mesh.points - mesh.bounds[0]) / scale)
-    rows = []
-    owner = dict(pairs[::-1])  # the first component around every point
-    for point, component in pairs:
-        row = np.zeros((3, count, 6))
-        row[:, component] = motion[point]
-        if owner[point] == component:
-            rows.append(row[held[point] > 0])
-        else:
-            row[:, owner[point]] -= motion[point]
-            rows.append(row)
-    resistance = np.concatenate(rows).reshape(-1, 6 * count)
-    value, mode = np.linalg.eigh(resistance.T @ resistance)
-    loose = mode[:, value < FLATNESS**2 * max(value[-1], 1.0)].reshape(count, -1)
-    return np.flatnonzero(np.abs(loose).max(axis=1, initial=0.0) > FLATNESS)
+    resistance = np.zeros((count, count, 6, 6))
+    own = component == owner[point]
+    stopped = motion[point[own]] * held[point[own], :, None]
+    np.add.at(resistance, (component[own],) * 2, stopped.transpose(0, 2, 1) @ stopped)
+    tied, first = component[~own], owner[point[~own]]
+    tie = motion[point[~own]].transpose(0, 2, 1) @ motion[point[~own]]
+    for a, b, sign in ((tied, tied, 1), (first, first, 1), (tied, first, -1), (first, tied, -1)):
+        np.add.at(resistance, (a, b), sign * tie)
+    square = resistance.transpose(0, 2, 1, 3).reshape(6 * count, 6 * count)
+    value, mode = np.linalg.eigh(square)
+    loose = mode[:, value < FLATNESS**2 * max(value[-1], 1.0)].reshape(count, 6, -1)
+    moved = np.einsum("pim,pmk->pik", motion, loose[owner])
+    moved[np.setdiff1d(np.arange(len(moved)), point)] = 0.0
+    return FreeMotions(
+        moved, np.flatnonzero(np.abs(loose).max(axis=(1, 2), initial=0.0) > FLATNESS)
+    )
 
 
 def rigid_motions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 6"]:

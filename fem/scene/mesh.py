@@ -49,6 +49,8 @@ class TetMesh:
     ------
     InputError
         On wrong shapes, values that are not finite, ids out of range or a tet that is not positive.
+
+    The arrays are copies that cannot be written to: what is kept of them stays true.
     """
 
     points: Float[np.ndarray, "points 3"]
@@ -58,9 +60,9 @@ class TetMesh:
     material: ElementMaterial | None = None
 
     def __post_init__(self) -> None:
-        points = np.ascontiguousarray(self.points, dtype=np.float64)
-        tets = np.ascontiguousarray(self.tets, dtype=np.int32)
-        region = np.ascontiguousarray(self.region, dtype=np.int32)
+        points = _frozen(self.points, np.float64)
+        tets = _frozen(self.tets, np.int32)
+        region = _frozen(self.region, np.int32)
         _check_arrays(points, tets, region, self.region_names)
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
@@ -135,6 +137,16 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
     if mesh.material is None:
         raise InputError("the mesh has no material yet: run `assign` first")
     return mesh.material
+
+
+def _frozen(given, dtype: type) -> np.ndarray:
+    """Copy of an array that cannot be written to; one of this kind already is taken as it is."""
+    array = np.asarray(given)
+    frozen = array.base is None and not array.flags.writeable
+    if not (frozen and array.dtype == dtype and array.flags.c_contiguous):
+        array = np.array(given, dtype=dtype, order="C")
+        array.flags.writeable = False
+    return array
 
 
 def _check_arrays(points, tets, region, region_names) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +15,7 @@ from ..device import checked_device, one_thread
 from ..discrete.assembly import discretise
 from ..discrete.constraints import node_supports
 from ..discrete.elastic import ElasticBody, Response
-from ..discrete.forces import load_vector
+from ..discrete.forces import load_vector, node_counts
 from ..discrete.mass import lumped_mass
 from ..discrete.space import Space, extend_linear
 from ..errors import ConvergenceError, InputError
@@ -25,6 +26,7 @@ from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
+from ..validation import checked_count, checked_positive, checked_rows, checked_vector
 from .method import FrameProgress
 from .newton import minimise
 from .potential import Damping, Incremental, Rayleigh
@@ -90,11 +92,11 @@ class Dynamics:
         self.space = grid.space
         self.body = ElasticBody(grid, material_of(mesh), law)
         self.mass = lumped_mass(mesh, grid.space)
-        nodes = len(grid.space.nodes)
         self.held = node_supports(supports or Supports.none(len(mesh.points)), self.space)
-        self.load = self.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+        self.load = self.mass[:, None] * checked_vector("gravity_vector", gravity_vector, "m/s^2")
         if forces is not None:
-            self.load[: len(forces)] += forces
+            rows = checked_rows("forces", forces, node_counts(self.space), "N")
+            self.load[: len(rows)] += rows
         self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
         self.damping = Rayleigh(self, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
@@ -102,7 +104,7 @@ class Dynamics:
         self.rigidity = _rigidity(mesh, grid.space)
         self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         u = np.where(self.held.fixed, self.held.values, 0.0)
-        v = np.where(self.held.fixed, 0.0, np.broadcast_to(velocity, (nodes, 3)))
+        v = np.where(self.held.fixed, 0.0, _velocities(velocity, self.space))
         if not self.contact.gap(u) > 0:
             raise InputError(
                 f"the body starts {-self.contact.gap(u):g} m inside an obstacle: wanted a gap"
@@ -138,6 +140,7 @@ class Dynamics:
             time,
             *motion,
             contact_force=self.contact.forces(u, len(u)),
+            obstacle_force=self.contact.obstacle_forces(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
             elastic=self.response(u).energy + springs,
@@ -154,6 +157,7 @@ class Dynamics:
         ConvergenceError
             If steps of dt / 256 still fail.
         """
+        checked_positive("dt", dt, "s")
         with one_thread():
             return self._step(dt, HALVINGS)
 
@@ -170,7 +174,7 @@ class Dynamics:
 
     def run(self, dt: float, steps: int) -> list[Motion]:
         """Return the states after each of ``steps`` steps of ``dt`` [s], the start first."""
-        return [self.state, *(self.step(dt) for _ in range(steps))]
+        return [self.state, *(self.step(dt) for _ in range(checked_count("steps", steps)))]
 
     def _advance(self, dt: float) -> None:
         if dt != self._dt:
@@ -208,6 +212,15 @@ class Dynamics:
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
 
 
+def _velocities(given: Any, space: Space) -> np.ndarray:
+    """Velocity [m/s] of every node from one for all, one for every point, or for every node."""
+    if np.ndim(given) < 2:
+        vector = checked_vector("velocity", given, "m/s")
+        return np.broadcast_to(vector, (len(space.nodes), 3))
+    rows = checked_rows("velocity", given, node_counts(space), "m/s")
+    return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
+
+
 def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
     """Stiffness [N/m] of the tets around every node, in the mean: E times their size."""
     k = material_of(mesh).E * np.cbrt(mesh.volumes)
@@ -232,14 +245,15 @@ class DynamicMethod:
         scheme: Scheme = Scheme.IMPLICIT_EULER,
     ) -> MotionResult:
         """Follow the scene for its duration, one step of ``scheme`` a frame."""
-        dt = scene.duration / scene.frames
+        frames = checked_count("frames", scene.frames)
+        dt = checked_positive("duration", scene.duration, "s") / frames
         body = _body_of(scene, law or Law.NEO_HOOKEAN, order or 1, device, scheme)
-        frames = [body.state]
-        for frame in range(1, scene.frames + 1):
-            frames.append(body.step(dt))
+        states = [body.state]
+        for frame in range(1, frames + 1):
+            states.append(body.step(dt))
             if progress is not None:
-                progress(frame, scene.frames)
-        return MotionResult(tuple(frames), dt, len(scene.mesh.points))
+                progress(frame, frames)
+        return MotionResult(tuple(states), dt, len(scene.mesh.points))
 
 
 METHOD = DynamicMethod()
@@ -247,7 +261,7 @@ METHOD = DynamicMethod()
 
 def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) -> Dynamics:
     grid = discretise(scene.mesh, order, checked_device(device))
-    forces, velocity = scene.forces, np.asarray(scene.velocity, dtype=float)
+    forces = scene.forces
     if scene.tractions:
         forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
     return Dynamics(
@@ -257,7 +271,7 @@ def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) ->
         forces=forces,
         obstacles=scene.obstacles,
         friction=scene.friction,
-        velocity=extend_linear(grid.space, velocity) if velocity.ndim == 2 else velocity,
+        velocity=scene.velocity,
         law=law,
         order=order,
         scheme=scheme,

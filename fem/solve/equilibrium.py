@@ -55,8 +55,7 @@ class StaticMethod:
         ConvergenceError
             If the linear solve does not reach its tolerance.
         """
-        if scene.obstacles or np.any(scene.velocity):
-            raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
+        _check_load(scene)
         warnings = [*scene.warnings]
         loads = {
             "gravity_vector": scene.gravity_vector,
@@ -79,6 +78,14 @@ class StaticMethod:
 
 
 METHOD = StaticMethod()
+
+
+def _check_load(scene: Scene) -> None:
+    if scene.obstacles or np.any(scene.velocity):
+        raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
+    acts = np.any(scene.gravity_vector) or scene.tractions or scene.held.values.any()
+    if not (acts or (scene.forces is not None and np.any(scene.forces))):
+        raise UsageError("nothing acts on the body: gravity is zero, and there is no other load")
 
 
 def _largest(static: StaticResult) -> float:

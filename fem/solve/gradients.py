@@ -20,6 +20,7 @@ from ..linalg.solver import solve_system
 from ..scene.material import ElementMaterial, LameParameters
 from ..scene.mesh import TetMesh
 from ..scene.supports import Supports
+from .discretisation_error import affordable_order
 from .dynamics import Dynamics
 from .statics import TOLERANCE, check_solution, solve_static
 
@@ -95,7 +96,7 @@ def static_displacement(
     rho: torch.Tensor,
     *,
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
-    order: int = 1,
+    order: int | None = None,
     tolerance: float = TOLERANCE,
     device: str = "cpu",
     **loads: Any,
@@ -105,13 +106,13 @@ def static_displacement(
     ``E`` [Pa], ``nu`` [1] and ``rho`` [kg/m^3] have shape (tets,); the other arguments are those of
     ``solve_static``. The backward pass is one more solve with the same matrix.
     """
-    grid = discretise(mesh, order, checked_device(device))
+    grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)
     kept: dict[str, Any] = {}
 
     def forward(material: ElementMaterial) -> np.ndarray:
         body = mesh.with_material(material)
-        options = {"order": order, "tolerance": tolerance, "device": device}
+        options = {"order": grid.space.order, "tolerance": tolerance, "device": device}
         known = {"gravity_vector": gravity_vector, **options, **loads}
         u = solve_static(body, held, **known).node_displacement
         kept.update(material=material, u=u)
@@ -126,7 +127,7 @@ def static_displacement(
         check_solution(mesh, held, solution, tolerance)
         adjoint = np.where(held.fixed, 0.0, solution.x)
         by_E, by_nu = _by_moduli(grid, mesh, material, Law.LINEAR, u, adjoint)
-        share = shape_functions(order, TET_POINTS).mean(axis=0)
+        share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
         lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
         return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity_vector)))
 

@@ -21,6 +21,7 @@ from ..scene.components import rigid_motions
 from ..scene.mesh import TetMesh, material_of
 from ..scene.scene import Scene
 from ..scene.supports import Supports
+from ..validation import checked_count
 from .discretisation_error import affordable_order
 from .method import FrameProgress
 
@@ -56,6 +57,7 @@ def natural_modes(
     """
     from scipy.sparse import kron
 
+    checked_count("modes", count)
     grid = discretise(mesh, order, checked_device(device))
     space = grid.space
     held = node_supports(supports or Supports.none(len(mesh.points)), space)

@@ -17,7 +17,7 @@ from ..result import StaticResult
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
 from .newton import MAX_ITERATIONS, Point, minimise
-from .statics import discrete_problem, static_result
+from .statics import check_held, discrete_problem, static_result
 
 # Relative residual of the equilibrium |internal - external| / |external|.
 TOLERANCE = 1e-8
@@ -64,7 +64,7 @@ def solve_nonlinear(
     traction=(),
     forces: np.ndarray | None = None,
     law: str = Law.NEO_HOOKEAN,
-    order: int = 1,
+    order: int | None = None,
     device: str = "cpu",
     tolerance: float = TOLERANCE,
     start: np.ndarray | None = None,
@@ -83,6 +83,7 @@ def solve_nonlinear(
     """
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)
+    check_held(mesh, held)
     elastic = ElasticBody(grid, material_of(mesh), law)
     nodes = grid.space.nodes
 

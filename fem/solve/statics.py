@@ -20,11 +20,12 @@ from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import Solution, solve_system
 from ..result import StaticResult
-from ..scene.components import free_components
+from ..scene.components import MAX_COMPONENTS, face_components, free_motions
 from ..scene.loads import Traction
 from ..scene.material import LameParameters
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
+from .discretisation_error import affordable_order
 
 # Relative residual of the linear solve: far below any discretisation error, reached in fp64.
 TOLERANCE = 1e-8
@@ -41,7 +42,7 @@ class StaticProblem(NamedTuple):
 
 
 def discrete_problem(
-    mesh: TetMesh, supports: Supports, *, order: int, device: str, **loads: Any
+    mesh: TetMesh, supports: Supports, *, order: int | None, device: str, **loads: Any
 ) -> StaticProblem:
     """Space, constraints and loads of a static problem; ``loads`` as in ``solve_static``.
 
@@ -50,7 +51,7 @@ def discrete_problem(
     ConvergenceError
         If nothing holds the body.
     """
-    grid = discretise(mesh, order, checked_device(device))
+    grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
@@ -67,7 +68,7 @@ def solve_static(
     body: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
     traction: Traction | Sequence[Traction] = (),
     forces: np.ndarray | None = None,
-    order: int = 1,
+    order: int | None = None,
     device: str = "cpu",
     tolerance: float = TOLERANCE,
 ) -> StaticResult:
@@ -88,7 +89,7 @@ def solve_static(
     forces
         Nodal forces [N], shape (points, 3) or (nodes, 3).
     order
-        1: linear tets, 2: quadratic tets.
+        1: linear tets, 2: quadratic tets; None: quadratic while they are affordable.
     device
         'cpu' or 'cuda'.
     tolerance
@@ -118,23 +119,31 @@ def solve_static(
 def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance: float) -> None:
     """Raise if the linear solve failed, naming the components that nothing holds."""
     if solution.suspect:
-        _check_held(mesh, held)
-    if not solution.residual <= max(tolerance, solution.floor):
+        check_held(mesh, held)
+    if not solution.reached(tolerance):
         nu = float(material_of(mesh).nu.max())
         advice = (
             f"nu = {nu:g} is nearly incompressible: take nu <= {COMPRESSIBLE:g} or fewer tets"
             if nu > COMPRESSIBLE
             else "check that every piece is held, that no tet is nearly flat, and that E is sane"
         )
+        if solution.residual <= solution.floor:
+            raise ConvergenceError(
+                f"round-off of fp64 leaves the displacement known to {solution.change:.0%} only: "
+                "the body is too thin for its length, or too stiff beside something soft"
+            )
         raise ConvergenceError(
             f"linear solve ended with relative residual {solution.residual:.3g} after "
             f"{solution.iterations} iterations: wanted <= {tolerance:g}; {advice}"
         )
 
 
-def _check_held(mesh: TetMesh, held: Supports) -> None:
+def check_held(mesh: TetMesh, held: Supports) -> None:
+    """Raise ``ConvergenceError`` if a piece of ``mesh`` can move as a rigid body."""
+    if len(np.unique(face_components(mesh))) > MAX_COMPONENTS:
+        return
     points = len(mesh.points)
-    free = free_components(mesh, (held.fixed | (held.springs > 0))[:points].astype(float))
+    free = free_motions(mesh, (held.fixed | (held.springs > 0))[:points]).components
     if free.size:
         raise ConvergenceError(
             f"{free.size} piece(s) of the body can move freely (the first is piece {free[0]}): "

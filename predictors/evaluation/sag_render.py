@@ -69,7 +69,7 @@ class SagRender:
         at = total / self._inside.sum(axis=3)[self._occupied][:, None]
         material = ElementMaterial(*(np.repeat(v, _PER_CELL) for v in DEFAULT.physical(at)))
         body = self._mesh.with_material(material)
-        return solve_static(body, self._supports, gravity_vector=SLOPE).displacement
+        return solve_static(body, self._supports, gravity_vector=SLOPE, order=1).displacement
 
     def _frames_of(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
         import trimesh

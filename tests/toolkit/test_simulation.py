@@ -121,7 +121,8 @@ class Toy:
     def solve(self, scene, *, law=None, order=None, device="cpu", progress=None):
         u = np.tile(np.asarray(scene.gravity_vector), (len(scene.mesh.points), 1))
         still = dict.fromkeys(("kinetic", "elastic", "potential", "barrier"), 0.0)
-        rest = {"v": 0 * u, "a": 0 * u, "contact_force": 0 * u, "gap": 1.0, "iterations": 0}
+        rest = {"v": 0 * u, "a": 0 * u, "contact_force": 0 * u, "obstacle_force": u[:0]}
+        rest |= {"gap": 1.0, "iterations": 0}
         frames = tuple(Motion(time=t, u=t * u, **rest, **still) for t in (0.0, 1.0))
         return MotionResult(frames, 1.0, len(scene.mesh.points))
 

@@ -192,14 +192,15 @@ class Moving(Simulation):
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Frames, step [s], smallest gap [m], largest contact force [N], energies [J]."""
+        """Frames, step [s], smallest gap [m], largest force of an obstacle [N], energies [J]."""
         frames = self.motion.frames
-        forces = np.linalg.norm(self.motion.contact_forces, axis=1)
+        forces = np.linalg.norm(self.motion.obstacle_forces, axis=2).max(axis=0)
         return {
             "frames": len(frames),
             "dt": self.motion.dt,
             "smallest_gap": self.motion.smallest_gap,
-            "max_contact_force": float(forces.max()),
+            "max_contact_force": float(forces.max(initial=0.0)),
+            "max_obstacle_forces": forces.tolist(),
             "energy": [f.energy for f in frames],
             "newton_iterations": sum(f.iterations for f in frames),
         }
