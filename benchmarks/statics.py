@@ -44,7 +44,9 @@ def ours(mesh, order: int, device: str = "cpu") -> dict:
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     middle = time.process_time()
     nodes = grid.space.nodes
-    solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=TOLERANCE)
+    solution = solve_system(
+        matrix, rhs, points=nodes, fixed=held.fixed, tolerance=TOLERANCE, edges=grid.space.edges
+    )
     return make_row(
         mesh, nodes.size, start, middle, solution.x, solution.iterations, solution.residual
     )

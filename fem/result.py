@@ -52,6 +52,8 @@ class StaticResult:
         Elastic energy [J].
     residual, iterations
         Relative residual of the linear system, and iterations (0: direct).
+    solver
+        What solved the linear system, and what was tried before in vain.
     """
 
     mesh: TetMesh
@@ -65,6 +67,7 @@ class StaticResult:
     energy: float
     residual: float
     iterations: int
+    solver: str = ""
 
     @property
     def order(self) -> int:

@@ -48,6 +48,13 @@ class BlockMatrix:
         self.multiply(given, out)
         return out.numpy()
 
+    def to(self, device: str) -> BlockMatrix:
+        """Return the same matrix on ``device``: itself, if it is there."""
+        if str(self.values.device) == device:
+            return self
+        arrays = (self.rows, self.columns, self.values)
+        return BlockMatrix(*(array.to(device) for array in arrays))
+
     def to_scipy(self) -> Any:
         """Return the same matrix as ``scipy.sparse.bsr_array``."""
         from scipy.sparse import bsr_array

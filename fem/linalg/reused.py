@@ -8,6 +8,8 @@ import numpy as np
 
 from ..device import start_warp
 from ..discrete.block_matrix import BlockMatrix
+from .elimination import planned_elimination
+from .factor import CholeskyFactor, NotPositive
 from .krylov import ConjugateGradients, Recorder
 from .two_level import Scaled, TwoLevel, scale
 
@@ -25,23 +27,18 @@ LIMIT = 600
 LOOSEST, TIGHTEST = 1e-2, 1e-11
 
 
-class Factor:
-    """Sparse LU of a scaled matrix as the preconditioner z = M r, on the CPU."""
+class FactorCycle:
+    """Factor of a scaled matrix as the preconditioner z = M r, on the CPU."""
 
     def __init__(self, scaled: Scaled) -> None:
-        from scipy.sparse.linalg import splu
-
         wp = start_warp()
-        matrix = scaled.matrix.to_scipy().tocsc()
-        options = {"SymmetricMode": True}
-        self.lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        self.r, self.z = (
-            wp.zeros(scaled.matrix.nodes, dtype=wp.vec3d, device="cpu") for _ in range(2)
-        )
+        matrix = scaled.matrix
+        self.factor = CholeskyFactor(matrix, planned_elimination(matrix))
+        self.r, self.z = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device="cpu") for _ in range(2))
 
     def apply(self) -> None:
         """Compute ``z`` from ``r``."""
-        self.z.numpy()[:] = self.lu.solve(self.r.numpy().reshape(-1)).reshape(-1, 3)
+        self.z.numpy()[:] = self.factor.solve(self.r.numpy())
 
 
 class _Kept(NamedTuple):
@@ -87,13 +84,16 @@ class RepeatedSolver:
         return np.full_like(b, np.nan) if x is None else x
 
     def _fresh(self, matrix: BlockMatrix) -> _Kept | None:
-        """Preconditioner of ``matrix``; none if a diagonal block is not positive."""
+        """Preconditioner of ``matrix``; none if it is seen not to be positive."""
         wp = start_warp()
         system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
         if np.isnan(system.largest):
             return None
         if 3 * matrix.nodes <= DIRECT and not matrix.values.device.is_cuda:
-            cycle = Factor(system)  # a graph of a GPU could not call it
+            try:
+                cycle = FactorCycle(system)  # a graph of a GPU could not call it
+            except NotPositive:
+                return None
         else:
             cycle = TwoLevel(system, self.points, self.fixed, DEGREE)
         # CG has a matrix of its own, whose values are those of every new system in turn.

@@ -1,43 +1,55 @@
-"""Linear solver for symmetric positive block matrices: direct when small, two-level CG above."""
+"""Linear solver for symmetric positive block matrices: a factor where it fills little, else CG."""
 
 from __future__ import annotations
 
 import logging
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..device import start_warp
 from ..discrete.block_matrix import BlockMatrix
+from .elimination import Elimination, planned_elimination
+from .factor import NotPositive, known_factor
 from .krylov import ConjugateGradients, Recorder
 from .two_level import Scaled, TwoLevel, scale
 
 logger = logging.getLogger(__name__)
 
-# Below this many unknowns a direct factor is faster than the set-up of the hierarchy.
+# What a core does a second, measured on two: only the ratio of the three matters.
+FACTOR_RATE = 12e9  # operations of a factorisation
+FACTOR_ENTRIES = 1.2e8  # entries of a factor made, and read twice by each solve
+CG_RATE = 1.6e7  # blocks of the matrix in one iteration of two-level CG, set-up included
+# Iterations that two-level CG takes on a compact body of good tets; slivers and thin parts take any
+# number, so that CG is given as long as the factor would have taken, and the factor comes then.
+USUAL = 30
+# Below this many unknowns a factor is made before anything is estimated.
 DIRECT = 6_000
-# Above this many a direct factor would not fit as a second chance.
-DIRECT_RESCUE = 150_000
+# Numbers of a factor above which it is not made: 1.6 GB.
+MOST_ENTRIES = 200_000_000
 # The iterations grow as 1 / sqrt(1 - 2 nu): P2 at nu = .4999 takes about 600.
 MAX_ITERATIONS = 1000
-# Compact bodies take 15-30 iterations. One that needs more is thin or slender: there a direct
-# factor has little fill (24k unknowns of a chair: .3 s, against 600 iterations in 20 s).
-PATIENCE = 60
-# A pivot this small, of a matrix scaled to a unit diagonal, may be round-off of a zero: a body that
-# is not held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
+# A pivot this small a share of its diagonal entry may be round-off of a zero: a body that is not
+# held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
+CHOLESKY, CG = "sparse Cholesky", "CG with two levels"
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
 # That correction is found to this share of itself.
 CORRECTED = 0.1
+# Steps of iterative refinement (round-off of high contrasts); after a correction of this share the
+# next would be its square, below round-off.
+REFINEMENTS = 2
+SETTLED = 1e-8
 
 
 class Solution(NamedTuple):
     """Solution ``x`` (nodes, 3), relative ``residual`` |b - A x| / |b|, ``iterations``.
 
     ``floor`` is the relative residual that round-off alone leaves, ``change`` what one more
-    correction of such an x adds to it, as a share; ``suspect`` says that the matrix looks singular.
+    correction of such an x adds to it, as a share; ``suspect`` says that the matrix looks singular;
+    ``solver`` names what found it, and what was tried before in vain.
     """
 
     x: np.ndarray
@@ -46,6 +58,7 @@ class Solution(NamedTuple):
     floor: float
     suspect: bool = False
     change: float = 0.0
+    solver: str = ""
 
     def reached(self, tolerance: float) -> bool:
         """Whether x is as good as wanted, or as fp64 allows and still known well enough."""
@@ -54,52 +67,78 @@ class Solution(NamedTuple):
 
 
 def solve_system(
-    matrix: BlockMatrix, b: np.ndarray, *, points: np.ndarray, fixed: np.ndarray, tolerance: float
+    matrix: BlockMatrix,
+    b: np.ndarray,
+    *,
+    points: np.ndarray,
+    fixed: np.ndarray,
+    tolerance: float,
+    edges: np.ndarray | None = None,
 ) -> Solution:
     """Solve A x = b for ``b`` (nodes, 3) to a relative residual; ``matrix`` is used up.
 
-    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space.
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space,
+    ``edges`` (nodes - corners, 2) those of a P2 space to the elimination.
     """
     if b.size <= DIRECT:
-        return solve_direct(matrix.to_scipy(), b)
+        return solve_direct(matrix, b, planned_elimination(matrix, edges), tolerance)
+    patience = MAX_ITERATIONS
+    if not matrix.values.device.is_cuda:
+        plan = planned_elimination(matrix, edges)
+        if plan.entries <= MOST_ENTRIES:
+            patience = _worth(plan, matrix)
+            if patience <= USUAL:
+                return solve_direct(matrix, b, plan, tolerance)
     system = scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
-    solution = solve_iterative(system, b, points=points, fixed=fixed, tolerance=tolerance)
-    failed = not solution.reached(tolerance)
-    if failed and b.size <= DIRECT_RESCUE:
-        logger.info("CG stopped at %.3g: factoring the matrix instead", solution.residual)
-        return _rescue(system, b, solution)
-    return solution._replace(suspect=failed)
+    held = {"points": points, "fixed": fixed}
+    limit = min(patience, MAX_ITERATIONS)
+    solution = solve_iterative(system, b, **held, tolerance=tolerance, limit=limit)
+    if solution.reached(tolerance):
+        return solution
+    plan = planned_elimination(matrix, edges)
+    if plan.entries > MOST_ENTRIES:
+        return solution._replace(suspect=True)
+    logger.info("CG stopped at %.3g: factoring the matrix instead", solution.residual)
+    return _rescue(system, b, plan, solution)
 
 
-def _rescue(system: Scaled, b: np.ndarray, tried: Solution) -> Solution:
+def _worth(plan: Elimination, matrix: BlockMatrix) -> int:
+    """Iterations of two-level CG that take as long as the factor."""
+    factor = plan.operations / FACTOR_RATE + plan.entries / FACTOR_ENTRIES
+    return int(factor * CG_RATE / len(matrix.columns))
+
+
+def _rescue(system: Scaled, b: np.ndarray, plan: Elimination, tried: Solution) -> Solution:
     lower = system.lower.numpy()
     scaled_b = np.einsum("nij,nj->ni", system.inverse.numpy(), b)
-    direct = solve_direct(system.matrix.to_scipy(), scaled_b)
+    direct = solve_direct(system.matrix, scaled_b, plan, tolerance=0.0)
     x = np.linalg.solve(lower.transpose(0, 2, 1), direct.x[..., None])[..., 0]
-    return direct._replace(x=x, iterations=tried.iterations, floor=tried.floor)
+    said = f"{direct.solver} after {tried.iterations} iterations of {tried.solver}"
+    return direct._replace(x=x, iterations=tried.iterations, floor=tried.floor, solver=said)
 
 
-def solve_direct(A: Any, b: np.ndarray) -> Solution:
-    """Sparse LU of ``A`` (scipy) with diagonal pivots and iterative refinement."""
-    from scipy.sparse.linalg import splu
-
-    A = A.tocsc()
-    scale = 1 / np.sqrt(A.diagonal())
-    scaled = A.multiply(scale[:, None]).multiply(scale[None, :]).tocsc()
-    # A symmetric positive matrix needs no pivoting: minimum degree on the pattern, diagonal pivots.
-    options = {"SymmetricMode": True}
-    lu = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    rhs = b.reshape(-1)
-    x = scale * lu.solve(scale * rhs)
-    correction = x
-    for _ in range(2):  # iterative refinement: round-off of high contrasts
-        correction = scale * lu.solve(scale * (rhs - A @ x))
-        x += correction
-    suspect = bool(np.abs(lu.U.diagonal()).min() < PIVOT)
-    residual, change = _relative(rhs - A @ x, rhs), _relative(correction, x)
-    return Solution(x.reshape(-1, 3), residual, 0, round_off(A, x, rhs), suspect, change)
+def solve_direct(
+    matrix: BlockMatrix, b: np.ndarray, plan: Elimination, tolerance: float
+) -> Solution:
+    """Cholesky factor of ``matrix`` by ``plan``, and iterative refinement."""
+    matrix = matrix.to("cpu")
+    try:
+        factor = known_factor(matrix, plan)
+    except NotPositive:
+        return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True, np.inf, CHOLESKY)
+    x, change = factor.solve(b), 1.0
+    for _ in range(REFINEMENTS):
+        correction = factor.solve(b - matrix.times(x))
+        x = x + correction
+        change = _length(correction) / (_length(x) or 1.0)
+        if change < SETTLED:
+            break
+    error = _length(b - matrix.times(x)) / (_length(b) or 1.0)
+    floor = _round_off(matrix, x, b) if error > tolerance else 0.0
+    suspect = bool(factor.smallest_pivot < PIVOT)
+    return Solution(x, error, 0, floor, suspect, change, CHOLESKY)
 
 
 def _length(v: np.ndarray) -> float:
@@ -107,17 +146,20 @@ def _length(v: np.ndarray) -> float:
     return float(np.sqrt(np.square(v).sum()))
 
 
-def _relative(r: np.ndarray, b: np.ndarray) -> float:
-    return float(np.linalg.norm(r) / (np.linalg.norm(b) or 1.0))
-
-
-def round_off(A: Any, x: np.ndarray, b: np.ndarray) -> float:
+def _round_off(matrix: BlockMatrix, x: np.ndarray, b: np.ndarray) -> float:
     """Relative residual that evaluating b - A x in fp64 leaves: cancellation of |A| |x| terms."""
-    return 64 * np.finfo(float).eps * _relative(abs(A) @ np.abs(x), b)
+    terms = abs(matrix.to_scipy()) @ np.abs(x).reshape(-1)
+    return 64 * np.finfo(float).eps * _length(terms) / (_length(b) or 1.0)
 
 
 def solve_iterative(
-    system: Scaled, b: np.ndarray, *, points: np.ndarray, fixed: np.ndarray, tolerance: float
+    system: Scaled,
+    b: np.ndarray,
+    *,
+    points: np.ndarray,
+    fixed: np.ndarray,
+    tolerance: float,
+    limit: int,
 ) -> Solution:
     """Conjugate gradients on the scaled system with the two-level preconditioner."""
     from . import kernels_solver as k
@@ -129,7 +171,6 @@ def solve_iterative(
     given = wp.array(b, dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
     size = _length(b) or 1.0
-    limit = PATIENCE if b.size <= DIRECT_RESCUE else MAX_ITERATIONS
     iterations = cg.run(tolerance * size, limit)
     solution, residual = wp.empty_like(given), wp.empty_like(given)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
@@ -139,16 +180,16 @@ def solve_iterative(
     error = _length(b - residual.numpy()) / size
     x = solution.numpy().copy()
     if error <= tolerance:
-        return Solution(x, error, iterations, 0.0)
+        return Solution(x, error, iterations, 0.0, solver=CG)
     floor = _scaled_round_off(system, cg.x.numpy()) / size
     if error > floor:
-        return Solution(x, error, iterations, floor)
+        return Solution(x, error, iterations, floor, solver=CG)
     rest = wp.array(b - residual.numpy(), dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, rest, False, cycle.r]).launch()
     iterations += cg.run(CORRECTED * error * size, limit)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     change = _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
-    return Solution(x, error, iterations, floor, change=change)
+    return Solution(x, error, iterations, floor, change=change, solver=CG)
 
 
 def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,11 +110,13 @@ def solve_static(
     matrix = stiffness(grid, *material.lame)
     rhs = reduced_load(matrix, load, held, prescribed)
     nodes = grid.space.nodes
-    solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
+    known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
+    solution = solve_system(matrix, rhs, **known, tolerance=tolerance)
     check_solution(mesh, held, solution, tolerance)
     u = np.where(held.fixed, prescribed, solution.x)
     body_law = ElasticBody(grid, material, Law.LINEAR)
-    return static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
+    result = static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
+    return replace(result, solver=solution.solver)
 
 
 def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance: float) -> None:

@@ -1,0 +1,74 @@
+"""Meshes of twelve pieces of real furniture with materials, made by our own ``convert``.
+
+    python benchmarks/real_meshes.py --cache FOLDER
+
+Debian's sweethome3d-furniture holds the pieces (fetched by apt-get once). A mesh is made at its
+real size, with the default options and the sentence "a NAME", once: later calls read the cache.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+NAMES = (
+    "Scopia/bed1",
+    "KatorLegaz/glass-dining-table",
+    "Scopia/chair3",
+    "Scopia/farola1",
+    "Scopia/maceta",
+    "BlendSwap-CC-0/silla2",
+    "BlendSwap-CC-0/oakChair",
+    "BlendSwap-CC-0/littlePlant",
+    "KatorLegaz/classic-lamppost",
+    "KatorLegaz/cafe-chair",
+    "KatorLegaz/concrete-bench",
+    "KatorLegaz/bar-stool",
+)
+
+
+def cache_folder() -> Path:
+    """Where the meshes are kept unless ``--cache`` says otherwise."""
+    from platformdirs import user_cache_path
+
+    return user_cache_path("autophyx-tet") / "benchmarks"
+
+
+def real_mesh(name: str, folder: Path) -> Path:
+    """Mesh file of the piece ``name``, made where ``folder`` has none."""
+    path = folder / f"{name.replace('/', '-')}.msh"
+    if not path.exists():
+        _make(name, folder, path)
+    return path
+
+
+def _make(name: str, folder: Path, path: Path) -> None:
+    from autophyx_tet.toolkit.io import sweethome3d
+    from autophyx_tet.toolkit.options import ConvertOptions
+    from autophyx_tet.toolkit.pipeline import assign, convert
+
+    source, _, _ = name.partition("/")
+    (item,) = (i for i in sweethome3d.catalog(source) if i.key == name)
+    asset = sweethome3d.extract(item, folder / "assets")
+    solid = convert(asset, options=ConvertOptions(size=max(item.size)))
+    folder.mkdir(parents=True, exist_ok=True)
+    plain = folder / f"plain-{path.name}"  # with its sidecar: the axis that points up, the names
+    from autophyx_tet.converters.mesh.mesh_file import write_mesh
+
+    write_mesh(plain, solid.mesh)
+    solid.described().write(plain)
+    assign(plain, f"a {item.name.lower()}", asset=asset, output=path)
+    plain.unlink()
+    plain.with_suffix(".json").unlink(missing_ok=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cache", type=Path, default=cache_folder())
+    options = parser.parse_args()
+    for name in NAMES:
+        print(real_mesh(name, options.cache), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,244 @@
+"""How a sparse symmetric matrix is eliminated: nested dissection, supernodes and their fronts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+
+from ..device import start_warp
+from ..discrete.block_matrix import BlockMatrix
+
+# A supernode joins its parent while the zeros that it brings stay below this share of the entries:
+# (columns of nodes, share). Few columns cost more in calls than in arithmetic.
+JOIN = ((4, 0.5), (12, 0.2), (32, 0.1), (np.inf, 0.05))
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """Order and fronts of a pattern, in blocks of one node; device arrays of warp on the CPU.
+
+    Parameters
+    ----------
+    order, position
+        Node that is eliminated k-th, and its inverse, shape (nodes,).
+    owner, first
+        Supernode of every position (nodes,), and where each begins (supernodes + 1).
+    start, rows
+        Positions below the columns of every supernode, ascending: ``rows[start[t]:start[t + 1]]``.
+    local
+        Place of each of ``rows`` in the front of the parent.
+    parent, child_start, children
+        Tree of the supernodes; roots have the parent -1.
+    panel, update
+        Where the columns of every supernode begin in the factor (supernodes + 1), and what is
+        left to its parent in the stack of updates.
+    stack
+        Length of that stack.
+    operations
+        Multiplications and additions of the factorisation.
+    """
+
+    order: Any
+    position: Any
+    owner: Any
+    first: Any
+    start: Any
+    rows: Any
+    local: Any
+    parent: np.ndarray
+    child_start: Any
+    children: Any
+    panel: Any
+    update: Any
+    stack: int
+    operations: float
+
+    @property
+    def entries(self) -> int:
+        """Numbers in the factor."""
+        return int(self.panel.numpy()[-1])
+
+
+def _ints(values: Any) -> Any:
+    wp = start_warp()
+    return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=wp.int32, device="cpu")
+
+
+def _walk(kernel: Any, *inputs: Any) -> None:
+    start_warp().launch(kernel, 1, inputs=list(inputs), device="cpu")
+
+
+def dissect(rows: np.ndarray, columns: np.ndarray) -> Int[np.ndarray, "nodes"]:
+    """Nested dissection of the graph of a pattern by METIS: node eliminated k-th."""
+    import pymetis
+
+    count = len(rows) - 1
+    owner = np.repeat(np.arange(count), np.diff(rows))
+    off = owner != columns
+    starts = np.concatenate([[0], np.cumsum(np.bincount(owner[off], minlength=count))])
+    if not off.any():
+        return np.arange(count)
+    graph = pymetis.CSRAdjacency(starts.astype(np.int32), columns[off].astype(np.int32))
+    return np.array(pymetis.nested_dissection(graph)[0], dtype=np.int64)
+
+
+def dissect_edges(edges: Int[np.ndarray, "edges 2"], count: int) -> Int[np.ndarray, "nodes"]:
+    """Order of a P2 space from that of its corners.
+
+    A separator of the corners' graph and the edges inside it separate the quadratic nodes too: an
+    edge stands right before the first of its ends. The graph is eight times smaller.
+    """
+    from scipy.sparse import coo_array
+
+    corners = count - len(edges)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    ones = np.ones(len(both), dtype=np.int8)
+    graph = coo_array((ones, tuple(both.T)), shape=(corners, corners)).tocsr()
+    position = np.empty(corners, dtype=np.int64)
+    position[dissect(graph.indptr, graph.indices)] = np.arange(corners)
+    ends = position[edges]
+    before = np.concatenate([position, ends.min(axis=1)])
+    after = np.concatenate([np.full(corners, corners), ends.max(axis=1)])
+    return np.lexsort((after, before))
+
+
+# Eliminations of the last patterns, by the identity of their columns: the values come and go.
+_RECENT: list[tuple[Any, Elimination]] = []
+_KEPT = 4
+
+
+def planned_elimination(
+    matrix: BlockMatrix, edges: Int[np.ndarray, "edges 2"] | None = None
+) -> Elimination:
+    """``plan_elimination``, kept for the next matrix of the same pattern."""
+    for columns, plan in _RECENT:
+        if columns is matrix.columns:
+            return plan
+    plan = plan_elimination(matrix, edges)
+    _RECENT.insert(0, (matrix.columns, plan))
+    del _RECENT[_KEPT:]
+    return plan
+
+
+def plan_elimination(
+    matrix: BlockMatrix, edges: Int[np.ndarray, "edges 2"] | None = None
+) -> Elimination:
+    """Order, supernodes and fronts of the pattern of ``matrix``.
+
+    ``edges``: the corner nodes that the last nodes lie between, of a P2 space.
+    """
+    from . import kernels_elimination as k
+
+    rows, columns = (_ints(a.numpy()) for a in (matrix.rows, matrix.columns))
+    count = matrix.nodes
+    if edges is None or not len(edges):
+        order = dissect(rows.numpy(), columns.numpy())
+    else:
+        order = dissect_edges(edges, count)
+    none = np.full(count, -1)
+    order, position = _ints(order), _ints(np.argsort(order))
+    pattern = [rows, columns]
+    parent, place = _ints(none), _ints(none)
+    _walk(k.elimination_tree, *pattern, order, position, _ints(none), parent)
+    _walk(k.postorder, parent, _ints(none + 2), _ints(np.zeros(count + 1)), place)
+    place, up = place.numpy(), parent.numpy()
+    order = _ints(order.numpy()[np.argsort(place)])
+    position = _ints(np.argsort(order.numpy()))
+    tree = none.copy()
+    tree[place] = np.where(up >= 0, place[up], -1)
+    counts = _ints(none + 2)
+    _walk(k.column_counts, *pattern, order, position, _ints(tree), _ints(none), counts)
+    first = join_supernodes(tree, counts.numpy())
+    return _fronts(pattern, order, position, tree, first)
+
+
+def join_supernodes(
+    parent: Int[np.ndarray, "n"], counts: Int[np.ndarray, "n"]
+) -> Int[np.ndarray, "_"]:
+    """First columns of the supernodes, and n at the end.
+
+    Columns of one structure are one; a supernode right before its parent joins it for few zeros.
+    ``parent`` is the elimination tree in postorder, ``counts`` the entries of every column.
+    """
+    count = len(parent)
+    single = np.bincount(parent[parent >= 0], minlength=count) == 1
+    chained = (parent[:-1] == np.arange(1, count)) & (counts[:-1] == counts[1:] + 1) & single[1:]
+    starts = np.flatnonzero(np.concatenate([[True], ~chained])).tolist()
+    up = parent.tolist()
+    groups: list[tuple[int, int, int, int]] = []  # begin, end, height of the front, true entries
+    for begin, end in zip(starts, [*starts[1:], count], strict=True):
+        height = int(counts[begin])
+        true = _trapezoid(end - begin, height)
+        while groups and begin <= up[groups[-1][1] - 1] < end:
+            low, middle, _, inner = groups[-1]
+            width, tall = end - low, height + middle - low
+            share = next(s for most, s in JOIN if width <= most)
+            if _trapezoid(width, tall) > (1 + share) * (true + inner):
+                break
+            begin, height, true = low, tall, true + inner
+            groups.pop()
+        groups.append((begin, end, height, true))
+    return np.array([*(g[0] for g in groups), count])
+
+
+def _trapezoid(columns: int, rows: int) -> int:
+    """Entries of the first ``columns`` of a lower triangle of ``rows``."""
+    return columns * rows - columns * (columns - 1) // 2
+
+
+def _fronts(pattern: list, order: Any, position: Any, tree: np.ndarray, first: np.ndarray):
+    from . import kernels_elimination as k
+
+    wp = start_warp()
+    supernodes = len(first) - 1
+    owner = np.repeat(np.arange(supernodes), np.diff(first))
+    above = tree[first[1:] - 1]
+    parent = np.where(above >= 0, owner[above], -1)
+    walk = [*pattern, order, position, _ints(owner), _ints(parent)]
+    mark, heights = np.full(supernodes, -1), _ints(np.zeros(supernodes))
+    _walk(k.front_rows, *walk, _ints(mark), heights, _ints([]))
+    start = np.concatenate([[0], np.cumsum(heights.numpy())])
+    rows = _ints(np.zeros(start[-1]))
+    _walk(k.front_rows, *walk, _ints(mark), _ints(start[:-1]), rows)
+    local = wp.empty_like(rows)
+    inputs = [_ints(first), _ints(start), rows, _ints(parent), local]
+    wp.launch(k.locate_in_parent, supernodes, inputs=inputs, device="cpu")
+    k_, r_ = 3 * np.diff(first), 3 * np.diff(start)
+    panel = np.concatenate([[0], np.cumsum(k_ * (k_ + r_))])
+    has = parent >= 0
+    child_start = np.concatenate([[0], np.cumsum(np.bincount(parent[has], minlength=supernodes))])
+    children = np.flatnonzero(has)[np.argsort(parent[has], kind="stable")]
+    update, stack = _stack(parent, r_)
+    operations = float((k_**3 / 3 + k_**2 * r_ + k_.astype(float) * r_**2).sum())
+    return Elimination(
+        order, position, _ints(owner), _ints(first), _ints(start), rows, local, parent,
+        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, operations,
+    )  # fmt: skip
+
+
+def _stack(parent: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, int]:
+    """Where the update of every supernode lies, and the length of both stacks together.
+
+    A front is made from its children's updates: they lie on one stack, its own goes to the other.
+    Even depths have one and odd depths the other, so that neither moves.
+    """
+    count = len(parent)
+    depth = np.zeros(count, dtype=np.int64)
+    for t in range(count - 1, -1, -1):
+        if parent[t] >= 0:
+            depth[t] = depth[parent[t]] + 1
+    side, sizes = (depth % 2).tolist(), (heights.astype(np.int64) ** 2).tolist()
+    above, up = [0] * count, parent.tolist()  # total of the children's updates
+    top, most, update = [0, 0], [0, 0], np.zeros(count, dtype=np.int64)
+    for t in range(count):
+        top[1 - side[t]] -= above[t]
+        update[t] = top[side[t]]
+        top[side[t]] += sizes[t]
+        most[side[t]] = max(most[side[t]], top[side[t]])
+        if up[t] >= 0:
+            above[up[t]] += sizes[t]
+    update[np.array(side, dtype=bool)] += most[0]
+    return update, most[0] + most[1]

@@ -1,0 +1,246 @@
+# type: ignore  (warp code: its types are warp's, not Python's)
+"""Warp kernels of sparse elimination: its tree, its fronts, and where their numbers go.
+
+What walks the tree is sequential: such kernels run with one thread, on the CPU.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 3})
+
+
+@wp.kernel
+def elimination_tree(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),  # node eliminated k-th
+    position: wp.array(dtype=wp.int32),  # its inverse
+    ancestor: wp.array(dtype=wp.int32),  # scratch, -1
+    parent: wp.array(dtype=wp.int32),  # -1
+):
+    """Parent of every position: Liu's algorithm, with compressed paths."""
+    for i in range(order.shape[0]):
+        node = order[i]
+        for s in range(rows[node], rows[node + 1]):
+            k = position[columns[s]]
+            while k != -1 and k < i:
+                above = ancestor[k]
+                ancestor[k] = i
+                if above == -1:
+                    parent[k] = i
+                k = above
+
+
+@wp.kernel
+def postorder(
+    parent: wp.array(dtype=wp.int32),
+    size: wp.array(dtype=wp.int32),  # scratch, ones
+    free: wp.array(dtype=wp.int32),  # scratch (n + 1), 0: next free place of every subtree
+    place: wp.array(dtype=wp.int32),
+):
+    """Place of every position once children stand right before their parents."""
+    n = parent.shape[0]
+    for i in range(n):
+        if parent[i] >= 0:
+            size[parent[i]] += size[i]
+    for back in range(n):
+        i = n - 1 - back
+        above = parent[i]
+        if above < 0:
+            above = n
+        free[i] = free[above]
+        free[above] += size[i]
+        place[i] = free[i] + size[i] - 1
+
+
+@wp.kernel
+def column_counts(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.int32),
+    parent: wp.array(dtype=wp.int32),
+    mark: wp.array(dtype=wp.int32),  # scratch, -1
+    count: wp.array(dtype=wp.int32),  # ones: the diagonal
+):
+    """Entries of every column of the factor: each row is a subtree of the tree."""
+    for i in range(order.shape[0]):
+        node = order[i]
+        mark[i] = i
+        for s in range(rows[node], rows[node + 1]):
+            k = position[columns[s]]
+            while k < i and mark[k] != i:
+                mark[k] = i
+                count[k] += 1
+                k = parent[k]
+
+
+@wp.kernel
+def front_rows(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    order: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+    parent: wp.array(dtype=wp.int32),  # of supernodes
+    mark: wp.array(dtype=wp.int32),  # scratch, -1
+    cursor: wp.array(dtype=wp.int32),  # where the rows of every supernode go, or a count of them
+    found: wp.array(dtype=wp.int32),  # empty while they are counted
+):
+    """Rows below every supernode, ascending."""
+    for i in range(order.shape[0]):
+        node = order[i]
+        top = owner[i]
+        for s in range(rows[node], rows[node + 1]):
+            k = position[columns[s]]
+            if k < i:
+                t = owner[k]
+                while t != top and mark[t] != i:
+                    mark[t] = i
+                    if found.shape[0] > 0:
+                        found[cursor[t]] = i
+                    cursor[t] += 1
+                    t = parent[t]
+
+
+@wp.func
+def find_row(found: wp.array(dtype=wp.int32), low: int, high: int, row: int):
+    """Position of ``row`` in the ascending found[low:high]."""
+    lo = low
+    hi = high - 1
+    while lo < hi:
+        mid = (lo + hi) // 2
+        if found[mid] < row:
+            lo = mid + 1
+        else:
+            hi = mid
+    return lo
+
+
+@wp.func
+def find_local(
+    first: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    found: wp.array(dtype=wp.int32),
+    t: int,
+    row: int,
+):
+    """Local row of position ``row`` in the front of supernode t: its columns, then its rows."""
+    if row < first[t + 1]:
+        return row - first[t]
+    return first[t + 1] - first[t] + find_row(found, start[t], start[t + 1], row) - start[t]
+
+
+@wp.kernel
+def locate_in_parent(
+    first: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    found: wp.array(dtype=wp.int32),
+    parent: wp.array(dtype=wp.int32),
+    local: wp.array(dtype=wp.int32),
+):
+    """Where every row of a front lies in the front of its parent."""
+    t = wp.tid()
+    for s in range(start[t], start[t + 1]):
+        local[s] = find_local(first, start, found, parent[t], found[s])
+
+
+@wp.func
+def entry(k: int, r: int, row: int, column: int):
+    """Offset in a panel of k columns (a block k x k, then one r x k, both by columns)."""
+    if row < k:
+        return column * k + row
+    return k * k + column * r + row - k
+
+
+@wp.kernel
+def place_matrix(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    position: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+    first: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    found: wp.array(dtype=wp.int32),
+    panel: wp.array(dtype=wp.int32),
+    factor: wp.array(dtype=wp.float64),
+):
+    """Write the lower triangle of a matrix into the panels of its factor."""
+    node = wp.tid()
+    i = position[node]
+    for s in range(rows[node], rows[node + 1]):
+        j = position[columns[s]]
+        if j <= i:
+            t = owner[j]
+            k = 3 * (first[t + 1] - first[t])
+            r = 3 * (start[t + 1] - start[t])
+            row = 3 * find_local(first, start, found, t, i)
+            column = 3 * (j - first[t])
+            block = values[s]
+            for b in range(3):
+                for a in range(3):
+                    factor[panel[t] + entry(k, r, row + a, column + b)] = block[a, b]
+
+
+@wp.func
+def add_rows(
+    local: wp.array(dtype=wp.int32),
+    low: int,
+    begin: int,
+    end: int,
+    node: int,
+    b: int,
+    source: wp.array(dtype=wp.float64),
+    at: int,
+    out: wp.array(dtype=wp.float64),
+    to: int,
+):
+    """Add rows begin ... end of column (node, b) of an update to the column ``to`` of a front."""
+    for other in range(begin, end):
+        row = to + 3 * local[low + other]
+        for a in range(3):
+            if other > node or a >= b:
+                out[row + a] = out[row + a] + source[at + 3 * other + a]
+
+
+@wp.kernel
+def extend_add(
+    t: wp.int32,
+    first: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    local: wp.array(dtype=wp.int32),
+    child_start: wp.array(dtype=wp.int32),
+    children: wp.array(dtype=wp.int32),
+    panel: wp.array(dtype=wp.int32),
+    update: wp.array(dtype=wp.int32),
+    stack: wp.array(dtype=wp.float64),
+    factor: wp.array(dtype=wp.float64),
+):
+    """Clear the update of supernode t, then add those of its children to its front (lower part)."""
+    k = 3 * (first[t + 1] - first[t])
+    r = 3 * (start[t + 1] - start[t])
+    square = panel[t]
+    own = update[t]
+    for column in range(r):
+        for row in range(column, r):
+            stack[own + column * r + row] = wp.float64(0.0)
+    for e in range(child_start[t], child_start[t + 1]):
+        c = children[e]
+        low = start[c]
+        size = start[c + 1] - low
+        inner = find_row(local, low, start[c + 1], first[t + 1] - first[t]) - low
+        if size > 0 and local[low + inner] < first[t + 1] - first[t]:
+            inner += 1
+        for node in range(size):
+            for b in range(3):
+                column = 3 * local[low + node] + b
+                at = update[c] + (3 * node + b) * 3 * size
+                if column < k:
+                    to = square + column * k
+                    below = square + k * k + column * r - k
+                    add_rows(local, low, node, inner, node, b, stack, at, factor, to)
+                    add_rows(local, low, inner, size, node, b, stack, at, factor, below)
+                else:
+                    to = own + (column - k) * r - k
+                    add_rows(local, low, node, size, node, b, stack, at, stack, to)
