@@ -76,8 +76,8 @@ class CholeskyFactor:
         return panels
 
     def _factor(self, numbers: Any) -> None:
-        from scipy.linalg.blas import dsyrk, dtrsm
-        from scipy.linalg.lapack import dpotrf
+        from scipy.linalg.blas import dsyrk, dtrsm  # type: ignore  (by f2py)
+        from scipy.linalg.lapack import dpotrf  # type: ignore  (by f2py)
 
         from . import kernels_elimination as k
 
@@ -107,7 +107,7 @@ class CholeskyFactor:
 
     def solve(self, b: Float[np.ndarray, "nodes 3 *vectors"]) -> Float[np.ndarray, "..."]:
         """Solve A x = b for one or more right-hand sides, shape (nodes, 3) or (nodes, 3, n)."""
-        from scipy.linalg.blas import dtrsm
+        from scipy.linalg.blas import dtrsm  # type: ignore  (by f2py)
 
         order = self.plan.order.numpy()
         x = b[order].reshape(3 * len(order), -1)
