@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ..errors import InputError, UsageError
 
 TABLE_PATH = Path(__file__).parents[1] / "data" / "materials.csv"
+CONTENTS_PATH = TABLE_PATH.with_name("contents.csv")
 # A displacement-based element locks as nu -> .5, where lam is infinite; .495 keeps lam < 100 mu.
 NU_CAP = 0.495
 FIELDS = ("E", "nu", "rho")
@@ -54,14 +55,15 @@ def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
 # Set by hand from what such matter can be, not from the rows, and so narrow that no row survives a
 # slip of a factor 1000 (GPa for MPa, g/cm^3 for kg/m^3): one global band would let rubber at 1 GPa
 # through.
-# Examples: lead to tungsten, fat to cheese, wood across its grain to ebony along it.
+# Examples: indium to tungsten carbide, aerated concrete to jade, fat to cheese, wood across its
+# grain to snakewood along it, fluorinated rubber as the densest elastomer, horn as soft bone.
 CATEGORIES: Mapping[str, Band] = {
-    "metal": _band((1e10, 5e11), (0.15, 0.46), (1500, 23000)),
+    "metal": _band((1e10, 7e11), (0.15, 0.46), (1500, 23000)),
     "glass-ceramic": _band((5e9, 6e11), (0.05, 0.35), (1000, 6500)),
-    "stone": _band((1e9, 1.5e11), (0.05, 0.42), (800, 3300)),
+    "stone": _band((1e9, 1.5e11), (0.05, 0.42), (300, 3300)),
     "composite": _band((5e9, 5e11), (0.1, 0.45), (1200, 2500)),
     "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
-    "elastomer": _band((1e5, 1e8), (0.4, 0.5), (800, 1800)),
+    "elastomer": _band((5e4, 1e8), (0.4, 0.5), (800, 2000)),
     "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),
     "wood": _band((2e8, 3e10), (0.1, 0.5), (50, 1300)),
     "cork": _band((5e6, 1e8), (0.0, 0.45), (80, 400)),
@@ -69,13 +71,15 @@ CATEGORIES: Mapping[str, Band] = {
     "fruit and vegetable": _band((1e5, 2e7), (0.05, 0.5), (300, 1200)),
     "soft food": _band((1e3, 5e6), (0.0, 0.5), (40, 1300)),
     "hard food": _band((2e7, 1e10), (0.1, 0.45), (300, 1800)),
-    "bone and shell": _band((5e9, 1e11), (0.15, 0.42), (1200, 3000)),
+    "bone and shell": _band((1e9, 1e11), (0.15, 0.42), (1200, 3000)),
     "soft foam": _band((1e3, 5e5), (-0.1, 0.5), (8, 150)),
     "rigid foam": _band((5e5, 2e8), (-0.1, 0.5), (8, 400)),
     "fabric and leather": _band((5e5, 3e9), (0.0, 0.5), (60, 1300)),
     "paper": _band((2e7, 1e10), (0.0, 0.45), (80, 1300)),
     "wax": _band((1e7, 5e8), (0.33, 0.48), (800, 1300)),
-    "soil": _band((1e5, 5e8), (0.05, 0.5), (90, 2400)),
+    "soil": _band((1e5, 5e8), (0.05, 0.5), (50, 2400)),
+    "liquid": _band((1e3, 1e5), (0.45, 0.5), (600, 14000)),
+    "bulk solid": _band((4e4, 5e7), (0.0, 0.5), (8, 8000)),
 }
 
 
@@ -95,6 +99,9 @@ class Material:
         Everyday words that mean this row ("steel" is carbon steel).
     estimated
         Those of E, nu, rho that are engineering estimates, without a source.
+    grade
+        A grade, a species or another special kind ("AISI 304", "snakewood"): taken where it is
+        named, never by nearness.
     """
 
     name: str
@@ -106,6 +113,7 @@ class Material:
     note: str = ""
     aliases: tuple[str, ...] = ()
     estimated: tuple[str, ...] = ()
+    grade: bool = False
 
     def value(self, alpha: float = 0.5) -> MaterialValue:
         """Return E [Pa], nu [1], rho [kg/m^3]; ``alpha`` moves E from soft (0) to stiff (1).
@@ -226,6 +234,7 @@ def _read(record: Mapping[str, str], line: int) -> Material:
         note=record.get("note") or "",
         aliases=tuple(filter(None, (record.get("aliases") or "").split(";"))),
         estimated=tuple((record.get("estimated") or "").split()),
+        grade=record.get("grade") == "yes",
     )
 
 
@@ -241,3 +250,12 @@ def load_table(path: Path | None = None) -> MaterialTable:
     if missing:
         raise InputError(f"material table {path} has no column {', '.join(sorted(missing))}")
     return MaterialTable(tuple(_read(record, line) for line, record in enumerate(records, 2)))
+
+
+def load_contents() -> MaterialTable:
+    """Return what fills things: "coffee", "water", "books" as liquids and loose bulk.
+
+    A table of its own, because as words of materials these would take "coffee table" and
+    "water bottle": ask it for what stands after "full of" only.
+    """
+    return load_table(CONTENTS_PATH)

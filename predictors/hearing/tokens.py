@@ -31,8 +31,8 @@ class Token(NamedTuple):
 
 
 def tokenise(text: str, vocabulary: Vocabulary) -> list[Token]:
-    """Return the tokens of a text in order; sizes ("30 cm") are none."""
-    found = list(TOKEN.finditer(_plain(text)))
+    """Return the tokens of a text in order; sizes ("30 cm") are none, grades ("316L") are."""
+    found = list(TOKEN.finditer(_plain(text, vocabulary)))
     raw = [match[0] for match in found]
     stems = [stem(word) for word in raw]
     tokens: list[Token] = []
@@ -52,10 +52,16 @@ def tokenise(text: str, vocabulary: Vocabulary) -> list[Token]:
     return tokens
 
 
-def _plain(text: str) -> str:
+def _plain(text: str, vocabulary: Vocabulary) -> str:
     """Lower case without sizes and genitives, dashes as "=": every word stays at its place."""
+
+    def without_size(size: re.Match[str]) -> str:
+        words = [stem(word) for word in TOKEN.findall(size[0])]
+        named = vocabulary.match(words, 0)
+        return size[0] if named and named[1] == len(words) else " " * len(size[0])
+
     lower = "".join(c.lower() if len(c.lower()) == 1 else c for c in text)
-    blank = _SIZE.sub(lambda size: " " * len(size[0]), lower)
+    blank = _SIZE.sub(without_size, lower)
     return _DASH.sub(lambda dash: "=".center(len(dash[0])), blank).replace("'s", "  ")
 
 

@@ -27,10 +27,14 @@ class Nearest(NamedTuple):
 
 
 class RowKernel:
-    """Keeps the embeddings of a table's rows, and of the words it was asked about."""
+    """Keeps the embeddings of a table's rows, and of the words it was asked about.
+
+    A grade ("AISI 304", "snakewood") is no answer to a likeness: whoever means one names it.
+    """
 
     def __init__(self, table: MaterialTable, encoder: TextEncoder | None = None) -> None:
-        self.table, self._given_encoder = table, encoder
+        self.rows = tuple(row for row in table if not row.grade)
+        self._given_encoder = encoder
         self._embedded: dict[str, np.ndarray] = {}  # parts often share their words
 
     @cached_property
@@ -41,22 +45,22 @@ class RowKernel:
         return self._given_encoder or MiniLM()
 
     @cached_property
-    def _rows(self) -> Float[np.ndarray, "rows dim"]:
-        return self.encoder.text([_description(row) for row in self.table])
+    def _embedded_rows(self) -> Float[np.ndarray, "rows dim"]:
+        return self.encoder.text([_description(row) for row in self.rows])
 
     def cosines(self, query: str) -> Float[np.ndarray, "rows"]:
-        """Cosine of a query with every row."""
-        return self._rows @ self._embed([query])[0]
+        """Cosine of a query with each of ``rows``."""
+        return self._embedded_rows @ self._embed([query])[0]
 
     def nearest(
         self, cosines: Float[np.ndarray, "rows"], *, among: Collection[str] | None = None
     ) -> Nearest:
         """Return the row with the largest cosine, of those named ``among`` if given."""
         if among is not None:
-            cosines = np.where([row.name in among for row in self.table], cosines, -np.inf)
+            cosines = np.where([row.name in among for row in self.rows], cosines, -np.inf)
         weight = np.exp((cosines - cosines.max()) / KERNEL_WIDTH)
         best = int(np.argmax(weight))
-        return Nearest(self.table.rows[best], float(weight[best] / weight.sum()))
+        return Nearest(self.rows[best], float(weight[best] / weight.sum()))
 
     def similarity(self, left: list[str], right: list[str]) -> Float[np.ndarray, "left right"]:
         """Cosines of two lists of texts."""

@@ -134,6 +134,18 @@ def test_words_outside_the_table_fall_to_the_nearest_row():
     assert materials("doormats", "")[0] is TABLE.exact("carpet")
 
 
+def test_a_grade_is_taken_where_it_is_named_and_never_by_nearness():
+    """What is merely like a grade is its family: more would claim what nobody said."""
+    kernel = LOOKUP.kernel
+    for query in ("rustproof kitchen sink", "knife made of the good steel", "aircraft alloy"):
+        cosines = kernel.cosines(query)
+        assert len(cosines) == len(kernel.rows)
+        assert not kernel.nearest(cosines).row.grade, query
+    for phrase in ("316L", "1.4301", "a 2x4", "7075-T6", "PA6-GF30"):
+        assert materials("frame", f"the frame is {phrase}")[0].grade, phrase
+    assert materials("frame", "the frame is oak, 2x4 m, 316 mm high")[0] is TABLE.exact("oak")
+
+
 def test_field_has_the_values_of_the_parts():
     """Every cell of a part gets its row's value and range; cells outside are not occupied."""
     grid = Grid(np.zeros(3), 0.1, (4, 3, 2))
