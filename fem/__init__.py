@@ -2,7 +2,7 @@
 
 In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
 Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
-Read: scene, laws, discrete, linalg, contact, result, solve, scenarios, verdicts.
+Read: scene, conditions, laws, discrete, linalg, contact, result, solve, scenarios, verdicts.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
 """
@@ -20,12 +20,15 @@ _HOME = {
     "Supports": "scene.supports",
     "Traction": "scene.loads",
     "pressure": "scene.loads",
+    "spread_force": "scene.loads",
+    "spread_torque": "scene.loads",
     "Plane": "scene.obstacles",
     "Box": "scene.obstacles",
     "Sphere": "scene.obstacles",
     "Capsule": "scene.obstacles",
     "gripper": "scene.obstacles",
     "Scene": "scene.scene",
+    "BoundaryConditions": "conditions.boundary_conditions",
     "Law": "laws.law",
     "ElasticLaw": "laws.law",
     "LAWS": "laws.law",

@@ -9,8 +9,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "registry", "deprecation", "device", "validation", "scene", "laws", "discrete",
-        "linalg", "contact", "result", "solve", "scenarios", "verdicts",
+        "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
+        "discrete", "linalg", "contact", "result", "solve", "scenarios", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",
@@ -22,7 +22,8 @@ FLOORS = {
         "material_sampling", "field_sources", "carriers", "programs",
     ),
     "toolkit": (
-        "surfaces", "native", "io", "options", "config", "meshing", "results", "scenario", "report",
+        "surfaces", "native", "io", "options", "config", "conditions", "meshing", "results",
+        "scenario", "report",
         "features", "appearance", "image_features", "pipeline", "transfer", "learning", "listing",
         "doctor", "estimate", "batch", "cli",
     ),

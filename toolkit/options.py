@@ -129,8 +129,22 @@ class SimulateOptions:
     """Order of the elements, 1 or 2; by default 2 (motions: 1) while affordable."""
     supports: Literal["base", "three-point"] = "base"
     """Clamp the base, or rest on three points so that nothing is restrained but rigid motion."""
-    gravity: float = 9.81
-    """Acceleration of gravity [m/s^2], against the up axis."""
+    fix: Annotated[tuple[str, ...], Repeated] = ()
+    """Hold a place instead of the base: part:NAME, "plane:z<0.01", box:..., near:x,y,z,r [:xy]."""
+    load: Annotated[tuple[str, ...], Repeated] = ()
+    """Force [N] in total on a place, PLACE=fx,fy,fz: part:head=0,0,-10; may be repeated."""
+    pressure: Annotated[tuple[str, ...], Repeated] = ()
+    """Pressure [Pa] against the surface of a place, PLACE=p; may be repeated."""
+    torque: Annotated[tuple[str, ...], Repeated] = ()
+    """Torque [N m] in total on a place, PLACE=tx,ty,tz; may be repeated."""
+    move: Annotated[tuple[str, ...], Repeated] = ()
+    """Prescribed displacement [m] of a place, PLACE=dx,dy,dz, or PLACE:z=0,0,dz; repeatable."""
+    scene: Path | None = None
+    """TOML file of fix, load, pressure, torque, move, gravity, gravity_dir; options add to it."""
+    gravity: float | None = None
+    """Acceleration of gravity [m/s^2], 0 for none; by default 9.81."""
+    gravity_dir: str | None = None
+    """Where gravity pulls to, x,y,z; by default against the up axis."""
     wind_speed: float = 10.0
     """Speed of the wind [m/s]."""
     poke_force: float = 10.0

@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
+from .conditions import changed_options
 from .io.outputs import check_file, check_mesh, check_run
 from .io.sidecar import Sidecar, load_again
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
@@ -153,16 +155,21 @@ def simulate(
     picture: Path | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
+    **given: Any,
 ) -> Simulation:
     """Load a mesh with materials and solve its scenario: it settles, moves or rings.
 
-    ``output`` takes the last state as .vtu or .vtk, or the whole motion as .pvd; ``report`` the
-    page, .html; ``picture`` the last state as .png, or the motion as .gif or .webp.
+    Options may be ``given`` by name too: ``simulate(mesh, fix=["part:handle"],
+    load={"part:head": (0, 0, -10)})``. ``output`` takes the last state as .vtu or .vtk, or the
+    whole motion as .pvd; ``report`` the page, .html; ``picture`` the last state as .png, or the
+    motion as .gif or .webp.
 
     Raises
     ------
     InputError
         Where the mesh has no material.
+    UsageError
+        Where a place of the mesh is stated that is not there.
     ConvergenceError
         Where the solver does not reach its tolerance.
     """
@@ -171,7 +178,7 @@ def simulate(
     from .report.snapshot import SUFFIXES, write_picture
     from .scenario import run_scenario
 
-    options = options or SimulateOptions()
+    options = changed_options(options or SimulateOptions(), given)
     if output is not None:
         check_file(output, (".vtu", ".vtk", ".pvd"))
     if report is not None:

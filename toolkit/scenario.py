@@ -7,13 +7,20 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
+from ..fem.conditions.boundary_conditions import LOADS, BoundaryConditions
 from ..fem.errors import ConvergenceError, InputError, UsageError
+from ..fem.result import Modes, MotionResult, SagResult
 from ..fem.scenarios.scenario import SCENARIOS, Scenario
 from ..fem.scene.mesh import TetMesh
+from ..fem.scene.scene import Scene
 from ..fem.solve.method import METHODS, Method
 from ..predictors.asset import UpAxis
+from .conditions import stated_conditions
 from .options import SimulateOptions
-from .results.simulation import Settled, Simulation, simulation_of
+from .results.moving import Moving
+from .results.ringing import Ringing
+from .results.settled import Settled
+from .results.simulation import Simulation
 
 # Unknowns up to which a settled body's frequencies are found too: a few seconds.
 QUICK = 60_000
@@ -39,32 +46,65 @@ def run_scenario(
     started = time.perf_counter()
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
-    scenario = _scenario(options)
+    stated = stated_conditions(options)
+    scenario = _scenario(options, stated.gravity)
     method = METHODS[scenario.method]
     _check_law(options, method)
+    _check_conditions(options, stated.conditions, scenario)
+    scene = stated.conditions.applied(scenario.scene(mesh, up=up))
     result = method.solve(
-        scenario.scene(mesh, up=up),
+        scene,
         law=options.law,
         order=options.order,
         device=options.device,
         progress=_frames(options.scenario, progress, started),
     )
-    found = simulation_of(mesh, options.scenario, result)
+    changed = bool(stated.conditions)
+    found = _answer(scene, options.scenario, result, stated=changed)
     if scenario.with_modes and isinstance(found, Settled):
-        found = replace(found, modes=_standing_modes(mesh, up, options.device))
+        found = replace(found, modes=_standing_modes(scene, options.device))
     return replace(found, seconds=time.perf_counter() - started)
 
 
-def _scenario(options: SimulateOptions) -> Scenario:
+def _answer(
+    scene: Scene, scenario: str, result: SagResult | MotionResult | Modes, *, stated: bool
+) -> Simulation:
+    """What is told of a scene, by the kind of its result, whatever the method."""
+    if isinstance(result, SagResult):
+        return Settled(scene, scenario, stated, solved=result)
+    if isinstance(result, MotionResult):
+        return Moving(scene, scenario, stated, motion=result)
+    return Ringing(scene, scenario, stated, modes=result)
+
+
+def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
     """The scenario with its numbers: field F of scenario N is the option ``N_F``, or ``F``."""
     name, kind = options.scenario, SCENARIOS[options.scenario]
     given: dict[str, Any] = {}
-    for field in fields(kind):  # type: ignore  (a scenario is a dataclass)
-        for option in (f"{name}_{field.name}", field.name):
+    known = [field.name for field in fields(kind)]  # type: ignore  (a scenario is a dataclass)
+    for field in known:
+        for option in (f"{name}_{field}", field):
             if hasattr(options, option):
-                given[field.name] = getattr(options, option)
+                given[field] = getattr(options, option)
                 break
+    given.pop("gravity", None)
+    if gravity is not None:
+        if "gravity" not in known:
+            raise UsageError(f"--gravity: --scenario {name} leaves the weight out")
+        given["gravity"] = gravity
     return kind(**given)
+
+
+def _check_conditions(
+    options: SimulateOptions, conditions: BoundaryConditions, scenario: Scenario
+) -> None:
+    """Say what a scenario cannot follow, rather than leave it out in silence."""
+    if scenario.method == "dynamics" and conditions.move:
+        raise UsageError(f"--move is for bodies at rest: --scenario {options.scenario} is a motion")
+    if scenario.method == "modal":
+        for kind in (*LOADS, "move"):
+            if getattr(conditions, kind):
+                raise UsageError(f"--{kind}: loads do not change vibrations; --fix does")
 
 
 def _check_law(options: SimulateOptions, method: Method) -> None:
@@ -88,18 +128,19 @@ def _frames(scenario: str, progress: Progress | None, started: float) -> Any:
     return frame_done
 
 
-def _standing_modes(mesh: TetMesh, up: UpAxis, device: str) -> Any:
-    """First vibrations of a standing body where a direct factor finds them quickly, else None."""
+def _standing_modes(scene: Scene, device: str) -> Any:
+    """First vibrations of a body as it is held, where a direct factor finds them; else None."""
     from ..fem.scenarios.vibration import Vibration
     from ..fem.solve.discretisation_error import p2_unknowns
     from ..fem.solve.modal import is_factored
 
+    mesh = scene.mesh
     sizes = {2: p2_unknowns(mesh), 1: 3 * len(mesh.points)}
     quick = [order for order, n in sizes.items() if n <= QUICK and is_factored(mesh, n)]
     if not quick:
         return None
-    scene = Vibration(STANDING_MODES).scene(mesh, up=up)
     try:
-        return METHODS[Vibration.method].solve(scene, order=quick[0], device=device)
+        wanted = replace(scene, modes=STANDING_MODES)
+        return METHODS[Vibration.method].solve(wanted, order=quick[0], device=device)
     except (ConvergenceError, InputError):  # too few unknowns for so many modes
         return None

@@ -9,8 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..result import SagResult
-from ..scene.boundary import face_areas
-from ..scene.loads import Traction
+from ..scene.loads import spread_force
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.support_finder import Axis, find_supports, up_axis
@@ -50,9 +49,8 @@ class Poke:
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
         patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
-        pressure = force / face_areas(mesh.points, touched).sum()
         held, warnings = find_supports(mesh, axis)
-        loads = (Traction(touched, np.broadcast_to(pressure * pushes, touched.shape)),)
+        loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
         return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
 
 

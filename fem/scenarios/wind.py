@@ -48,7 +48,7 @@ class Wind:
         windward = facing > 0
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
         held, warnings = find_supports(mesh, axis)
-        loads = (Traction(faces[windward], push),)
+        loads = (Traction(faces[windward], push, "the windward side"),)
         return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
 
 

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .loads import Traction
 from .mesh import TetMesh
 from .obstacles import Obstacle
 from .supports import Supports
+
+
+class Hold(NamedTuple):
+    """What a user called a support: its ``name``, ids of its points, and the ``axes`` it holds.
+
+    ``by`` is the prescribed displacement (3,) [m].
+    """
+
+    name: str
+    points: Int[np.ndarray, "held"]
+    axes: tuple[int, ...] = (0, 1, 2)
+    by: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,6 +39,8 @@ class Scene:
         Index of the axis that points up: the body's height is measured along it.
     supports
         What holds the body; None: nothing does.
+    holds
+        The supports by the names that a user gave them, where one did.
     gravity_vector
         Acceleration of gravity [m/s^2], shape (3,).
     tractions
@@ -47,6 +62,7 @@ class Scene:
     mesh: TetMesh
     up: int = 2
     supports: Supports | None = None
+    holds: tuple[Hold, ...] = ()
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     tractions: tuple[Traction, ...] = ()
     forces: Float[np.ndarray, "points 3"] | None = None

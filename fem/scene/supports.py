@@ -44,8 +44,11 @@ class Supports:
         """All three components of the points ``ids`` (ids or mask) prescribed to ``values`` [m]."""
         return cls.none(points).with_fixed(ids, (0, 1, 2), values)
 
-    def with_fixed(self, ids, axes, values=0.0) -> Supports:
-        """Prescribe components ``axes`` (0, 1, 2 or a tuple) to ``values`` [m] at ``ids``."""
+    def with_fixed(self, ids, axes, values: float | np.ndarray = 0.0) -> Supports:
+        """Prescribe components ``axes`` (0, 1, 2 or a tuple) to ``values`` [m] at ``ids``.
+
+        ``values`` are one for all, or of shape (ids, axes).
+        """
         fixed, prescribed = self.fixed.copy(), self.values.copy()
         index = np.arange(len(fixed))[ids]
         grid = np.ix_(index, np.atleast_1d(axes))

@@ -100,3 +100,21 @@ def outer_faces(mesh, radius, axes=(0, 1, 2)):
 
 def with_uniform(mesh, *, E, nu, rho=1.0) -> TetMesh:
     return mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=E, nu=nu, rho=rho))
+
+
+def hammer(cell=0.01) -> TetMesh:
+    """A hammer along x: a handle of 0.3 x 0.02 x 0.02 m of wood, a head of 0.04 x 0.02 x 0.1 m.
+
+    The parts are "handle" and "head"; the head is steel.
+    """
+    size = (0.34, 0.02, 0.1)
+    box = box_mesh(size, [round(side / cell) for side in size])
+    x, _, z = box.centroids.T
+    head = x > 0.3
+    tets = box.tets[head | (np.abs(z - 0.05) < 0.01)]
+    used, index = np.unique(tets, return_inverse=True)
+    region = (box.points[tets].mean(axis=1)[:, 0] > 0.3).astype(int)
+    names = ("handle", "head")
+    mesh = TetMesh(box.points[used], index.reshape(tets.shape), region, names)
+    E, nu, rho = np.array([[1.1e10, 0.35, 700.0], [2e11, 0.29, 7850.0]])[region].T
+    return mesh.with_material(ElementMaterial(E, nu, rho))

@@ -13,8 +13,8 @@ from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.materials import Span
 from autophyx_tet.toolkit.report.content import Case, PartRow, ReportContent
 from autophyx_tet.toolkit.report.data import payload
-from autophyx_tet.toolkit.report.quantities import mass_words, si, volume_words
 from autophyx_tet.toolkit.report.report import report_page, write_report
+from autophyx_tet.toolkit.results.quantities import mass_words, si, volume_words
 from autophyx_tet.toolkit.results.verdict import Verdict
 
 HOSTILE = (

@@ -14,7 +14,9 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.results.simulation import Moving, Ringing, Settled
+from autophyx_tet.toolkit.results.moving import Moving
+from autophyx_tet.toolkit.results.ringing import Ringing
+from autophyx_tet.toolkit.results.settled import Settled
 
 LENGTH, SIDE = 1.0, 0.1
 
@@ -86,7 +88,7 @@ def test_the_report_of_a_simulation_stands_alone(column, tmp_path):
     )
     assert set(result.files) == {tmp_path / "s.vtu", page}
     text = page.read_text(encoding="utf-8")
-    assert "First frequencies" in text
+    assert "Natural frequencies" in text
     assert "holds its shape" in text
 
 

@@ -93,7 +93,8 @@ class SimulateCommand:
     """Load the mesh and solve: displacement, stress, motion, vibrations, verdicts.
 
     Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
-    autophyx-tet simulate chair.msh --scenario drop -o drop.pvd
+    autophyx-tet simulate chair.msh --scenario drop -o drop.pvd;
+    autophyx-tet simulate hammer.msh --fix part:handle --load part:head=0,0,-10 -o push.vtu
     """
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]

@@ -12,6 +12,7 @@ from ...fem.errors import InputError
 from ...fem.scene.materials import Span
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
+from ..results.description import Acting, Marks
 from ..results.verdict import Verdict
 
 
@@ -57,7 +58,13 @@ class Case:
     times
         Time [s] of every frame, increasing, shape (frames,).
     frequencies
-        First natural frequencies [Hz].
+        Natural frequencies [Hz].
+    title, acting
+        What was simulated, and everything that held and loaded the body, in words.
+    marks
+        Where supports and loads are drawn.
+    solved
+        How it was solved: law, elements, solver ..., label and words.
     """
 
     text: str
@@ -69,6 +76,10 @@ class Case:
     times: Float[np.ndarray, "frames"] | None = None
     frequencies: tuple[float, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
+    title: str = ""
+    acting: tuple[Acting, ...] = ()
+    marks: Marks | None = None
+    solved: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         points, tets = len(self.mesh.points), len(self.mesh.tets)

@@ -29,7 +29,12 @@ def payload(content: ReportContent) -> str:
             meshes.append(case.mesh)
             geometries.append(_geometry(case.mesh))
         cases.append(
-            {"geometry": index, **_values(case), **_motion(case, frames_shown(case, content))}
+            {
+                "geometry": index,
+                **_values(case),
+                **_motion(case, frames_shown(case, content)),
+                **_marks(case),
+            }
         )
     document = {
         "up": content.up,
@@ -85,6 +90,13 @@ def _motion(case: Case, shown: np.ndarray) -> dict:
     if case.motion is None or case.times is None:
         return {}
     return {"motion": _quantised(case.motion[shown]), "times": case.times[shown].tolist()}
+
+
+def _marks(case: Case) -> dict:
+    """Supports and loads to draw: places [m], and ways relative to the largest load."""
+    if case.marks is None:
+        return {}
+    return {"marks": {name: array.tolist() for name, array in case.marks._asdict().items()}}
 
 
 def _quantised(frames: np.ndarray) -> dict:

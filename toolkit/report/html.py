@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...fem.scene.materials import Span
+from ..results.quantities import mass_words, rounded, si, si_span, value_words, volume_words
 from ..results.verdict import MARKS, Verdict
 from .content import Case, PartRow, ReportContent
 from .data import frames_shown
-from .quantities import mass_words, rounded, si, si_span, value_words, volume_words
 
 Fact = tuple[str, str]
 ALIKE = 1e-6  # of a value: what differs less is round-off, too little to be cut into bins
@@ -47,10 +47,15 @@ class TableRow(NamedTuple):
 
 
 class Column(NamedTuple):
-    """One case on the page; ``letter`` tells it from the others, where there are any."""
+    """One case on the page; ``letter`` tells it from the others, where there are any.
+
+    ``title`` and ``acting`` say what was simulated.
+    """
 
     letter: str
     text: str
+    title: str
+    acting: list[tuple[str, str]]
     findings: list[Finding]
     facts: list[Fact]
     rows: list[TableRow]
@@ -103,6 +108,8 @@ def _column(case: Case, index: int, content: ReportContent) -> Column:
     return Column(
         letter=chr(65 + index) if len(content.cases) > 1 else "",
         text=case.text,
+        title=case.title,
+        acting=[(acting.kind, acting.words) for acting in case.acting],
         findings=[*map(_finding, case.verdicts)],
         facts=[*_facts(case)],
         rows=[_row(part, sources) for part in case.parts],
@@ -133,7 +140,8 @@ def _facts(case: Case) -> Iterator[Fact]:
         lasts, reaches = si(float(np.ptp(case.times)), "s"), si(_longest(case.motion), "m")
         yield "Motion", f"{len(case.times)} frames, {lasts}, up to {reaches}"
     if case.frequencies:
-        yield "First frequencies", ", ".join(si(f, "Hz") for f in case.frequencies[:3])
+        yield "Natural frequencies", ", ".join(si(f, "Hz") for f in case.frequencies)
+    yield from case.solved
     yield "Mesh", f"{len(mesh.tets):,} tets, {len(mesh.points):,} points"
 
 

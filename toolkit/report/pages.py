@@ -10,8 +10,10 @@ from ..io.document import plain, versions
 from ..io.sidecar import Sidecar
 from ..meshing.quality import dihedral_angles, quality
 from ..results.conversion import Conversion
+from ..results.description import describe, marks
 from ..results.run import RunResult
-from ..results.simulation import Settled, Simulation
+from ..results.settled import Settled
+from ..results.simulation import Simulation
 from ..results.verdict import Verdict
 from .content import Case, PartRow, ReportContent
 
@@ -102,6 +104,10 @@ def _case(
         times=animation.times,
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
+        title=simulation.title,
+        acting=describe(simulation.scene),
+        marks=marks(simulation.scene),
+        solved=simulation.solution,
     )
 
 

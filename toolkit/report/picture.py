@@ -20,7 +20,7 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis, up_vector
 from ...predictors.images.cameras import Camera, look_at
 from ...predictors.images.surface_colour import skin_of
-from .quantities import si
+from ..results.quantities import si
 from .scale import PALETTES, PARTS, Scale, rgb
 from .tracer import ColouredSurface, trace
 

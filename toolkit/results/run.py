@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from .assignment import Assignment
 from .conversion import Conversion
-from .simulation import Settled, Simulation
+from .settled import Settled
+from .simulation import Simulation
 from .verdict import Verdict
 
 if TYPE_CHECKING:
@@ -51,15 +52,17 @@ class RunResult:
     def document(self) -> dict[str, Any]:
         """Return what ``run --json`` prints: the first sentence on top, all in ``cases``."""
         kind = self.cases[0].simulation.kind
+        answers = [case.simulation.document() for case in self.cases]
         cases = [
             {
                 **case.assignment.document(),
                 "verdicts": verdicts,
-                kind: case.simulation.document()[kind],
+                **{key: answer[key] for key in ("scenario", "scene", kind)},
             }
-            for case, verdicts in zip(self.cases, self.verdicts(), strict=True)
+            for case, verdicts, answer in zip(self.cases, self.verdicts(), answers, strict=True)
         ]
-        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", kind)
+        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", "scenario")
+        keys = (*keys, "scene", kind)
         warnings = [
             *self.conversion.warnings,
             *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),

@@ -1,4 +1,4 @@
-"""What `simulate` returns: a body that settles, moves or rings, all told and shown alike."""
+"""What `simulate` returns, whatever the body does: all told, written and shown alike."""
 
 from __future__ import annotations
 
@@ -11,18 +11,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.result import Modes, MotionResult, SagResult
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
+from ...fem.scene.scene import Scene
 from ..io.document import mesh_document
+from .description import describe
 from .verdict import Verdict
-
-# Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
-RAMP = np.linspace(0, 1, 6)
-# Frames of one period of a natural vibration.
-SWING = np.arange(24) / 24
-# A vibration is drawn with this largest displacement, as a share of the diagonal: its size is free.
-DRAWN = 0.05
 
 
 class Animation(NamedTuple):
@@ -34,15 +28,24 @@ class Animation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ABC):
-    """The answer of ``mesh`` under a ``scenario``, and the ``seconds`` it took."""
+    """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
 
-    mesh: TetMesh
+    ``stated`` says whether a user changed what the scenario holds or loads.
+    """
+
+    scene: Scene
     scenario: str
+    stated: bool = False
     seconds: float = 0.0
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.
     kind: ClassVar[str]
+
+    @property
+    def mesh(self) -> TetMesh:
+        """The mesh that was loaded."""
+        return self.scene.mesh
 
     @property
     @abstractmethod
@@ -58,6 +61,11 @@ class Simulation(ABC):
     @abstractmethod
     def numbers(self) -> dict[str, Any]:
         """The numbers of the answer, in SI."""
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """How it was solved, label and words."""
+        return ()
 
     @property
     def cell_data(self) -> Mapping[str, np.ndarray]:
@@ -77,12 +85,12 @@ class Simulation(ABC):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed."""
-        return ()
+        return self.scene.warnings
 
     @property
     def title(self) -> str:
         """What happens, in a few words."""
-        return SCENARIOS[self.scenario].title
+        return "Under the stated loads" if self.stated else SCENARIOS[self.scenario].title
 
     def verdicts(self) -> list[Verdict]:
         """Findings in plain words, each with its number and threshold."""
@@ -106,164 +114,8 @@ class Simulation(ABC):
             "files": self.files,
             **mesh_document(self.mesh),
             "scenario": self.scenario,
+            "scene": [acting._asdict() for acting in describe(self.scene)],
             self.kind: {**self.numbers, "verdicts": self.verdicts()},
             "seconds": self.seconds,
             "warnings": self.warnings,
         }
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Settled(Simulation):
-    """A body at rest under its load."""
-
-    solved: SagResult
-    modes: Modes | None = None
-
-    kind = "sag"
-
-    @property
-    def displacement(self) -> Float[np.ndarray, "points 3"]:
-        """Displacement [m] at rest."""
-        return self.solved.displacement
-
-    @property
-    def animation(self) -> Animation:
-        """The load comes on slowly; its share takes the place of the time."""
-        return Animation(RAMP, RAMP[:, None, None] * self.displacement)
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """Displacement [m], ratio, stress [Pa], frequencies [Hz], residual of the solver."""
-        static = self.solved.static
-        return {
-            "max_displacement": self.solved.max_displacement,
-            "sag_ratio": self.solved.sag_ratio,
-            "height": self.solved.height,
-            "max_von_mises": float(self.solved.von_mises.max()),
-            "frequencies": self.frequencies,
-            "order": static.order,
-            "gap": self.solved.discretisation_error,
-            "residual": static.residual,
-            "iterations": static.iterations,
-        }
-
-    @property
-    def cell_data(self) -> Mapping[str, np.ndarray]:
-        """Von Mises stress [Pa]."""
-        return {"von_mises": self.solved.von_mises}
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """First natural frequencies [Hz] of the body as it stands."""
-        return () if self.modes is None else tuple(self.modes.frequencies.tolist())
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the solver assumed."""
-        return self.solved.warnings
-
-    def verdicts(self) -> list[Verdict]:
-        """Shape, discretisation, explicit step, first frequency."""
-        from ...fem.verdicts import first_frequency, static_checks
-
-        checks = [*static_checks(self.solved)]
-        if self.modes is not None:
-            checks.append(first_frequency(self.modes))
-        return [*map(Verdict.of, checks)]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Moving(Simulation):
-    """A body that falls or is squeezed."""
-
-    motion: MotionResult
-
-    kind = "motion"
-
-    @property
-    def displacement(self) -> Float[np.ndarray, "points 3"]:
-        """Displacement [m] in the last frame."""
-        return self.motion.displacements[-1]
-
-    @property
-    def animation(self) -> Animation:
-        """The motion as it is."""
-        return Animation(np.array([f.time for f in self.motion.frames]), self.motion.displacements)
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """Frames, step [s], smallest gap [m], largest force of an obstacle [N], energies [J]."""
-        frames = self.motion.frames
-        forces = np.linalg.norm(self.motion.obstacle_forces, axis=2).max(axis=0)
-        return {
-            "frames": len(frames),
-            "dt": self.motion.dt,
-            "smallest_gap": self.motion.smallest_gap,
-            "max_contact_force": float(forces.max(initial=0.0)),
-            "max_obstacle_forces": forces.tolist(),
-            "energy": [f.energy for f in frames],
-            "newton_iterations": sum(f.iterations for f in frames),
-        }
-
-    def verdicts(self) -> list[Verdict]:
-        """Nothing went through an obstacle."""
-        from ...fem.verdicts import no_penetration
-
-        return [Verdict.of(no_penetration(self.motion))]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Ringing(Simulation):
-    """The natural vibrations of a body as it stands."""
-
-    modes: Modes
-
-    kind = "modal"
-
-    @property
-    def displacement(self) -> Float[np.ndarray, "points 3"]:
-        """Shape of the first vibration, at its largest."""
-        shape = self.modes.shapes[0, : len(self.mesh.points)]
-        diagonal = float(np.linalg.norm(np.ptp(self.mesh.bounds, axis=0)))
-        return shape * (DRAWN * diagonal / np.linalg.norm(shape, axis=1).max())
-
-    @property
-    def animation(self) -> Animation:
-        """One period of the first vibration."""
-        period = 1.0 / self.modes.frequencies[0]
-        swing = np.sin(2 * np.pi * SWING)
-        return Animation(SWING * period, swing[:, None, None] * self.displacement)
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """Frequencies [Hz] and the residual of the eigensolver."""
-        return {"frequencies": self.frequencies, "residual": self.modes.residual}
-
-    @property
-    def point_data(self) -> Mapping[str, np.ndarray]:
-        """Shapes of unit modal mass [1/sqrt(kg)] beside the drawn displacement [m]."""
-        count = len(self.mesh.points)
-        shapes = {f"mode_{i}": shape[:count] for i, shape in enumerate(self.modes.shapes, 1)}
-        return {"displacement": self.displacement, **shapes}
-
-    @property
-    def frequencies(self) -> tuple[float, ...]:
-        """Natural frequencies [Hz], the slowest first."""
-        return tuple(self.modes.frequencies.tolist())
-
-    def verdicts(self) -> list[Verdict]:
-        """Rings or wobbles."""
-        from ...fem.verdicts import first_frequency
-
-        return [Verdict.of(first_frequency(self.modes))]
-
-
-def simulation_of(
-    mesh: TetMesh, scenario: str, result: SagResult | MotionResult | Modes
-) -> Simulation:
-    """Answer of ``mesh`` under ``scenario``, by the kind of its result, whatever the method."""
-    if isinstance(result, SagResult):
-        return Settled(mesh, scenario, solved=result)
-    if isinstance(result, MotionResult):
-        return Moving(mesh, scenario, motion=result)
-    return Ringing(mesh, scenario, modes=result)

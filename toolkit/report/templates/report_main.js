@@ -15,7 +15,7 @@ class Report {
     this.most = this.largest > 0 ? Math.max(1, (SHARE_SHOWN * diagonal) / this.largest) : 1;
     this.room = this.commonRoom();
     this.position = this.most <= MOST_IS_TRUE ? 100 : 70; // of the exaggeration's slider
-    this.state = { map: "E", shape: this.shapes()[1]?.[0] || "rest", cut: null, frame: 0, factor: this.factorAt(this.position) };
+    this.state = { map: "E", shape: this.shapes()[1]?.[0] || "rest", cut: null, marks: "shown", frame: 0, factor: this.factorAt(this.position) };
     this.cut = { axis: 0, share: 0.5, flip: false };
     this.playing = 0;
   }
@@ -138,6 +138,8 @@ function build(report) {
   choices(at("maps"), "map", report.maps(), state.map, (map) => report.update({ map }));
   choices(at("shapes"), "shape", report.shapes(), state.shape, (shape) => { report.update({ shape }); reveal(); });
   choices(at("cut"), "cut", [["-1", "Off"], ["0", "x"], ["1", "y"], ["2", "z"]], "-1", (axis) => { report.setCut({ axis: Number(axis) }); reveal(); });
+  const drawn = report.views.some((view) => view.marked().length);
+  choices(at("marks"), "marks", drawn ? [["shown", "Shown"], ["hidden", "Hidden"]] : [], state.marks, (marks) => report.update({ marks }));
   report.cut.axis = -1;
   const cut = slider("cut-at", "Cut at", { min: 0, max: 1, step: 0.01, value: 0.5 }, (share) => {
     report.setCut({ share });

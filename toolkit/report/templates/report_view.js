@@ -8,6 +8,10 @@ const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fre
 const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
 const HALF_VIEW = Math.tan(Math.PI / 8); // plotly's field of view is 45 degrees, top to bottom
 const MARGIN = 1.02;
+const HELD_COLOR = "#2f7fd1", LOAD_COLOR = "#d33a2c", MOVE_COLOR = "#8a4fc0";
+const ARROW_SHARE = 0.12; // of the longest side: the arrow of the largest load
+const HEAD_SHARE = 0.35, HEAD_WIDTH = 0.25; // of the arrow, and of its head
+const FAINTEST = 0.02; // of the largest load: arrows below it would be dots
 
 // Distance from the middle of a box of half extents `half` at which all its corners are in view.
 function fittingDistance(half, aspect) {
@@ -18,6 +22,23 @@ function fittingDistance(half, aspect) {
   const corners = signs.flatMap((i) => signs.flatMap((j) => signs.map((k) => [i * half[0], j * half[1], k * half[2]])));
   const reach = (c) => Math.max(Math.abs(dot(c, up)), Math.abs(dot(c, right)) / aspect);
   return MARGIN * Math.max(...corners.map((c) => dot(c, EYE) + reach(c) / HALF_VIEW));
+}
+
+const HEAD_SIDES = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [1, 3, 2], [1, 4, 3]];
+
+function arrowTail(row, length) {
+  return [0, 1, 2].map((i) => row[i] - length * row[3 + i]);
+}
+
+// Tip and four corners of the base of an arrow's head.
+function arrowHead(row, length) {
+  const way = row.slice(3), size = Math.hypot(...way), unit = way.map((x) => x / size);
+  const across = Math.abs(unit[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const side = cross(unit, across), wide = Math.hypot(...side), p = side.map((x) => x / wide), q = cross(unit, p);
+  const long = HEAD_SHARE * length * size;
+  const base = (a, b) => [0, 1, 2].map((i) => row[i] + long * (-unit[i] + HEAD_WIDTH * (a * p[i] + b * q[i])));
+  return [row.slice(0, 3), base(1, 1), base(-1, 1), base(-1, -1), base(1, -1)];
 }
 
 class View {
@@ -35,6 +56,8 @@ class View {
       if (packed[shape]) this.frames[shape] = new Frames(packed[shape], tets.pointCount);
     }
     this.times = packed.times || [];
+    this.marks = packed.marks || null;
+    this.arrowLength = ARROW_SHARE * Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
     this.zoom = DRAWN_SIZE / Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
   }
   // Displacement [m] of all points in this state, or null at rest.
@@ -62,6 +85,13 @@ class View {
         hi[axis] = Math.max(hi[axis], this.tets.hi[axis] + factor * up[axis]);
       }
     }
+    for (const row of this.marks ? [...this.marks.arrows, ...this.marks.moved] : []) {
+      const tail = arrowTail(row, this.arrowLength);
+      for (let axis = 0; axis < 3; axis += 1) {
+        lo[axis] = Math.min(lo[axis], tail[axis]);
+        hi[axis] = Math.max(hi[axis], tail[axis]);
+      }
+    }
     return [lo, hi];
   }
   trace(state, scale) {
@@ -75,6 +105,34 @@ class View {
     const paint = scale ? this.paint(state.map, scale) : this.paintParts();
     return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: false,
       lighting: LIGHT, lightposition: { x: 1400, y: 400, z: 1500 }, showscale: false, ...paint };
+  }
+  // What holds and loads the body, at rest: squares where it is held, arrows where it is pushed.
+  marked() {
+    if (!this.marks) return [];
+    const { held, moved, arrows } = this.marks, length = this.arrowLength;
+    return [this.squares(held), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
+  }
+  placed(rows) {
+    const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * row[axis])));
+    return { x, y, z, hoverinfo: "none", showlegend: false };
+  }
+  squares(held) {
+    if (!held.length) return [];
+    return [{ type: "scatter3d", mode: "markers", marker: { size: 3, symbol: "square", color: HELD_COLOR }, ...this.placed(held) }];
+  }
+  // Shafts, and pyramids whose tips are where the load meets the surface.
+  arrows(rows, color, length) {
+    const shown = rows.filter((row) => Math.hypot(...row.slice(3)) > FAINTEST);
+    if (!shown.length) return [];
+    const shafts = shown.flatMap((row) => [arrowTail(row, length), row.slice(0, 3), null]);
+    const heads = shown.map((row) => arrowHead(row, length));
+    const corners = heads.flat();
+    const sides = heads.flatMap((_, n) => HEAD_SIDES.map((side) => side.map((k) => 5 * n + k)));
+    const [i, j, k] = [0, 1, 2].map((at) => sides.map((side) => side[at]));
+    return [
+      { type: "scatter3d", mode: "lines", line: { width: 4, color }, ...this.placed(shafts) },
+      { type: "mesh3d", i, j, k, color, flatshading: true, lighting: LIGHT, ...this.placed(corners) },
+    ];
   }
   coordinates(axis, factor) {
     return Float32Array.from(this.faces.origin, (point) => {
@@ -126,7 +184,8 @@ class View {
   }
   async draw(state, scale, room) {
     const config = { displayModeBar: false, responsive: true, scrollZoom: true };
-    await Plotly.react(this.node, [this.trace(state, scale)], this.layout(room), config);
+    const marks = state.marks === "shown" ? this.marked() : [];
+    await Plotly.react(this.node, [this.trace(state, scale), ...marks], this.layout(room), config);
   }
   async turn(camera) {
     this.camera = camera;

@@ -39,7 +39,8 @@ def rounded(value: float, digits: int) -> str:
         return "–"
     if value != 0 and not 1e-3 <= abs(value) < 1e6:
         return f"{value:.{digits - 1}e}"
-    decimals = digits - 1 - int(np.floor(np.log10(abs(value)))) if value else 0
+    # 9.9999999999 is ten: it has one decimal less
+    decimals = digits - 1 - int(np.floor(np.log10(abs(value) * (1 + 1e-9)))) if value else 0
     return f"{value:,.{max(0, min(decimals, 6))}f}"
 
 

@@ -1,0 +1,92 @@
+"""A body at rest under its load, as `simulate` returns it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.laws.law import LAWS
+from ...fem.result import Modes, SagResult
+from .description import vector_words
+from .simulation import Animation, Simulation
+from .verdict import Verdict
+
+# Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
+RAMP = np.linspace(0, 1, 6)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Settled(Simulation):
+    """A body at rest under its load."""
+
+    solved: SagResult
+    modes: Modes | None = None
+
+    kind = "sag"
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] at rest."""
+        return self.solved.displacement
+
+    @property
+    def animation(self) -> Animation:
+        """The load comes on slowly; its share takes the place of the time."""
+        return Animation(RAMP, RAMP[:, None, None] * self.displacement)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Displacement [m], ratio, stress [Pa], frequencies [Hz], residual of the solver."""
+        static = self.solved.static
+        return {
+            "max_displacement": self.solved.max_displacement,
+            "sag_ratio": self.solved.sag_ratio,
+            "height": self.solved.height,
+            "max_von_mises": float(self.solved.von_mises.max()),
+            "reaction": static.reaction.sum(axis=0),
+            "frequencies": self.frequencies,
+            "order": static.order,
+            "gap": self.solved.discretisation_error,
+            "residual": static.residual,
+            "iterations": static.iterations,
+        }
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """Law and elements, solver, and what the supports carry."""
+        static = self.solved.static
+        steps = f"{static.iterations} iterations" if static.iterations else "direct"
+        elements = "quadratic" if static.order == 2 else "linear"
+        return (
+            ("Law and elements", f"{LAWS[static.law].title}, {elements} tets"),
+            ("Solver", f"{steps}, residual {static.residual:.1g}"),
+            ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
+        )
+
+    @property
+    def cell_data(self) -> Mapping[str, np.ndarray]:
+        """Von Mises stress [Pa]."""
+        return {"von_mises": self.solved.von_mises}
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """First natural frequencies [Hz] of the body as it stands."""
+        return () if self.modes is None else tuple(self.modes.frequencies.tolist())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the solver assumed."""
+        return self.solved.warnings
+
+    def verdicts(self) -> list[Verdict]:
+        """Shape, discretisation, explicit step, first frequency."""
+        from ...fem.verdicts import first_frequency, static_checks
+
+        checks = [*static_checks(self.solved)]
+        if self.modes is not None:
+            checks.append(first_frequency(self.modes))
+        return [*map(Verdict.of, checks)]
