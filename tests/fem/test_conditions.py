@@ -108,7 +108,7 @@ def test_loads_add_up_on_any_surface():
 @pytest.mark.parametrize(
     ("conditions", "said"),
     [
-        ({"fix": ("part:handel",)}, "did you mean 'handle'.*parts are handle, head.*x 0 to 0.34"),
+        ({"fix": ("part:handl",)}, "did you mean 'handle'.*parts are handle, head.*x 0 to 0.34"),
         ({"fix": ("box:1,1,1,2,2,2",)}, "nearest is .0.34, 0.02, 0.1. of part 'head', 1.49 m away"),
         ({"fix": ("plane:w<1",)}, "wanted plane:z<0.01"),
         ({"fix": ("near:0,0,0,-1",)}, "radius -1 m"),

@@ -38,7 +38,7 @@ def test_push_a_hammer_from_the_command_line(hammer_msh, tmp_path, capsys):
 
 def test_a_place_that_is_not_there_is_exit_2_and_one_line(hammer_msh, tmp_path, capsys):
     call = ["simulate", str(hammer_msh), "-o", str(tmp_path / "x.vtu")]
-    assert main([*call, "--fix", "part:handel"]) == 2
+    assert main([*call, "--fix", "part:handl"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "did you mean 'handle'" in said
