@@ -43,7 +43,9 @@ def real_mesh(name: str, folder: Path) -> Path:
 
 
 def _make(name: str, folder: Path, path: Path) -> None:
+    from autophyx_tet.converters.mesh.mesh_file import write_mesh
     from autophyx_tet.toolkit.io import sweethome3d
+    from autophyx_tet.toolkit.io.sidecar import Sidecar
     from autophyx_tet.toolkit.options import ConvertOptions
     from autophyx_tet.toolkit.pipeline import assign, convert
 
@@ -53,13 +55,11 @@ def _make(name: str, folder: Path, path: Path) -> None:
     solid = convert(asset, options=ConvertOptions(size=max(item.size)))
     folder.mkdir(parents=True, exist_ok=True)
     plain = folder / f"plain-{path.name}"  # with its sidecar: the axis that points up, the names
-    from autophyx_tet.converters.mesh.mesh_file import write_mesh
-
     write_mesh(plain, solid.mesh)
     solid.described().write(plain)
     assign(plain, f"a {item.name.lower()}", asset=asset, output=path)
     plain.unlink()
-    plain.with_suffix(".json").unlink(missing_ok=True)
+    Sidecar.path(plain).unlink()
 
 
 def main() -> None:

@@ -22,8 +22,6 @@ from .results.ringing import Ringing
 from .results.settled import Settled
 from .results.simulation import Simulation
 
-# Unknowns up to which a settled body's frequencies are found too: a few seconds.
-QUICK = 60_000
 STANDING_MODES = 3
 
 Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
@@ -131,16 +129,13 @@ def _frames(scenario: str, progress: Progress | None, started: float) -> Any:
 def _standing_modes(scene: Scene, device: str) -> Any:
     """First vibrations of a body as it is held, where a direct factor finds them; else None."""
     from ..fem.scenarios.vibration import Vibration
-    from ..fem.solve.discretisation_error import p2_unknowns
-    from ..fem.solve.modal import is_factored
+    from ..fem.solve.modal import quick_order
 
-    mesh = scene.mesh
-    sizes = {2: p2_unknowns(mesh), 1: 3 * len(mesh.points)}
-    quick = [order for order, n in sizes.items() if n <= QUICK and is_factored(mesh, n)]
-    if not quick:
+    order = quick_order(scene.mesh)
+    if order is None:
         return None
     try:
         wanted = replace(scene, modes=STANDING_MODES)
-        return METHODS[Vibration.method].solve(wanted, order=quick[0], device=device)
+        return METHODS[Vibration.method].solve(wanted, order=order, device=device)
     except (ConvergenceError, InputError):  # too few unknowns for so many modes
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from .quadrature import element_points
 from .space import Space, make_space
 
 
-@dataclass(frozen=True, eq=False)
-class Pattern:
+class Pattern(NamedTuple):
     """Which node couples with which, in block rows; device arrays of warp.
 
     ``rows`` (nodes + 1) and ``columns`` (blocks) as in CSR with sorted columns, ``slots``

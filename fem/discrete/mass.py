@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..scene.mesh import TetMesh, material_of
+from .assembly import Discretisation
 from .forces import sum_at_nodes
 from .quadrature import duffy_rule
 from .space import Space, shape_functions
@@ -29,16 +30,18 @@ def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
 
 
-def consistent_mass(mesh: TetMesh, space: Space) -> Any:
-    """Consistent mass matrix [kg] of one component, ``scipy.sparse.csr_array`` (nodes, nodes)."""
-    from scipy.sparse import coo_array
+def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:
+    """Consistent mass matrix [kg] of one component, ``scipy.sparse.csr_array`` (nodes, nodes).
+
+    Its entries are those of the stiffness of ``grid``, block by block.
+    """
+    from scipy.sparse import csr_array
 
     where, weight = duffy_rule()
-    N = shape_functions(space.order, where)
-    local = np.einsum("q,qi,qj->ij", weight, N, N)
-    mass = material_of(mesh).rho * mesh.volumes
-    size, count = space.elements.shape[1], len(space.nodes)
-    rows = np.repeat(space.elements, size, axis=1).ravel()
-    columns = np.tile(space.elements, (1, size)).ravel()
-    values = (mass[:, None, None] * local).ravel()
-    return coo_array((values, (rows, columns)), shape=(count, count)).tocsr()
+    N = shape_functions(grid.space.order, where)
+    local = np.einsum("q,qi,qj->ij", weight, N, N).ravel()
+    values = (material_of(mesh).rho * mesh.volumes)[:, None] * local
+    rows, columns, slots = (a.numpy() for a in grid.pattern)
+    data = np.bincount(slots.ravel(), values.ravel(), minlength=len(columns))
+    count = len(grid.space.nodes)
+    return csr_array((data, columns, rows), shape=(count, count))

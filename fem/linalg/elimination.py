@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ..device import start_warp
+from ..discrete.assembly import Pattern
 from ..discrete.block_matrix import BlockMatrix
 
 # A supernode joins its parent while the zeros that it brings stay below this share of the entries:
@@ -111,7 +112,7 @@ _KEPT = 4
 
 
 def planned_elimination(
-    matrix: BlockMatrix, edges: Int[np.ndarray, "edges 2"] | None = None
+    matrix: BlockMatrix | Pattern, edges: Int[np.ndarray, "edges 2"] | None = None
 ) -> Elimination:
     """``plan_elimination``, kept for the next matrix of the same pattern."""
     for columns, plan in _RECENT:
@@ -124,7 +125,7 @@ def planned_elimination(
 
 
 def plan_elimination(
-    matrix: BlockMatrix, edges: Int[np.ndarray, "edges 2"] | None = None
+    matrix: BlockMatrix | Pattern, edges: Int[np.ndarray, "edges 2"] | None = None
 ) -> Elimination:
     """Order, supernodes and fronts of the pattern of ``matrix``.
 
@@ -133,7 +134,7 @@ def plan_elimination(
     from . import kernels_elimination as k
 
     rows, columns = (_ints(a.numpy()) for a in (matrix.rows, matrix.columns))
-    count = matrix.nodes
+    count = len(rows) - 1
     if edges is None or not len(edges):
         order = dissect(rows.numpy(), columns.numpy())
     else:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..device import checked_device, single_threaded
-from ..discrete.assembly import discretise, stiffness
+from ..discrete.assembly import Discretisation, discretise, stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.mass import consistent_mass, lumped_mass
-from ..discrete.space import Space
+from ..discrete.space import extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
+from ..linalg.elimination import planned_elimination
+from ..linalg.factor import CholeskyFactor, NotPositive, known_factor
 from ..linalg.krylov import Recorder
+from ..linalg.lanczos import RitzPairs, lanczos
+from ..linalg.solver import MOST_ENTRIES, PIVOT
 from ..linalg.two_level import TwoLevel, scale
 from ..result import Modes
-from ..scene.components import rigid_motions
+from ..scene.components import free_motions, rigid_motions
 from ..scene.mesh import TetMesh, material_of
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -25,16 +30,48 @@ from ..validation import checked_count
 from .discretisation_error import affordable_order
 from .method import FrameProgress
 
-# Unknowns up to which a direct factor of the shifted stiffness is cheap; LOBPCG beyond. A thin body
-# fills in little: 46,000 unknowns of a bonsai took 4 s, and 89 s (without an end) by LOBPCG.
-DIRECT = 45_000
-DIRECT_THIN = 150_000
-THIN = 0.6  # share of the mesh points that lie on the surface; a cube of 10^3 cells has 0.45
 # Relative residual of a mode: its frequency is then good to the square of it.
 TOLERANCE = 1e-3
 MAX_ITERATIONS = 200
-# The shift of a free body, as a share of the square of its slowest wave's frequency.
+# Lanczos stops when the error of every mode in mass is this share of it; blocks are this wide and
+# at most so many: one run through the factor costs little more for a few vectors than for one.
+CONVERGED = 1e-6
+WIDEST, MOST_BLOCKS = 8, 60
+# The shift of a body that can move freely: a share of the square of its slowest wave's frequency.
 SHIFT = 0.05
+# Operations of a factorisation that takes a few seconds.
+QUICK = 5e10
+
+
+class Vibrations(NamedTuple):
+    """A generalised eigenproblem K x = w^2 M x on the nodes that are ``free`` (nodes, 3).
+
+    ``held`` are its supports on the nodes, ``mass`` is M of one component [kg], ``slow`` the square
+    of a low frequency [1/s^2], ``motions`` (nodes, 3, k) what meets no resistance.
+    """
+
+    mesh: TetMesh
+    grid: Discretisation
+    held: Supports
+    free: np.ndarray
+    mass: Any
+    slow: float
+    motions: np.ndarray
+
+    def stiffness(self, shift: float = 0.0) -> BlockMatrix:
+        """K + shift M [N/m], held; M in its own blocks."""
+        matrix = stiffness(self.grid, *material_of(self.mesh).lame)
+        if shift:
+            values = matrix.values.numpy()
+            values += shift * self.mass.data[:, None, None] * np.eye(3)
+            matrix.values.assign(values)
+        apply_supports(matrix, self.held.fixed, self.held.springs)
+        return matrix
+
+    def weigh(self, x: np.ndarray) -> np.ndarray:
+        """M x on the free unknowns, shape (3 nodes, vectors)."""
+        out = self.mass @ x.reshape(len(self.free), -1)
+        return out.reshape(x.shape) * self.free.reshape(-1, 1)
 
 
 @single_threaded
@@ -48,6 +85,8 @@ def natural_modes(
 ) -> Modes:
     """First ``count`` natural vibrations of ``mesh``, free in space without ``supports``.
 
+    Motions that meet no resistance (six of every free piece, hinges) are no vibrations.
+
     Raises
     ------
     InputError
@@ -55,44 +94,49 @@ def natural_modes(
     ConvergenceError
         If the eigensolver does not reach its tolerance.
     """
-    from scipy.sparse import kron
-
     checked_count("modes", count)
-    grid = discretise(mesh, order, checked_device(device))
-    space = grid.space
-    held = node_supports(supports or Supports.none(len(mesh.points)), space)
-    used = np.ones(len(space.nodes), dtype=bool)
-    used[space.unused] = False
-    free = (~held.fixed & used[:, None]).reshape(-1)
-    rigid = 0 if held.fixed.any() or held.springs.any() else 6
-    if count + rigid >= free.sum() // 2:
-        raise InputError(f"{count} modes of a body with {free.sum()} unknowns: wanted fewer modes")
-    K = stiffness(grid, *material_of(mesh).lame).to_scipy().tocsr()
-    K = K + _diagonal(held.springs.reshape(-1))
-    M = kron(consistent_mass(mesh, space), np.eye(3), format="csr")
-    K, M = K[free][:, free].tocsc(), M[free][:, free].tocsc()
-    slow = _slowest(mesh)
-    if is_factored(mesh, K.shape[0]):
-        square, x = _shift_invert(K, M, count + rigid, -SHIFT * slow)
+    problem = _vibrations(mesh, supports, order, checked_device(device))
+    unknowns, rigid = int(problem.free.sum()), problem.motions.shape[2]
+    if count + rigid >= unknowns // 2:
+        raise InputError(f"{count} modes of a body with {unknowns} unknowns: wanted fewer modes")
+    matrix = problem.stiffness()
+    plan = planned_elimination(matrix, problem.grid.space.edges)
+    if plan.entries <= MOST_ENTRIES:
+        square, x = _factored(problem, matrix, count)
     else:
-        motions = rigid_motions(space.nodes - space.nodes.mean(axis=0)).reshape(-1, 6)[free]
-        matrix, mass = stiffness(grid, *material_of(mesh).lame), slow * lumped_mass(mesh, space)
-        cycle = _v_cycle(matrix, space, held, mass, free)
-        square, x = _lobpcg(K, M, motions if rigid else None, cycle, count)
-    keep = np.argsort(square)[-count:] if rigid and len(square) > count else np.argsort(square)
-    square, x = square[keep], x[:, keep]
-    wrong = K @ x - (M @ x) * square
-    size = np.linalg.norm((M @ x) * np.maximum(square, slow), axis=0)
+        square, x = _lobpcg(problem, count)
+    weighed = problem.weigh(x)
+    wrong = matrix.to("cpu").to_scipy() @ x - weighed * square
+    size = np.linalg.norm(weighed * np.maximum(square, problem.slow), axis=0)
     residual = float((np.linalg.norm(wrong, axis=0) / size).max())
     if not residual < TOLERANCE:
         raise ConvergenceError(
             f"modes with residual {residual:.3g}: wanted < {TOLERANCE:g}; ask for fewer modes"
         )
-    shapes = np.zeros((count, free.size))
-    shapes[:, free] = x.T
-    return Modes(
-        np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes.reshape(count, -1, 3), residual
-    )
+    shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
+    return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
+
+
+def _vibrations(mesh: TetMesh, supports: Supports | None, order: int, device: str) -> Vibrations:
+    grid = discretise(mesh, order, device)
+    space = grid.space
+    held = node_supports(supports or Supports.none(len(mesh.points)), space)
+    used = np.ones(len(space.nodes), dtype=bool)
+    used[space.unused] = False
+    free = ~held.fixed & used[:, None]
+    stopped = (held.fixed | (held.springs > 0))[: space.points]
+    motions = extend_linear(space, _free(mesh, stopped))
+    mass = consistent_mass(mesh, grid)
+    return Vibrations(mesh, grid, held, free, mass, _slowest(mesh), motions)
+
+
+def _free(mesh: TetMesh, stopped: np.ndarray) -> np.ndarray:
+    """Motions (points, 3, k) that meet no resistance; of too many pieces, of the whole only."""
+    try:
+        return free_motions(mesh, stopped).motions
+    except InputError:
+        whole = rigid_motions(mesh.points - mesh.points.mean(axis=0))
+        return whole[..., : 0 if stopped.any() else 6]
 
 
 class ModalMethod:
@@ -118,17 +162,13 @@ class ModalMethod:
 METHOD = ModalMethod()
 
 
-def is_factored(mesh: TetMesh, unknowns: int) -> bool:
-    """Whether modes come from a direct factor, in seconds; LOBPCG may take minutes."""
-    surface = len(np.unique(mesh.boundary.faces))
-    thin = surface > THIN * len(np.unique(mesh.tets))
-    return unknowns <= (DIRECT_THIN if thin else DIRECT)
-
-
-def _diagonal(values: np.ndarray):
-    from scipy.sparse import diags_array
-
-    return diags_array(values, format="csr")
+def quick_order(mesh: TetMesh) -> int | None:
+    """Highest order whose modes are found in a few seconds, by a factor; None if neither's are."""
+    for order in range(affordable_order(mesh), 0, -1):
+        grid = discretise(mesh, order)
+        if planned_elimination(grid.pattern, grid.space.edges).operations <= QUICK:
+            return order
+    return None
 
 
 def _slowest(mesh: TetMesh) -> float:
@@ -138,39 +178,78 @@ def _slowest(mesh: TetMesh) -> float:
     return speed2 / float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
 
 
-def _shift_invert(K, M, count: int, shift: float):
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+def _factored(
+    problem: Vibrations, matrix: BlockMatrix, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest squares of frequencies [1/s^2], and shapes (3 nodes, count), by a factor."""
+    factor, shift = _shifted_factor(problem, matrix)
+    rigid = problem.motions.shape[2]
 
-    options = {"SymmetricMode": True}
-    lu = splu(K - shift * M, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    inverse = LinearOperator(K.shape, matvec=lu.solve, dtype=float)  # type: ignore
-    start = np.random.default_rng(0).normal(size=K.shape[0])
-    return eigsh(K, k=count, M=M, sigma=shift, OPinv=inverse, v0=start)
+    def inverse(x: np.ndarray) -> np.ndarray:
+        return factor.solve(x.reshape(len(problem.free), 3, -1)).reshape(x.shape)
+
+    def enough(pairs: RitzPairs) -> bool:
+        wanted = rigid + count
+        error = pairs.errors[:wanted] / np.abs(pairs.values[:wanted])
+        return len(error) == wanted and bool(error.max() < CONVERGED)
+
+    width = min(count + 2, WIDEST)
+    start = np.random.default_rng(0).normal(size=(problem.free.size, width))
+    start *= problem.free.reshape(-1, 1)
+    pairs = lanczos(inverse, problem.weigh, start, enough=enough, steps=MOST_BLOCKS)
+    square = 1 / pairs.values[: rigid + count] - shift
+    return square[rigid:], pairs.vectors(rigid + count)[:, rigid:]
 
 
-def _lobpcg(K, M, motions: np.ndarray | None, preconditioner, count: int):
-    """Iterate on a block of vectors, away from the rigid ``motions``."""
+def _shifted_factor(problem: Vibrations, matrix: BlockMatrix) -> tuple[CholeskyFactor, float]:
+    """Factor of K, which statics may have made; of K + shift M where K is singular."""
+    edges = problem.grid.space.edges
+    if not problem.motions.shape[2]:
+        try:
+            factor = known_factor(matrix.to("cpu"), planned_elimination(matrix, edges))
+            if factor.smallest_pivot > PIVOT:
+                return factor, 0.0
+        except NotPositive:
+            pass
+    shift = SHIFT * problem.slow
+    raised = problem.stiffness(shift).to("cpu")
+    return known_factor(raised, planned_elimination(matrix, edges)), shift
+
+
+def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """As ``_factored``, by iterating on a block of vectors with the V-cycle."""
+    from scipy.sparse import kron
     from scipy.sparse.linalg import lobpcg
 
+    free = problem.free.reshape(-1)
+    K = problem.stiffness().to("cpu").to_scipy().tocsr()[free][:, free]
+    M = kron(problem.mass, np.eye(3), format="csr")[free][:, free]
+    motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
-    options = {"B": M, "M": preconditioner, "Y": motions, "largest": False, "tol": None}
+    options = {"B": M, "M": _v_cycle(problem), "largest": False, "tol": None}
+    if motions.shape[1]:
+        options["Y"] = np.linalg.qr(motions)[0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it warns of residuals: ours are checked
-        square, x = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
+        square, found = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
     order = np.argsort(square)[:count]
-    return square[order], x[:, order]
+    x = np.zeros((free.size, count))
+    x[free] = found[:, order]
+    return square[order], x
 
 
-def _v_cycle(matrix: BlockMatrix, space: Space, held: Supports, mass: np.ndarray, free: np.ndarray):
-    """One V-cycle on K + ``mass`` (nodes,) [N/m] as an operator on the ``free`` unknowns."""
+def _v_cycle(problem: Vibrations) -> Any:
+    """One V-cycle on K, raised by a lumped mass, as an operator on the free unknowns."""
     from scipy.sparse.linalg import LinearOperator
 
     from ..linalg import kernels_solver as k
 
-    add_diagonal(matrix, mass[:, None, None] * np.eye(3))
-    apply_supports(matrix, held.fixed, held.springs)
+    space, free = problem.grid.space, problem.free.reshape(-1)
+    matrix = problem.stiffness()
+    raised = problem.slow * lumped_mass(problem.mesh, space)
+    add_diagonal(matrix, raised[:, None, None] * np.eye(3))
     system = scale(matrix)
-    cycle = TwoLevel(system, space.nodes, held.fixed)
+    cycle = TwoLevel(system, space.nodes, problem.held.fixed)
     r, z = cycle.r, cycle.z
     launch = Recorder(matrix.nodes, r.device)
     scaled = launch(k.block_multiply, [system.inverse, r, False, r])

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.discrete.assembly import discretise
 from autophyx_tet.fem.discrete.mass import consistent_mass, lumped_mass
-from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.scene.box import box_mesh
@@ -81,8 +81,9 @@ def test_rod_rings_at_its_frequency(scheme):
 def test_masses(order):
     """Lumped and consistent masses sum to m and have the same centre of mass."""
     mesh = shaken_box(rho=3.0, size=(1, 2, 0.5))
-    space = make_space(mesh, order)
-    lumped, consistent = lumped_mass(mesh, space), consistent_mass(mesh, space)
+    grid = discretise(mesh, order)
+    space = grid.space
+    lumped, consistent = lumped_mass(mesh, space), consistent_mass(mesh, grid)
     one = np.ones(len(space.nodes))
     assert lumped.sum() == pytest.approx(mesh.mass, rel=1e-12)
     assert one @ consistent @ one == pytest.approx(mesh.mass, rel=1e-12)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.linalg import factor
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.solve.statics import solve_static
 
-from .bodies import shaken_box, with_uniform
+from .bodies import lifted, merged, shaken_box, with_uniform
 
 
 def test_cantilever_frequencies():
@@ -85,7 +87,26 @@ def test_iterative_solver_agrees(monkeypatch):
     mesh = shaken_box(cells=(4, 4, 4), E=1e6, rho=1e3)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     direct = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
-    monkeypatch.setattr("autophyx_tet.fem.solve.modal.DIRECT", 0)
+    monkeypatch.setattr("autophyx_tet.fem.solve.modal.MOST_ENTRIES", 0)
     again = [natural_modes(mesh, 4, supports=s, order=1).frequencies for s in (held, None)]
     for one, two in zip(direct, again, strict=True):
         assert two == pytest.approx(one, rel=1e-4)
+
+
+def test_free_pieces_have_no_zeros():
+    """Two cubes apart in space: twelve rigid motions are left out, every frequency comes twice."""
+    one = shaken_box(cells=(2, 2, 2), E=1e6, rho=1e3)
+    two = with_uniform(merged(one, lifted(one, 3.0)), E=1e6, nu=0.3, rho=1e3)
+    alone, both = natural_modes(one, 3).frequencies, natural_modes(two, 6).frequencies
+    assert both == pytest.approx(np.repeat(alone, 2), rel=1e-6)
+
+
+def test_modes_of_a_standing_body_use_the_factor_of_its_statics(monkeypatch):
+    """One matrix, one factor: statics makes it, the modes find it."""
+    monkeypatch.setattr(factor, "_RECENT", [])
+    mesh = with_uniform(box_mesh((1, 0.1, 0.1), (8, 1, 1)), E=1e6, nu=0.3, rho=1e3)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    solve_static(mesh, held, gravity_vector=(0, 0, -1), order=2)
+    (known,) = factor._RECENT
+    natural_modes(mesh, 3, supports=held)
+    assert factor._RECENT == [known]
