@@ -42,7 +42,7 @@ def separate(points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 
         tets, old = corner_nodes(tets)
         points = points[old]
         doubled += len(old) - used
-        bad = _bad_edges(tets)
+        bad = bare_edges(tets)
         if not len(bad):
             break
         chosen = _independent(bad, tets)
@@ -52,8 +52,8 @@ def separate(points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 
     return Separated(points, tets.astype(np.int32), origin, split, doubled)
 
 
-def _bad_edges(tets: np.ndarray) -> np.ndarray:
-    """Edges (n, 2) on more than two boundary faces."""
+def bare_edges(tets: np.ndarray) -> np.ndarray:
+    """Edges (n, 2) with more than two faces of the boundary: several groups of tets around them."""
     faces = boundary_faces(tets).faces
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, count = np.unique(edges, axis=0, return_counts=True)

@@ -1,0 +1,116 @@
+"""Sharp edges and corners of the input: found, and nodes of the mesh moved onto them.
+
+A lattice cuts them off by up to half an edge, and a beam without its edges bends a third more.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...surfaces.triangles import Triangles
+
+SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
+SPACING = 0.125  # of the points on edges among which the nearest is looked for, in long edges
+
+
+class Features(NamedTuple):
+    """Sharp edges ``ends`` (n, 2, 3) with the mean ``normal`` (n, 3) of their faces; corners.
+
+    ``corners`` (m, 3) with their ``corner_normals`` (m, 3).
+    """
+
+    ends: np.ndarray
+    normals: np.ndarray
+    corners: np.ndarray
+    corner_normals: np.ndarray
+
+
+def features_of(surface: Triangles) -> Features:
+    """Edges whose two faces meet sharply, and where these end, branch or turn sharply."""
+    points, faces = surface
+    normal = np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2)))
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(length, np.finfo(float).tiny)
+    edges, left, right = _shared_edges(faces)
+    cosine = np.einsum("ei,ei->e", normal[left], normal[right])
+    sharp = (cosine < np.cos(SHARP)) & (length[left, 0] > 0) & (length[right, 0] > 0)
+    edges, mean = edges[sharp], (normal[left] + normal[right])[sharp]
+    corner = _corners(points, edges)
+    towards = np.zeros_like(points)
+    for end in edges.T:
+        np.add.at(towards, end, mean)
+    return Features(points[edges], _unit(mean), points[corner], _unit(towards[corner]))
+
+
+def joined(features: list[Features]) -> Features:
+    """All features of several surfaces."""
+    return Features(*(np.concatenate(values) for values in zip(*features, strict=True)))
+
+
+def _shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges (n, 2) of exactly two faces, and these."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T[::-1])
+    ordered = edges[order]
+    new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
+    start = np.flatnonzero(new)
+    two = start[np.diff(np.r_[start, len(edges)]) == 2]
+    return ordered[two], order[two] // 3, order[two + 1] // 3
+
+
+def _corners(
+    points: Float[np.ndarray, "points 3"], edges: Int[np.ndarray, "edges 2"]
+) -> Int[np.ndarray, "corners"]:
+    """Vertices at which sharp edges end, branch, or go on in another direction."""
+    count = np.bincount(edges.reshape(-1), minlength=len(points))
+    total = np.zeros_like(points)  # of unit vectors along the edges: 0 where two go straight on
+    along = _unit(points[edges[:, 1]] - points[edges[:, 0]])
+    np.add.at(total, edges[:, 0], along)
+    np.add.at(total, edges[:, 1], -along)
+    bend = np.linalg.norm(total, axis=1) > 2 * np.sin(SHARP / 2)
+    return np.flatnonzero((count == 1) | (count > 2) | ((count == 2) & bend))
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.maximum(length, np.finfo(float).tiny)
+
+
+class OnEdges(NamedTuple):
+    """Nearest points of sharp edges: ``distance`` (n,), ``point`` (n, 3), number of the ``edge``."""
+
+    distance: np.ndarray
+    point: np.ndarray
+    edge: np.ndarray
+
+
+class EdgeFinder:
+    """Finds the nearest point of sharp edges through samples on them."""
+
+    def __init__(self, features: Features) -> None:
+        from scipy.spatial import KDTree
+
+        self.start, self.end = features.ends[:, 0], features.ends[:, 1]
+        length = np.linalg.norm(self.end - self.start, axis=1)
+        count = np.ceil(length / SPACING).astype(int) + 1
+        self.edge = np.repeat(np.arange(len(length)), count)
+        rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        share = rank / np.maximum(np.repeat(count, count) - 1, 1)
+        along = (self.end - self.start)[self.edge]
+        self.tree = KDTree(self.start[self.edge] + share[:, None] * along)
+
+    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:
+        """Nearest points within ``reach``; infinitely far where there is none."""
+        found, sample = self.tree.query(where, distance_upper_bound=reach + SPACING)
+        none = ~np.isfinite(found)
+        edge = self.edge[np.where(none, 0, sample)]
+        along = self.end[edge] - self.start[edge]
+        square = np.maximum(np.einsum("ni,ni->n", along, along), np.finfo(float).tiny)
+        share = np.einsum("ni,ni->n", where - self.start[edge], along) / square
+        point = self.start[edge] + np.clip(share, 0, 1)[:, None] * along
+        distance = np.linalg.norm(point - where, axis=1)
+        return OnEdges(np.where(none | (distance > reach), np.inf, distance), point, edge)
+

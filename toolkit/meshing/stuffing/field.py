@@ -1,0 +1,227 @@
+"""Where each part ends: signed distances of all shells at the nodes of a lattice.
+
+Lengths are in long edges of the lattice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....fem.device import start_warp
+from ...surfaces.solids import INSIDE, Shell, Solids
+from ...surfaces.triangles import Triangles, winding_numbers
+
+# Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
+# that far from its faces it passes through a hole, and the winding number tells where.
+REACH = 1.0
+NUDGE = 1e-9  # in place of 0, which is neither inside nor outside
+MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset adds
+
+
+class Nearest(NamedTuple):
+    """``distance`` (n,) to a surface, at most the reach; ``face`` (n,) or -1; ``point`` (n, 3)."""
+
+    distance: np.ndarray
+    face: np.ndarray
+    point: np.ndarray
+
+
+class NearestTo:
+    """Nearest points of one triangle surface, in single precision."""
+
+    def __init__(self, surface: Triangles) -> None:
+        warp = start_warp()
+        self._mesh = warp.Mesh(
+            warp.array(surface.points, dtype=warp.vec3, device="cpu"),
+            warp.array(surface.faces.reshape(-1), dtype=warp.int32, device="cpu"),
+        )
+
+    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float = np.inf) -> Nearest:
+        from .kernels_distance import nearest
+
+        warp, count = start_warp(), len(where)
+        out = [
+            warp.zeros(count, dtype=kind, device="cpu")
+            for kind in (warp.float32, warp.int32, warp.vec3)
+        ]
+        given = warp.array(where, dtype=warp.vec3, device="cpu")
+        reach = min(reach, 1e30)  # infinity overflows when it is squared
+        warp.launch(nearest, count, [self._mesh.id, given, reach], out, device="cpu")
+        distance, face, point = (array.numpy() for array in out)
+        return Nearest(distance.astype(np.float64), face, point.astype(np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class ShellField:
+    """One shell in lattice units; ``first`` is the region of the first of its ``parts``."""
+
+    shell: Shell
+    parts: np.ndarray
+    first: int
+
+    @classmethod
+    def of(cls, shell: Shell, origin: np.ndarray, edge: float, first: int) -> ShellField:
+        """Scale a shell, on its own points only."""
+        used, faces = np.unique(shell.faces, return_inverse=True)
+        hole = shell.cavity and Triangles((shell.cavity.points - origin) / edge, shell.cavity.faces)
+        points = (shell.points[used] - origin) / edge
+        own = replace(shell, points=points, faces=faces.reshape(-1, 3), cavity=hole)
+        return cls(own, np.unique(shell.part), first)
+
+    @cached_property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Box around it."""
+        return np.stack([self.shell.points.min(axis=0), self.shell.points.max(axis=0)])
+
+    @cached_property
+    def triangles(self) -> Triangles:
+        """Faces of the shell and of its cavity."""
+        hole = self.shell.cavity
+        if hole is None:
+            return Triangles(self.shell.points, self.shell.faces)
+        size = len(self.shell.points)
+        return Triangles(
+            np.concatenate([self.shell.points, hole.points]),
+            np.concatenate([self.shell.faces, hole.faces + size]),
+        )
+
+    @cached_property
+    def nearest(self) -> NearestTo:
+        """Nearest points of it."""
+        return NearestTo(self.triangles)
+
+    @cached_property
+    def nearest_of_part(self) -> tuple[NearestTo, ...]:
+        """Nearest points of the faces of each part."""
+        mine = [self.shell.faces[self.shell.part == part] for part in self.parts]
+        return tuple(NearestTo(Triangles(self.shell.points, faces)) for faces in mine)
+
+    def value(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Signed distance, positive inside, cut off at ``REACH``."""
+        winding = np.abs(winding_numbers(self.shell.points, self.shell.faces, where))
+        if self.shell.cavity is not None:
+            winding = np.minimum(winding, 1 - winding_numbers(*self.shell.cavity, where))
+        distance = self.nearest(where, REACH).distance
+        signed = np.where(winding > INSIDE, distance, -distance)
+        hole = 2 * REACH * np.clip(winding - INSIDE, -INSIDE, INSIDE)
+        out = np.where(distance < REACH, signed, hole)
+        return np.where(np.abs(out) < NUDGE, NUDGE, out)
+
+    def region(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        """Region by the part of the nearest face."""
+        if len(self.parts) == 1 or not len(where):
+            return np.full(len(where), self.first, dtype=np.int32)
+        hole = 0 if self.shell.cavity is None else len(self.shell.cavity.faces)
+        part = np.concatenate([self.shell.part, np.tile(self.shell.part, 2)[:hole]])
+        found = part[self.nearest(where).face]
+        return (self.first + np.searchsorted(self.parts, found)).astype(np.int32)
+
+
+class SolidField:
+    """Regions of the nodes of a lattice: 0 outside, else a part of a shell.
+
+    Where shells overlap the one that holds the smallest volume wins: the last of ``shells``.
+    """
+
+    def __init__(self, solids: Solids, *, origin: np.ndarray, edge: float) -> None:
+        """Scale ``solids`` [m] so that a long ``edge`` [m] is one."""
+        shells, first = [], 1
+        for shell in sorted(solids.shells, key=lambda one: -one.volume):
+            shells.append(ShellField.of(shell, origin, edge, first))
+            first += len(shells[-1].parts)
+        self.shells = tuple(shells)
+        self.part = np.concatenate([[-1], *(shell.parts for shell in shells)])
+        sizes = [len(shell.parts) for shell in shells]
+        self.rank = np.concatenate([[-1], np.repeat(np.arange(len(shells)), sizes)])
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Box around all shells."""
+        boxes = np.array([shell.bounds for shell in self.shells])
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def region_at(
+        self, where: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "shells"]
+    ) -> Int[np.ndarray, "n"]:
+        """Region of each place, where the surface of each shell is moved outward by its offset."""
+        return NodeField(self, where).regions(offsets)
+
+
+class NodeField:
+    """The shells' signed distances at ``where`` (n, 3), each near its shell only."""
+
+    def __init__(self, field: SolidField, where: Float[np.ndarray, "n 3"]) -> None:
+        self.field, self.where = field, where
+        self.near: list[np.ndarray] = []
+        self.values: list[np.ndarray] = []
+        self._regions: list[np.ndarray] = []
+        for shell in field.shells:
+            lo, hi = shell.bounds + np.array([[-MARGIN], [MARGIN]])
+            near = np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1))
+            value = shell.value(where[near])
+            region = np.full(len(near), shell.first, dtype=np.int32)
+            within = value > -REACH  # an offset may turn those around into inner ones
+            region[within] = shell.region(where[near[within]])
+            self.near.append(near)
+            self.values.append(value)
+            self._regions.append(region)
+
+    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+        """Region of every place, where the surface of each shell is moved outward by its offset."""
+        out = np.zeros(len(self.where), dtype=np.int32)
+        for near, value, region, offset in zip(
+            self.near, self.values, self._regions, offsets, strict=True
+        ):
+            inside = value + offset > 0
+            out[near[inside]] = region[inside]
+        return out
+
+    def crossings(
+        self,
+        ends: Int[np.ndarray, "edges 2"],
+        regions: Int[np.ndarray, "edges 2"],
+        offsets: Float[np.ndarray, "shells"],
+    ) -> Float[np.ndarray, "edges"]:
+        """Share of each edge, whose ``ends`` lie in two ``regions``, at which these meet.
+
+        That is the surface of the smaller of two shells, and where both are parts of one shell
+        what is as far from the faces of the one as from those of the other.
+        """
+        ranks = self.field.rank[regions]
+        higher = ranks.max(axis=1)
+        same = ranks[:, 0] == ranks[:, 1]
+        out = np.full(len(ends), 0.5)
+        for rank, offset in enumerate(offsets):
+            mine = np.flatnonzero((higher == rank) & ~same)
+            if mine.size:
+                place = np.searchsorted(self.near[rank], ends[mine])
+                out[mine] = _root(self.values[rank][place] + offset)
+            mine = np.flatnonzero((higher == rank) & same)
+            if mine.size:
+                out[mine] = self._between(rank, ends[mine], regions[mine])
+        return out
+
+    def _between(
+        self, rank: int, ends: Int[np.ndarray, "n 2"], regions: Int[np.ndarray, "n 2"]
+    ) -> Float[np.ndarray, "n"]:
+        """Share of edges inside one shell at which its two parts are equally far."""
+        shell = self.field.shells[rank]
+        low, high = regions.min(axis=1), regions.max(axis=1)
+        nodes, place = np.unique(ends, return_inverse=True)
+        place = place.reshape(-1, 2)
+        distance = np.stack([near(self.where[nodes]).distance for near in shell.nearest_of_part])
+        lead = distance[(high - shell.first)[:, None], place]
+        return _root(lead - distance[(low - shell.first)[:, None], place])
+
+
+def _root(values: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+    """Where a linear function with these values at 0 and 1 vanishes; the middle where nowhere."""
+    start, end = values.T
+    gap = start - end
+    share = np.where(start * end <= 0, start / np.where(gap == 0, 1.0, gap), 0.5)
+    return np.clip(np.where(gap == 0, 0.5, share), NUDGE, 1 - NUDGE)
