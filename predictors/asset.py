@@ -38,8 +38,9 @@ class Asset:
     """A 3D asset in metres, on its own axes.
 
     ``metres_per_unit`` has already been applied to the parts; ``up`` is the axis that points up;
-    ``source_hash`` is the SHA-256 of the file and of what it refers to; ``warnings`` are sentences
-    for the user (missing texture, unit taken as metres ...).
+    ``source_hash`` is the SHA-256 of the file and of what it refers to; a ``sampled`` surface was
+    made from splats, points or a density grid; ``warnings`` are sentences for the user (missing
+    texture, unit taken as metres ...).
     """
 
     name: str
@@ -48,6 +49,7 @@ class Asset:
     metres_per_unit: float = 1.0
     source: str | None = None
     source_hash: str | None = None
+    sampled: bool = False
     warnings: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ FLOORS = {
         "material_sampling", "field_sources", "carriers", "programs",
     ),
     "toolkit": (
-        "surfaces", "native", "io", "options", "config", "conditions", "meshing", "results",
+        "surfaces", "native", "io", "meshing", "options", "config", "conditions", "results",
         "scenario", "report",
         "features", "appearance", "image_features", "pipeline", "transfer", "learning", "listing",
         "doctor", "estimate", "batch", "cli",

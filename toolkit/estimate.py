@@ -96,8 +96,10 @@ def _steps(texts: Sequence[str], scenario: str, output: Path) -> Iterator[str]:
 
 def _cost(asset: Asset, options: ConvertOptions) -> dict[str, dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
+    from .meshing.engine_run import EDGE_LENGTH_REL
+
     diagonal = float(np.linalg.norm(np.subtract(*_bounds(asset))))
-    edge = options.edge_length or options.edge_length_rel * diagonal
+    edge = options.edge_length or (options.edge_length_rel or EDGE_LENGTH_REL) * diagonal
     area = sum(float(part.mesh.area) for part in asset.parts) / edge**2
     tets = TETS.at(area, _faces(asset))
     if options.max_tets:

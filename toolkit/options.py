@@ -20,20 +20,22 @@ from ..fem.scenarios.scenario import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .io.units import Unit
+from .meshing.meshers import AUTO, MESHERS
 
 UpAxis = Literal["x", "y", "z"]
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 
-def choice(registry: Registry) -> PrimitiveConstructorSpec[str]:
+def choice(registry: Registry, *others: str) -> PrimitiveConstructorSpec[str]:
     """Type of an option that takes a name of ``registry``: ``Annotated[str, choice(LAWS)]``."""
+    names = (*others, *registry.names)
     return PrimitiveConstructorSpec(
         nargs=1,
-        metavar="{" + ",".join(registry.names) + "}",
+        metavar="{" + ",".join(names) + "}",
         instance_from_str=lambda words: words[0],
         is_instance=lambda value: isinstance(value, str),
         str_from_instance=lambda value: [value],
-        choices=registry.names,
+        choices=names,
     )
 
 
@@ -52,8 +54,11 @@ class ConvertOptions:
     """Unit of the file's numbers; glTF is metres, others are taken as metres with a warning."""
     up: UpAxis | None = None
     """Axis that points up; by default what the format says (glTF and OBJ: y, others: z)."""
-    edge_length_rel: float = 0.05
-    """Wanted edge of a tet, as a share of the bounding box diagonal."""
+    mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
+    """ftetwild keeps epsilon; stuffing takes seconds, keeps angles and volume; auto: stuffing for
+    splats, clouds, density grids and after a time-out."""
+    edge_length_rel: float | None = None
+    """Wanted edge of a tet, share of the bounding box diagonal; .05, stuffing: 50,000 tets."""
     edge_length: float | None = None
     """Wanted edge of a tet [m]; replaces --edge-length-rel."""
     epsilon_rel: float = 2e-3
@@ -82,7 +87,7 @@ class ConvertOptions:
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
         names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "layers", "thicken")
-        names += ("wall", "time_limit", "accept_broken", "seed")
+        names += ("mesher", "wall", "time_limit", "accept_broken", "seed")
         return {name: getattr(self, name) for name in names} | {
             "part_wall": {name: _metres(value) for name, value in pairs(self.part_wall).items()},
             "cache": None if self.no_cache else self.cache or _cache_folder("convert"),

@@ -39,6 +39,28 @@ def test_damaged_cache_is_made_again(tmp_path):
 
 def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
     """The first attempt runs out of time: the next one doubles edge and epsilon, and says so."""
+    _slow_at_first(monkeypatch)
+    cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
+    _, report = tetrahedralize(cube, **QUICK, mesher="ftetwild")
+    first, second = report.attempts
+    assert first.outcome.startswith("time")
+    assert second.epsilon == pytest.approx(2 * first.epsilon)
+    assert report.epsilon == second.epsilon
+    assert any("1 of 2 attempts failed" in w for w in report.warnings)
+
+
+def test_a_time_out_is_followed_by_a_lattice_and_said(monkeypatch):
+    """With the default mesher a lattice takes over: 8 exact corners, no epsilon, and it is said."""
+    _slow_at_first(monkeypatch)
+    mesh, report = tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
+    assert (report.mesher, report.ok) == ("stuffing", True)
+    assert mesh.volume == pytest.approx(1, rel=1e-6)
+    assert any("took too long" in w and "--mesher ftetwild" in w for w in report.warnings)
+
+
+def _slow_at_first(monkeypatch):
+    """The engine's first run is out of time, the others are real."""
     real, calls = cache.run_guarded, []
 
     def slow_at_first(task, arrays, options, **limits):
@@ -48,12 +70,6 @@ def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
         return real(task, arrays, options, **limits)
 
     monkeypatch.setattr(cache, "run_guarded", slow_at_first)
-    _, report = tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
-    first, second = report.attempts
-    assert first.outcome.startswith("time")
-    assert second.epsilon == pytest.approx(2 * first.epsilon)
-    assert report.epsilon == second.epsilon
-    assert any("1 of 2 attempts failed" in w for w in report.warnings)
 
 
 def test_when_nothing_works_the_reasons_are_listed(monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,7 +23,8 @@ from .conversion_report import (
     Guarantee,
     InputVolume,
 )
-from .engine_run import EngineTarget, Filling, NoFilling, run_engine
+from .engine_run import EngineTarget, Filling, NoFilling
+from .meshers import AUTO, FTETWILD, MESHERS, STUFFING
 from .quality import Quality
 
 log = logging.getLogger(__name__)
@@ -36,6 +37,7 @@ TIGHTER_START = 10.0  # s that it may take in any case
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
+FINER = (1.6, 2.5)  # divide the edge of a lattice that misses volume: 4 and 16 times the tets
 NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
@@ -81,7 +83,8 @@ class Problem(NamedTuple):
     """Solids that enclose a ``volume``, what is asked of their tets, and who makes them.
 
     ``again`` prepares the solids anew with another welding distance, a share of the diagonal;
-    ``judge`` measures a filling and holds it against epsilon [m].
+    ``judge`` measures a filling and holds it against epsilon [m]; ``mesher`` is a name of
+    ``MESHERS``, or ``AUTO``: the first, and a lattice where it takes too long.
     """
 
     solids: Solids
@@ -90,6 +93,7 @@ class Problem(NamedTuple):
     again: Callable[[float], Solids]
     runner: Runner
     judge: Judge
+    mesher: str = AUTO
 
 
 def mesh_within(problem: Problem, max_tets: int | None) -> Attempts:
@@ -122,17 +126,18 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
     """
     record: list[Attempt] = []
     best: Made | None = None
-    for engine, aim, prepare in _ways(problem):
-        if record and record[-1].outcome.startswith(NO_REPAIR_HELPS) and aim is problem.target:
+    for engine, aim, prepare in _ways(problem, record):
+        same = engine != STUFFING and aim is problem.target
+        if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
         filling, attempt = _try(engine, aim, prepare, problem.runner)
         record.append(attempt)
         if filling is None:
             continue
-        made = _judged(problem, filling, aim.epsilon)
+        made = _judged(problem, filling, filling.target.epsilon)
         if made.broken:
             record[-1] = replace(attempt, outcome=_broken(made))
-        if tightening and (made.broken or not made.gaps.good(made.epsilon)):
+        if tightening and engine != STUFFING and (made.broken or not made.gaps.good(made.epsilon)):
             made, more = _tightened(problem._replace(target=aim), made, attempt)
             record.append(more)
         best = made if best is None else min(best, made, key=lambda one: one.rank)
@@ -186,8 +191,9 @@ def _try(
     """One attempt: a filling or None, and what to put on record."""
     started, filling = time.monotonic(), None
     try:
-        filling = run_engine(prepare(), aim, runner)
-        outcome = "ok"
+        mesher = MESHERS[STUFFING if engine == STUFFING else FTETWILD]
+        filling = mesher(prepare(), aim, runner)
+        outcome, aim = "ok", filling.target
     except ChildFailure as failure:
         outcome = f"{failure.kind}: {failure}"
     except NoFilling as failure:
@@ -197,14 +203,33 @@ def _try(
     return filling, Attempt(engine, aim.edge_length, aim.epsilon, seconds, outcome)
 
 
-def _ways(problem: Problem) -> Iterator[tuple[Engine, EngineTarget, Callable[[], Solids]]]:
-    """What to try one after the other; solids are prepared only when their turn comes."""
+Way = tuple[Engine, EngineTarget, Callable[[], Solids]]
+
+
+def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
+    """What to try one after the other; solids are prepared only when their turn comes.
+
+    ``record`` grows meanwhile: with ``AUTO`` a time-out is followed by a lattice, not by others.
+    """
+    yield from _lattices(problem) if problem.mesher == STUFFING else ()
+    if problem.mesher == STUFFING:
+        return
     yield "tetwild", problem.target, lambda: problem.solids
     yield "tetwild", problem.target, lambda: problem.again(HARDER_WELD_REL)
+    if problem.mesher == AUTO and any(attempt.outcome.startswith("time") for attempt in record):
+        yield from _lattices(problem)
     for factor in COARSER:
         yield "tetwild", problem.target.coarser(factor), lambda: problem.solids
     coarsest = problem._replace(target=problem.target.coarser(COARSER[0]))
     yield "alpha wrap + tetwild", coarsest.target, lambda: wrapped(coarsest)
+
+
+def _lattices(problem: Problem) -> Iterator[Way]:
+    """A lattice, and finer ones where it misses volume, unless its edge was asked for."""
+    yield STUFFING, problem.target, lambda: problem.solids
+    if not problem.target.edge_is_given:
+        for factor in FINER:
+            yield STUFFING, problem.target.coarser(1 / factor), lambda: problem.solids
 
 
 def wrapped(problem: Problem) -> Solids:

@@ -15,12 +15,15 @@ from ..surfaces.solids import Solids
 from ..surfaces.triangles import closest
 from .quality import Quality
 
-Engine = Literal["tetwild", "alpha wrap + tetwild"]
+Engine = Literal["tetwild", "alpha wrap + tetwild", "stuffing"]
 BROKEN = "broken"  # begins the outcome of an attempt whose mesh breaks a guarantee
 # Of epsilon: the envelope that the engine gets. It keeps sampled points of its surface within that
 # distance of the input; between them the surface bulges, and where three faces meet in a right
 # angle the corner is sqrt(3) envelopes away.
 ENVELOPE_SHARE = 0.5
+# Degrees: dihedral angles of a lattice whose nodes were moved onto sharp edges.
+SHARPEST, BLUNTEST = 9.0, 166.0
+LATTICE_VOLUME = 0.05  # relative error of volume that a lattice may have: more is too coarse
 SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
 KIND_SAMPLES = 4000  # of the input: its hidden and sheet-like shares to one per cent
@@ -58,7 +61,10 @@ class Guarantee:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One run of an engine: what it was asked [m], how long it took [s], how it ended."""
+    """One run of an engine: what it was asked [m], how long it took [s], how it ended.
+
+    A lattice is asked for its edge alone: ``epsilon`` is that edge.
+    """
 
     engine: Engine
     edge_length: float
@@ -111,7 +117,10 @@ class Distances:
 class ConversionReport:
     """Everything measured about one conversion; lengths [m], volumes [m^3].
 
-    ``layers`` of tets were asked of the engine through thin places.
+    ``layers`` of tets were asked of the engine through thin places. The mesher "stuffing" bounds
+    no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
+    volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
+    the share of their surface.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
     volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell.
@@ -130,6 +139,9 @@ class ConversionReport:
     split_edges: int
     doubled_points: int
     layers: int = 1
+    mesher: str = "ftetwild"
+    off_volume: tuple[tuple[str, float], ...] = ()
+    thin_parts: tuple[tuple[str, float], ...] = ()
     sheets: tuple[str, ...] = ()
     thin: int = 0
     hollow: tuple[str, ...] = ()
@@ -255,4 +267,18 @@ def guarantees(
         Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m", to_at),
         Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m", from_at),
         Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
+    )
+
+
+def lattice_guarantees(
+    mesh: TetMesh, measured: Quality, volume: InputVolume
+) -> tuple[Guarantee, ...]:
+    """What a lattice promises: good tets, a closed boundary and the volume, but no distance."""
+    beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
+    missed = max(abs(mesh.volume - volume.total) - CONFIDENCE * volume.error, 0.0) / volume.total
+    return (
+        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
+        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
+        Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
+        Guarantee("relative error of volume", missed, LATTICE_VOLUME),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,6 +20,11 @@ from .conversion_report import ENVELOPE_SHARE
 from .manifold import Separated, separate
 from .sizing import edge_field
 
+EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is given
+# Tets that a lattice has where no edge is given: a thing of a few parts is resolved, and quadratic
+# elements on them still settle in seconds.
+LATTICE_TETS = 50_000
+TETS_PER_CUBE = 12  # of a body-centred lattice, in a cube of its long edge
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
 MOST_LAYERS = 8  # more are 64 times the tets and more of a plate
 DECIMATED_SHARE = 0.25  # of epsilon: how far the surface that the engine gets is off the input
@@ -31,7 +36,9 @@ CONFORMING_ROUNDS = 5  # relabelled tets show new vertices; crumbs are one or tw
 class EngineTarget:
     """What the engine is asked for; lengths are shares of ``diagonal`` [m].
 
-    ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is.
+    ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is. A lattice has
+    that edge where it ``edge_is_given``, else one that gives about ``tets``; it keeps ``sharp``
+    edges of the input.
     """
 
     diagonal: float
@@ -39,6 +46,9 @@ class EngineTarget:
     epsilon_rel: float
     stop_energy: float
     layers: int = 1
+    edge_is_given: bool = True
+    tets: int = LATTICE_TETS
+    sharp: bool = True
 
     @property
     def edge_length(self) -> float:
@@ -54,6 +64,12 @@ class EngineTarget:
     def envelope(self) -> float:
         """Distance [m] that the engine keeps; a plate thinner than that is swallowed whole."""
         return ENVELOPE_SHARE * self.epsilon
+
+    def lattice_edge(self, volume: float) -> float:
+        """Long edge [m] of a lattice that fills ``volume`` [m^3]."""
+        if self.edge_is_given:
+            return self.edge_length
+        return float((TETS_PER_CUBE * volume / self.tets) ** (1 / 3))
 
     def checked(self) -> EngineTarget:
         """Return itself, or say what is out of range."""
@@ -73,19 +89,33 @@ class EngineTarget:
             self,
             edge_length_rel=min(self.edge_length_rel * factor, COARSEST_EDGE_REL),
             epsilon_rel=min(self.epsilon_rel * factor, COARSEST_EPSILON_REL),
+            tets=max(int(self.tets / factor**3), 1),
         )
+
+
+class LatticeFit(NamedTuple):
+    """How a lattice fits the parts, by their number.
+
+    ``volume_errors`` [1] are relative; ``thin_shares`` [1] of a part's surface are where it is
+    thinner than the edge.
+    """
+
+    volume_errors: Mapping[int, float]
+    thin_shares: Mapping[int, float]
 
 
 class Filling(NamedTuple):
     """Tets of the solids in metres, the part of each, and the target they meet.
 
-    ``by_cells`` fills them in another way, where the first breaks a guarantee.
+    ``by_cells`` fills them in another way, where the first breaks a guarantee; ``lattice`` is what
+    a lattice says of itself.
     """
 
     mesh: Separated
     part: np.ndarray
     target: EngineTarget
     by_cells: Callable[[], Filling] | None = None
+    lattice: LatticeFit | None = None
 
 
 class NoFilling(RuntimeError):

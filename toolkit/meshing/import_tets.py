@@ -13,7 +13,7 @@ from ...fem.scene.boundary import boundary_faces
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, Part, UpAxis
 from ..io.load import scaled
-from ..options import Unit
+from ..io.units import Unit
 from ..surfaces.repair import RepairReport
 from .conversion_report import ConversionReport, Distances, Guarantee, Region
 from .manifold import separate

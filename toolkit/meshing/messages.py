@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 from ...fem.scene.mesh import TetMesh
@@ -10,6 +10,7 @@ from ...predictors.asset import Asset
 from ...predictors.hearing.vocabulary import name_words
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
+from .meshers import STUFFING
 
 # Words of things whose closed surface usually stands for a shell; two words may make one of them.
 HOLLOW = frozenset(
@@ -18,11 +19,13 @@ HOLLOW = frozenset(
     "casing housing hull helmet bookcase suitcase briefcase toolbox mailbox dustbin".split()
 )
 
+MOST = 5  # names that a sentence lists
+
 
 def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many ``layers``."""
-    sentences = list(report.failed)
-    if report.layers < layers:
+    sentences = [*report.failed, *_of_lattice(report, layers)]
+    if report.layers < layers and report.mesher != STUFFING:
         sentences.append(
             f"{layers} layers of tets through thin places are more than --max-tets allows: "
             "given up; a larger --max-tets keeps them"
@@ -40,8 +43,8 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
         )
     if report.lost:
         sentences.append(
-            f"{listed(report.lost)}: thinner than epsilon ({report.epsilon:.3g} m) or covered by "
-            "other parts, has no tets; a smaller --epsilon-rel keeps thin parts"
+            f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
+            f"has no tets; {_finer(report)} keeps thin parts"
         )
     if report.distances.sheet_share > SHARE_TOLD:
         sentences.append(
@@ -51,8 +54,7 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     if report.distances.missed_share > SHARE_TOLD:
         sentences.append(
             f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
-            f"epsilon ({report.epsilon:.3g} m), which the mesh lacks; a smaller --epsilon-rel "
-            "keeps them"
+            f"{_thinnest(report)}, which the mesh lacks or blurs; {_finer(report)} keeps them"
         )
     if report.hollow:
         sentences.append(
@@ -65,7 +67,7 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
             f"{len(failed)} of {len(report.attempts)} attempts failed "
             f"({'; '.join(attempt.outcome for attempt in failed)})"
         )
-    if report.epsilon > report.asked_epsilon:
+    if report.epsilon > report.asked_epsilon and report.mesher != STUFFING:
         sentences.append(
             f"the distance that is kept is epsilon {report.epsilon:.3g} m, not the "
             f"{report.asked_epsilon:.3g} m asked for; the wanted edge is {report.edge_length:.3g} m"
@@ -73,10 +75,55 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def listed(names: Sequence[str], most: int = 5) -> str:
+def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
+    """What is not as expected in a mesh that a lattice was cut to."""
+    if report.mesher != STUFFING:
+        return
+    if report.attempts[0].engine != STUFFING:
+        yield (
+            f"fTetWild took too long: a lattice of {report.edge_length:.3g} m was cut to the "
+            "surface instead, which keeps no epsilon; --mesher ftetwild tries on"
+        )
+    edge = f"the lattice's edge of {report.edge_length:.3g} m"
+    for name, error in report.off_volume:
+        yield f"{name!r}: its volume is {error:+.1%} off; {_finer(report)} keeps it"
+    if report.thin_parts:
+        shares = ", ".join(f"{name!r} ({share:.0%})" for name, share in report.thin_parts[:MOST])
+        yield (
+            f"thinner than {edge} in some or all places, where the shape is blurred: {shares}"
+            f"{_more(len(report.thin_parts))}; {_finer(report)} keeps it"
+        )
+    far, at = max(
+        (report.distances.to_input, "the boundary is {} from the input"),
+        (report.distances.from_input, "the input is {} from the boundary"),
+    )
+    if far > report.edge_length:
+        away = at.format(f"up to {far:.3g} m")
+        yield f"{away}, more than {edge}; --mesher ftetwild keeps epsilon"
+    if layers > 1:
+        yield "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
+
+
+def _thinnest(report: ConversionReport) -> str:
+    """Length [m] below which a mesh holds nothing, with its name."""
+    name = "the lattice's edge" if report.mesher == STUFFING else "epsilon"
+    return f"{name} ({report.epsilon:.3g} m)"
+
+
+def _finer(report: ConversionReport) -> str:
+    """Option that makes that length smaller."""
+    lattice = report.mesher == STUFFING
+    return "a shorter --edge-length or --mesher ftetwild" if lattice else "a smaller --epsilon-rel"
+
+
+def listed(names: Sequence[str], most: int = MOST) -> str:
     """Quoted names, the first few of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(repr(name) for name in names[:most]) + more
+    return ", ".join(repr(name) for name in names[:most]) + _more(len(names), most)
+
+
+def _more(count: int, most: int = MOST) -> str:
+    """How many names of so many are not listed."""
+    return f" and {count - most} more" if count > most else ""
 
 
 def no_volume(asset: Asset, thinnest: float) -> str:
@@ -92,6 +139,8 @@ def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
     """Why no attempt gave a mesh, or none that keeps what a conversion promises."""
     if any(attempt.outcome.startswith(BROKEN) for attempt in attempts):
         what, way = "tet mesh that keeps its guarantees", "--accept-broken gives the best of them"
+    elif all(attempt.engine == STUFFING for attempt in attempts):
+        what, way = "tet mesh", "a shorter --edge-length or --mesher ftetwild may help"
     else:
         heaviest = max(asset.parts, key=lambda part: len(part.mesh.faces))
         most, total = len(heaviest.mesh.faces), sum(len(part.mesh.faces) for part in asset.parts)

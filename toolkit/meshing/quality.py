@@ -42,7 +42,8 @@ class BoundaryKind:
 class Quality:
     """Numbers about the tets of a mesh, and its boundary.
 
-    Dihedral angles are those of the sharpest edge of each tet [degrees]; the radius ratio is three
+    Dihedral angles are those of the sharpest edge of each tet [degrees], ``dihedral_max`` that of
+    the bluntest of all; the radius ratio is three
     inradii by one circumradius [1], 1 for a regular tet; altitudes are in [m], volumes in [m^3].
     ``time_step`` [s] is the largest that explicit integration may take, smallest altitude by wave
     speed: that of E, nu and rho, and without them that of steel, which few solids exceed.
@@ -55,6 +56,7 @@ class Quality:
     dihedral_min: float
     dihedral_p05: float
     dihedral_median: float
+    dihedral_max: float
     radius_ratio_min: float
     radius_ratio_p05: float
     radius_ratio_median: float
@@ -79,7 +81,8 @@ class Quality:
 def quality(mesh: TetMesh) -> Quality:
     """Measure a mesh."""
     volumes = mesh.volumes
-    sharpest = dihedral_angles(mesh.points, mesh.tets).min(axis=1)
+    angles = dihedral_angles(mesh.points, mesh.tets)
+    sharpest = angles.min(axis=1)
     ratio = radius_ratios(mesh.points, mesh.tets)
     low, p05, median = np.percentile(sharpest, [0, 5, 50])
     worst, ratio_p05, ratio_median = np.percentile(ratio, [0, 5, 50])
@@ -98,6 +101,7 @@ def quality(mesh: TetMesh) -> Quality:
         dihedral_min=float(low),
         dihedral_p05=float(p05),
         dihedral_median=float(median),
+        dihedral_max=float(angles.max()),
         radius_ratio_min=float(worst),
         radius_ratio_p05=float(ratio_p05),
         radius_ratio_median=float(ratio_median),

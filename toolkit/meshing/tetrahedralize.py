@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,17 +26,23 @@ from .conversion_report import (
     Region,
     guarantees,
     input_volume,
+    lattice_guarantees,
     measure_distances,
 )
-from .engine_run import EngineTarget, Filling
+from .engine_run import EDGE_LENGTH_REL, LATTICE_TETS, EngineTarget, Filling, LatticeFit
+from .meshers import AUTO, FTETWILD, MESHERS, STUFFING
 from .messages import likely_hollow, listed, no_mesh, no_volume, said
 from .quality import quality
+
+VOLUME_TOLD = 0.01  # relative error of a part's volume in a lattice
+THIN_TOLD = 0.05  # share of a part's surface where it is thinner than the lattice's edge
 
 
 def tetrahedralize(
     asset: Asset,
     *,
-    edge_length_rel: float = 0.05,
+    mesher: str = AUTO,
+    edge_length_rel: float | None = None,
     epsilon_rel: float = 2e-3,
     edge_length: float | None = None,
     max_tets: int | None = None,
@@ -55,9 +62,14 @@ def tetrahedralize(
 
     Parameters
     ----------
+    mesher
+        Name in ``MESHERS``, or "auto": "stuffing" for surfaces that are samples themselves, and
+        "ftetwild" for others, with "stuffing" where it takes too long. "ftetwild" keeps epsilon;
+        "stuffing" takes seconds, and keeps no distance but good angles and the volume.
     edge_length_rel, epsilon_rel
         Wanted edge, and largest distance between the boundary and the input, as shares of the
-        diagonal of the bounding box; the engine works in an envelope of half that distance.
+        diagonal of the bounding box; the engine works in an envelope of half that distance. The
+        edge is by default .05, in a lattice one that gives ``LATTICE_TETS`` tets.
     edge_length, max_tets
         Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
     layers
@@ -81,12 +93,24 @@ def tetrahedralize(
     """
     diagonal = float(np.linalg.norm(asset.size))
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
-    target = EngineTarget(diagonal, rel, epsilon_rel, stop_energy, layers).checked()
+    target = EngineTarget(
+        diagonal,
+        EDGE_LENGTH_REL if rel is None else rel,
+        epsilon_rel,
+        stop_energy,
+        layers,
+        edge_is_given=rel is not None,
+        tets=min(LATTICE_TETS, max_tets or LATTICE_TETS),
+        sharp=not asset.sampled,
+    ).checked()
+    if mesher not in (AUTO, *MESHERS):
+        raise UsageError(MESHERS.unknown(mesher))
+    mesher = STUFFING if mesher == AUTO and asset.sampled else mesher
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     prepared = partial(_solids, _centred(asset), target.envelope, thicken, walls)
     problem, repaired = _problem(asset, target, prepared, runner, np.random.default_rng(seed))
-    found = mesh_within(problem, max_tets)
+    found = mesh_within(problem._replace(mesher=mesher), max_tets)
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, repaired, walls, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
@@ -145,7 +169,10 @@ def _judged(
         mesh = _mesh(filling, asset.part_names)
         measured = quality(mesh)
         gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
-        promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
+        if filling.lattice is None:
+            promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
+        else:
+            promised = lattice_guarantees(mesh, measured, volume)
         return Made(filling, mesh, gaps, measured, promised, epsilon)
 
     return judge
@@ -211,12 +238,25 @@ def _report(
         split_edges=filling.mesh.split_edges,
         doubled_points=filling.mesh.doubled_points,
         layers=filling.target.layers,
+        mesher=FTETWILD if filling.lattice is None else STUFFING,
+        **_fit(filling.lattice, names),
         sheets=sheets,
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
         hollow=likely_hollow(asset, mesh, walls),
         seed=seed,
     )
+
+
+def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
+    """Fields of the report for a lattice: the parts that it does not fit."""
+    if lattice is None:
+        return {}
+    errors, shares = lattice
+    return {
+        "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
+        "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
+    }
 
 
 def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:

@@ -51,7 +51,7 @@ class AssetContent(NamedTuple):
     """What a file holds: surfaces, and metres per unit and up axis where it states them.
 
     ``cloud`` (n, 3) are points without triangles; ``up_guess`` is what most such files do;
-    ``warnings`` are sentences for the user.
+    ``warnings`` are sentences for the user; ``sampled`` surfaces come from splats or a grid.
     """
 
     surfaces: list[NamedSurface]
@@ -60,6 +60,7 @@ class AssetContent(NamedTuple):
     up_guess: UpAxis = "z"
     cloud: np.ndarray | None = None
     warnings: tuple[str, ...] = ()
+    sampled: bool = False
 
 
 def read_content(path: Path, data: bytes, references: References) -> AssetContent:

@@ -23,10 +23,11 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     """
     if is_density(path):
         surface = NamedSurface(density_surface(read_density(path)))
-        return AssetContent([surface], metres=1.0 if path.suffix.lower() == ".npz" else None)
+        metres = 1.0 if path.suffix.lower() == ".npz" else None
+        return AssetContent([surface], metres=metres, sampled=True)
     table = read_points(path)
     if table.is_splat:
-        return AssetContent([NamedSurface(splat_surface(table))])
+        return AssetContent([NamedSurface(splat_surface(table))], sampled=True)
     positions = table.positions
     return AssetContent([], cloud=positions[np.isfinite(positions).all(axis=1)])
 

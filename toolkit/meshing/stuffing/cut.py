@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.mesh import signed_volumes
 from ..quality import dihedral_angles
-from .field import NodeField
 from .junctions import junction_tets
-from .lattice import EDGES, Lattice, edges_of, tets_around
+from .lattice import Lattice, edges_of, tets_around
 from .stencils import pattern_code, patterns, stencil
 
 # A cut nearer than this share of an edge moves the node onto the surface. Labelle and Schewchuk,
@@ -22,6 +21,32 @@ WILD = -1  # the region of a node on the surface
 # Degrees; tets between nodes that all moved onto surfaces are outside the guarantee, and are kept
 # where they are as good as what is inside it.
 WILD_ANGLES = 10.8, 164.7
+
+
+@runtime_checkable
+class Regions(Protocol):
+    """The nodes of a lattice, ``where`` (n, 3), and which region they and other places lie in."""
+
+    where: np.ndarray
+
+    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+        """Region of every node, 0 outside, where surfaces are moved outward by offsets."""
+        ...
+
+    def region_at(
+        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
+    ) -> Int[np.ndarray, "m"]:
+        """Region of other places."""
+        ...
+
+    def crossings(
+        self,
+        ends: Int[np.ndarray, "edges 2"],
+        regions: Int[np.ndarray, "edges 2"],
+        offsets: Float[np.ndarray, "shells"],
+    ) -> Float[np.ndarray, "edges"]:
+        """Share of each edge at which the ``regions`` of its ``ends`` meet."""
+        ...
 
 
 class CutMesh(NamedTuple):
@@ -35,6 +60,11 @@ class CutMesh(NamedTuple):
     region: np.ndarray
     free: np.ndarray
 
+    @property
+    def volumes(self) -> Float[np.ndarray, "tets"]:
+        """Volume of every tet."""
+        return signed_volumes(self.points, self.tets)
+
 
 class Pieces(NamedTuple):
     """Tets of positive or, where ``mirrored``, negative orientation, each of one region."""
@@ -44,7 +74,7 @@ class Pieces(NamedTuple):
     mirrored: np.ndarray
 
 
-def cut(lattice: Lattice, field: NodeField, offsets: Float[np.ndarray, "shells"]) -> CutMesh:
+def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) -> CutMesh:
     """Fill the regions with tets; the surface of each shell is moved outward by its offset."""
     nodes, region = field.where, field.regions(offsets)
     tets, mirrored = tets_around(lattice, region > 0)
@@ -133,7 +163,7 @@ def _table() -> tuple[Int[np.ndarray, "81 3 4"], Int[np.ndarray, "81"]]:
 
 def _wild_tets(
     lattice: Lattice,
-    field: NodeField,
+    field: Regions,
     points: Float[np.ndarray, "points 3"],
     wild: Bool[np.ndarray, "nodes"],
     offsets: Float[np.ndarray, "shells"],
@@ -145,7 +175,7 @@ def _wild_tets(
     tets, mirrored = tets_around(lattice, wild)
     all_wild = wild[tets].all(axis=1)
     tets, mirrored = tets[all_wild], mirrored[all_wild]
-    region = field.field.region_at(points[tets].mean(axis=1), offsets)
+    region = field.region_at(points[tets].mean(axis=1), offsets)
     volume = signed_volumes(points, tets) * np.where(mirrored, -1, 1)
     good = (region > 0) & (volume > 0)
     tets, region, mirrored = tets[good], region[good], mirrored[good]

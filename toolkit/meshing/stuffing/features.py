@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ....fem.scene.boundary import area_vectors
 from ...surfaces.triangles import Triangles
 
 SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
@@ -31,12 +32,12 @@ class Features(NamedTuple):
 def features_of(surface: Triangles) -> Features:
     """Edges whose two faces meet sharply, and where these end, branch or turn sharply."""
     points, faces = surface
-    normal = np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2)))
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.maximum(length, np.finfo(float).tiny)
+    area = area_vectors(points, faces)
+    normal = _unit(area)
+    proper = np.linalg.norm(area, axis=1) > 0
     edges, left, right = _shared_edges(faces)
     cosine = np.einsum("ei,ei->e", normal[left], normal[right])
-    sharp = (cosine < np.cos(SHARP)) & (length[left, 0] > 0) & (length[right, 0] > 0)
+    sharp = (cosine < np.cos(SHARP)) & proper[left] & proper[right]
     edges, mean = edges[sharp], (normal[left] + normal[right])[sharp]
     corner = _corners(points, edges)
     towards = np.zeros_like(points)
@@ -80,7 +81,7 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 class OnEdges(NamedTuple):
-    """Nearest points of sharp edges: ``distance`` (n,), ``point`` (n, 3), number of the ``edge``."""
+    """Nearest points of sharp edges: ``distance`` (n,), ``point`` (n, 3) and which ``edge``."""
 
     distance: np.ndarray
     point: np.ndarray
@@ -113,4 +114,3 @@ class EdgeFinder:
         point = self.start[edge] + np.clip(share, 0, 1)[:, None] * along
         distance = np.linalg.norm(point - where, axis=1)
         return OnEdges(np.where(none | (distance > reach), np.inf, distance), point, edge)
-

@@ -42,6 +42,7 @@ class NearestTo:
         )
 
     def __call__(self, where: Float[np.ndarray, "n 3"], reach: float = np.inf) -> Nearest:
+        """Nearest points within ``reach``."""
         from .kernels_distance import nearest
 
         warp, count = start_warp(), len(where)
@@ -180,6 +181,12 @@ class NodeField:
             inside = value + offset > 0
             out[near[inside]] = region[inside]
         return out
+
+    def region_at(
+        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
+    ) -> Int[np.ndarray, "m"]:
+        """Region of other places."""
+        return self.field.region_at(where, offsets)
 
     def crossings(
         self,

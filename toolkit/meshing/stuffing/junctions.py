@@ -74,7 +74,7 @@ def _with_centres(
     local: Int[np.ndarray, "tets 10"],
     regions: Int[np.ndarray, "tets 4"],
     points: Float[np.ndarray, "points 3"],
-) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "points 3"]]:
+) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "more 3"]]:
     """Add a point in every face of three regions, one for both its tets, and one in every tet."""
     faces = np.full((len(local), 4), -1)
     corners = local[:, FACES]

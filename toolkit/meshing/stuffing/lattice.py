@@ -13,10 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....fem.errors import UsageError
-
-TETS_PER_CELL = 12  # of a cube whose edge is one long edge
-MOST_NODES = 6_000_000  # 1 GB of fields and labels on the way
+MOST_NODES = 6_000_000  # 1 GB of distances and labels on the way
 # Edges of a tet A, B, C, D as pairs of corners; the first two are the long ones.
 EDGES = ((0, 1), (2, 3), (0, 2), (0, 3), (1, 2), (1, 3))
 _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))  # corners of the square that an odd edge pierces
@@ -55,19 +52,10 @@ class LatticeTets(NamedTuple):
 
 
 def lattice_around(bounds: Float[np.ndarray, "2 3"]) -> Lattice:
-    """Lattice with planes on the lower faces of a box, and a cube beyond it on every side.
-
-    ``UsageError`` where that has more than ``MOST_NODES`` nodes.
-    """
+    """Lattice with planes on the lower faces of a box, and a cube beyond it on every side."""
     lo, hi = bounds
     cells = np.ceil(np.round(hi - lo, 9)).astype(int) + 2
-    lattice = Lattice(lo - 1.0, cells)
-    if lattice.node_count > MOST_NODES:
-        raise UsageError(
-            f"a lattice of {lattice.node_count} nodes, the limit is {MOST_NODES}: "
-            "give a longer --edge-length or fewer --max-tets"
-        )
-    return lattice
+    return Lattice(lo - 1.0, cells)
 
 
 def tets_around(lattice: Lattice, wanted: Bool[np.ndarray, "nodes"]) -> LatticeTets:

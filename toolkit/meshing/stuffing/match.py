@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ....fem.scene.boundary import face_areas
-from ....fem.scene.mesh import signed_volumes
 from ...surfaces.samples import stratified
 from .cut import CutMesh
 from .field import ShellField, SolidField
@@ -21,8 +20,9 @@ from .field import ShellField, SolidField
 SAMPLES = 32_000  # in the boxes of all shells; one of one volume in three is known to .5 %
 FEWEST = 2_000  # in the box of one shell of many
 CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sampled one is closed
-PASSES = 4
-GOOD = 0.002  # relative error of a volume with which a pass is content
+# Relative errors of volume with which the first passes and the later ones are content.
+PASSES, MOST_PASSES = 4, 9
+GOOD, GOOD_ENOUGH = 0.002, 0.008
 FARTHEST = 0.35  # largest offset: labels are known within a long edge of the surfaces
 STEEPEST = 3.0  # how many times more or less than its area a volume may grow with the offset
 
@@ -73,30 +73,55 @@ def matched(
 ) -> Matched:
     """Build a mesh, and again with other offsets until the volumes are those ``wanted``.
 
-    The first slopes are the shells' areas, the next ones those measured, within reason. The best
-    pass counts.
+    The best pass counts.
     """
     area = np.array([face_areas(*shell.triangles).sum() for shell in field.shells])
     aim = np.where(wanted > 0, wanted, np.inf)  # what lies wholly in smaller ones has no tets
-    slope, offsets = area.copy(), np.zeros(len(area))
-    best = last = None
-    for _ in range(PASSES):
+    search, offsets, best = Search(area), np.zeros(len(area)), None
+    for number in range(MOST_PASSES):
         mesh = build(offsets)
         found = Matched(mesh, _volumes(field, mesh), aim, offsets)
         best = found if best is None or found.error < best.error else best
-        if found.error < GOOD:
+        if best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
             break
-        if last is not None:
-            step = offsets - last.offsets
-            grown = np.where(step == 0, slope * step, found.volumes - last.volumes)
-            rate = grown / np.where(step == 0, 1.0, step)
-            slope = np.where(step == 0, slope, np.clip(rate, area / STEEPEST, area * STEEPEST))
         lacks = np.where(np.isfinite(aim), aim - found.volumes, 0.0)
-        last, offsets = found, np.clip(offsets + lacks / slope, -FARTHEST, FARTHEST)
+        offsets = search.next(offsets, lacks)
     assert best is not None
     return best
 
 
+class Search:
+    """Offsets at which several volumes lack nothing: secants within brackets, one for each."""
+
+    def __init__(self, area: Float[np.ndarray, "shells"]) -> None:
+        """Begin with volumes that grow with the offset as fast as their ``area``."""
+        self.area = area
+        self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def next(
+        self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
+    ) -> Float[np.ndarray, "shells"]:
+        """Return offsets to try after these, which left volumes that lack so much."""
+        slope = self.area
+        if self.last is not None:
+            step, grown = offsets - self.last[0], self.last[1] - lacks
+            rate = grown / np.where(step == 0, 1.0, step)
+            steep = np.clip(rate, self.area / STEEPEST, self.area * STEEPEST)
+            slope = np.where(step == 0, slope, steep)
+        self.last = offsets, lacks
+        # The volume of something thin jumps: a bracket keeps the search from going to and fro.
+        self.low = np.where(lacks > 0, np.maximum(self.low, offsets), self.low)
+        self.high = np.where(lacks < 0, np.minimum(self.high, offsets), self.high)
+        wild = self.low >= self.high  # a neighbour's offset has changed what this one lacks
+        self.low = np.where(wild, -FARTHEST, self.low)
+        self.high = np.where(wild, FARTHEST, self.high)
+        tried = offsets + lacks / slope
+        beyond = (tried <= self.low) | (tried >= self.high)
+        return np.where(beyond & (lacks != 0), (self.low + self.high) / 2, tried)
+
+
 def _volumes(field: SolidField, mesh: CutMesh) -> Float[np.ndarray, "shells"]:
-    volume = signed_volumes(mesh.points, mesh.tets)
-    return np.bincount(field.rank[mesh.region], weights=volume, minlength=len(field.shells))
+    rank = field.rank[mesh.region]
+    total = np.bincount(rank, weights=mesh.volumes, minlength=len(field.shells))
+    return total.astype(np.float64)  # of no tets it is integers

@@ -2,52 +2,92 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
+from ....fem.errors import UsageError
 from ...native.cache import Runner
 from ...surfaces.solids import Solids
-from ..engine_run import EngineTarget, Filling, NoFilling
+from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
+from .carve import carved
 from .cut import CutMesh, cut
 from .features import features_of, joined
 from .field import NodeField, SolidField
-from .lattice import TETS_PER_CELL, lattice_around
+from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
 from .snap import DEPTH, snapped
+from .thickness import thin_shares
+
+log = logging.getLogger(__name__)
 
 
 def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
-    """Fill ``solids`` [m] with tets of a lattice, as many as ``target`` wants or of its edge [m].
+    """Fill ``solids`` [m] with tets of a lattice with the edge that the ``target`` wants.
 
-    ``runner`` is not needed: it takes seconds, in this process.
+    It takes seconds, in this process: ``runner`` only hears of it. ``UsageError`` where the edge
+    that was asked for gives more nodes than memory holds; one that was not asked for grows.
     """
-    edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
-    origin = solids.bounds[0]
-    found = stuff(SolidField(solids, origin=origin, edge=edge))
-    if not len(found.mesh.tets):
+    if runner.progress is not None:
+        runner.progress("stuffing", 0.0)
+    edge = _edge(solids, target)
+    field = SolidField(solids, origin=solids.bounds[0], edge=edge)
+    found = stuff(field, sharp=target.sharp)
+    tets, volumes = found.mesh.tets, found.mesh.volumes
+    kept = carved(tets, volumes) if len(tets) else np.zeros(0, dtype=bool)
+    if not kept.any():
         raise NoFilling(f"no part is as thick as the lattice's edge of {edge:.3g} m")
-    mesh = separate(origin + edge * found.mesh.points, found.mesh.tets)
-    part = SolidField(solids, origin=origin, edge=edge).part[found.mesh.region]
-    aim = replace(target, edge_length_rel=edge / target.diagonal, epsilon_rel=edge / target.diagonal, layers=1)
-    return Filling(mesh, part[mesh.origin], aim)
+    mesh = separate(solids.bounds[0] + edge * found.mesh.points, tets[kept])
+    rel = edge / target.diagonal
+    return Filling(
+        mesh,
+        field.part[found.mesh.region[kept]][mesh.origin],
+        replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge)),
+    )
 
 
-def stuff(field: SolidField) -> Matched:
-    """Fill a field's shells, their volumes matched and their sharp edges snapped."""
+def _edge(solids: Solids, target: EngineTarget) -> float:
+    """Long edge [m] of the lattice."""
+    edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
+    lattice = lattice_around((solids.bounds - solids.bounds[0]) / edge)
+    if lattice.node_count <= MOST_NODES:
+        return edge
+    if target.edge_is_given:
+        raise UsageError(
+            f"an edge of {edge:.3g} m gives a lattice of {lattice.node_count} nodes, the limit is "
+            f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
+        )
+    return edge * (lattice.node_count / MOST_NODES) ** (1 / 3)
+
+
+def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
+    """Fill a field's shells, their volumes matched and their ``sharp`` edges kept."""
     lattice = lattice_around(field.bounds)
     nodes = NodeField(field, lattice.nodes())
     features = joined([features_of(shell.triangles) for shell in field.shells])
-    none = np.zeros(len(field.shells))
+    at_rest = np.zeros(len(field.shells))
 
     def visible(where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]) -> np.ndarray:
+        """Whether what is on both sides of a place differs."""
         sides = np.concatenate([where + DEPTH * normal, where - DEPTH * normal])
-        out, inside = np.split(field.region_at(sides, none), 2)
+        out, inside = np.split(field.region_at(sides, at_rest), 2)
         return out != inside
 
     def build(offsets: Float[np.ndarray, "shells"]) -> CutMesh:
-        return snapped(cut(lattice, nodes, offsets), features, visible)
+        mesh = cut(lattice, nodes, offsets)
+        return snapped(mesh, features, visible) if sharp else mesh
 
     return matched(field, wanted_volumes(field), build)
+
+
+def _errors(field: SolidField, found: Matched) -> dict[int, float]:
+    """Relative error of each part's volume: where parts share a shell, that of the largest."""
+    out: dict[int, float] = {}
+    for shell, error in zip(field.shells, found.volumes / found.wanted - 1, strict=True):
+        for part in shell.parts.tolist():
+            out[part] = max(out.get(part, 0.0), float(error), key=abs)
+    return out

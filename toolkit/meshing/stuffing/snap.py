@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.boundary import FACES, area_vectors
 from ....fem.scene.mesh import signed_volumes
+from ..conversion_report import BLUNTEST, SHARPEST
 from ..quality import FACE_PAIRS
 from .cut import CutMesh
 from .features import EdgeFinder, Features
 
-SHARPEST, BLUNTEST = 9.0, 166.0  # degrees: dihedral angles that a move must leave
 CORNER_REACH, CORNER_NODES = 0.9, 12  # long edges; how many nodes are tried for a corner
 EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
 DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
@@ -50,7 +51,8 @@ def _to_corners(
     count = min(CORNER_NODES, len(nodes))
     if not (len(corners) and count):
         return
-    distance, index = KDTree(guard.points[nodes]).query(corners, k=list(range(1, count + 1)))
+    ranks: Any = np.arange(1, count + 1)  # an array keeps the shape where there is one; stubs lag
+    distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
     open_ = np.ones(len(corners), dtype=bool)
     for distances, tried in zip(distance.T, nodes[index.T], strict=True):
         ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
@@ -66,7 +68,7 @@ class Guard:
     def __init__(self, mesh: CutMesh) -> None:
         self.points = mesh.points.copy()
         self.tets = mesh.tets[~mesh.free[mesh.tets].all(axis=1)]
-        volume, sharp, blunt = _shape(self.points, self.tets)
+        _, sharp, blunt = _shape(self.points, self.tets)
         # Where a tet is worse than that already, it must not become worse still.
         self.sharpest = np.maximum(sharp, np.cos(np.radians(SHARPEST)))
         self.blunt = np.minimum(blunt, np.cos(np.radians(BLUNTEST)))

@@ -18,10 +18,11 @@ from jaxtyping import Int
 
 from .lattice import EDGES
 
-Pattern = tuple[int, int, int, int]
+Pattern = tuple[int, ...]  # signs of A, B, C, D
 Tet = tuple[int, ...]  # four points: 0 to 3 are the corners, 4 to 9 the cuts of the edges
 
 CUT = {pair: 4 + k for k, edge in enumerate(EDGES) for pair in (edge, edge[::-1])}
+LONG = (CUT[0, 1], CUT[2, 3])
 # Of the faces at a long edge: its end that exceeds the tip in an even number of coordinates for
 # odd edges, in an odd number for even ones. (Even on all faces, or odd, is one-sided: the tets
 # inside and outside of a surface would choose other diagonals.)
@@ -52,19 +53,20 @@ def stencil(signs: Pattern) -> tuple[Tet, ...]:
     elif len(inside) == 1:
         tets = [(inside[0], *(CUT[inside[0], n] for n in outside), *surface)]
     elif len(inside) == 2 and surface:
-        tets = [(*triangle, *surface) for triangle in cut_face(outside[0], *inside)]
+        quad = cut_face(outside[0], inside[0], inside[1])
+        tets = [(*triangle, *surface) for triangle in quad]
     elif len(inside) == 3:
         tets = _prism(inside, [CUT[p, outside[0]] for p in inside], outside, inside)
     else:
-        ends = [[p, *(CUT[p, n] for n in outside)] for p in inside]
-        tets = _prism(*ends, outside, inside)
+        one, two = ([p, *(CUT[p, n] for n in outside)] for p in inside)
+        tets = _prism(one, two, outside, inside)
     return tuple(positive(tet, CORNERS) for tet in tets)
 
 
 def face_diagonal(tip: int, first: int, second: int) -> set[int]:
     """Diagonal of the quadrilateral that cuts of both edges at ``tip`` leave of a face."""
     for end, other in ((first, second), (second, first)):
-        if CUT[tip, end] in (4, 5):
+        if CUT[tip, end] in LONG:
             return {CUT[tip, end], other}
     end = END[min(first, second), max(first, second), tip]
     return {end, CUT[tip, second if end == first else first]}

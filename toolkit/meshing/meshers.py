@@ -1,0 +1,30 @@
+"""The meshers by name: what fills solids with tets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from ...fem.registry import Registry
+
+if TYPE_CHECKING:
+    from ..native.cache import Runner
+    from ..surfaces.solids import Solids
+    from .engine_run import EngineTarget, Filling
+
+
+class Mesher(Protocol):
+    """Fills solids with tets."""
+
+    def __call__(self, solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
+        """Fill ``solids`` [m] as the ``target`` asks; ``NoFilling`` or ``ChildFailure`` if not."""
+        ...
+
+
+# Stuffing for surfaces that are samples themselves, and where fTetWild takes too long.
+AUTO = "auto"
+FTETWILD, STUFFING = "ftetwild", "stuffing"
+MESHERS: Registry[Mesher] = Registry(
+    "mesher",
+    __package__ or "",
+    {FTETWILD: "engine_run:run_engine", STUFFING: "stuffing.mesher:stuffed"},
+)
