@@ -50,6 +50,24 @@ class EngineTarget:
     tets: int = LATTICE_TETS
     sharp: bool = True
 
+    @classmethod
+    def of(
+        cls,
+        diagonal: float,
+        edge_length_rel: float | None,
+        epsilon_rel: float,
+        stop_energy: float,
+        layers: int,
+    ) -> EngineTarget:
+        """Build one, checked; without an edge it is ``EDGE_LENGTH_REL``."""
+        edge = EDGE_LENGTH_REL if edge_length_rel is None else edge_length_rel
+        made = cls(diagonal, edge, epsilon_rel, stop_energy, layers)
+        return replace(made, edge_is_given=edge_length_rel is not None).checked()
+
+    def on_lattice(self, max_tets: int | None, *, sharp: bool) -> EngineTarget:
+        """Return the same with what only a lattice asks for."""
+        return replace(self, tets=min(LATTICE_TETS, max_tets or LATTICE_TETS), sharp=sharp)
+
     @property
     def edge_length(self) -> float:
         """Wanted edge [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from ...fem.errors import UsageError
 from ...fem.registry import Registry
 
 if TYPE_CHECKING:
@@ -28,3 +29,10 @@ MESHERS: Registry[Mesher] = Registry(
     __package__ or "",
     {FTETWILD: "engine_run:run_engine", STUFFING: "stuffing.mesher:stuffed"},
 )
+
+
+def chosen_mesher(name: str, *, sampled: bool) -> str:
+    """Return ``name`` if it is a mesher; for ``sampled`` surfaces the automatic one is a lattice."""
+    if name not in (AUTO, *MESHERS):
+        raise UsageError(MESHERS.unknown(name))
+    return STUFFING if name == AUTO and sampled else name

@@ -29,8 +29,8 @@ from .conversion_report import (
     lattice_guarantees,
     measure_distances,
 )
-from .engine_run import EDGE_LENGTH_REL, LATTICE_TETS, EngineTarget, Filling, LatticeFit
-from .meshers import AUTO, FTETWILD, MESHERS, STUFFING
+from .engine_run import EngineTarget, Filling, LatticeFit
+from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
 from .messages import likely_hollow, listed, no_mesh, no_volume, said
 from .quality import quality
 
@@ -63,18 +63,16 @@ def tetrahedralize(
     Parameters
     ----------
     mesher
-        Name in ``MESHERS``, or "auto": "stuffing" for surfaces that are samples themselves, and
-        "ftetwild" for others, with "stuffing" where it takes too long. "ftetwild" keeps epsilon;
-        "stuffing" takes seconds, and keeps no distance but good angles and the volume.
+        Name in ``MESHERS``, or "auto": "stuffing" for sampled assets and after a time-out.
+        "ftetwild" keeps epsilon; "stuffing" takes seconds, keeps good angles and the volume.
     edge_length_rel, epsilon_rel
         Wanted edge, and largest distance between the boundary and the input, as shares of the
-        diagonal of the bounding box; the engine works in an envelope of half that distance. The
-        edge is by default .05, in a lattice one that gives ``LATTICE_TETS`` tets.
+        diagonal of the bounding box; the engine works in an envelope of half that distance. By
+        default the edge is .05, in a lattice what gives ``LATTICE_TETS`` tets.
     edge_length, max_tets
         Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
     layers
-        Layers of tets wanted through thin places, by shorter edges there, at most a quarter of the
-        wanted one; given up where ``max_tets`` does not allow them.
+        Layers of tets wanted through thin places, where ``max_tets`` allows them.
     thicken, wall, part_wall
         Thickness [m] given to sheets, which otherwise are left out; wall [m] that hollows all
         closed parts, or the named ones, which otherwise are solid.
@@ -93,19 +91,9 @@ def tetrahedralize(
     """
     diagonal = float(np.linalg.norm(asset.size))
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
-    target = EngineTarget(
-        diagonal,
-        EDGE_LENGTH_REL if rel is None else rel,
-        epsilon_rel,
-        stop_energy,
-        layers,
-        edge_is_given=rel is not None,
-        tets=min(LATTICE_TETS, max_tets or LATTICE_TETS),
-        sharp=not asset.sampled,
-    ).checked()
-    if mesher not in (AUTO, *MESHERS):
-        raise UsageError(MESHERS.unknown(mesher))
-    mesher = STUFFING if mesher == AUTO and asset.sampled else mesher
+    target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
+    target = target.on_lattice(max_tets, sharp=not asset.sampled)
+    mesher = chosen_mesher(mesher, sampled=asset.sampled)
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     prepared = partial(_solids, _centred(asset), target.envelope, thicken, walls)

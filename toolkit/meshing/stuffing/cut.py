@@ -66,7 +66,7 @@ class CutMesh(NamedTuple):
         return signed_volumes(self.points, self.tets)
 
 
-class Pieces(NamedTuple):
+class DividedTets(NamedTuple):
     """Tets of positive or, where ``mirrored``, negative orientation, each of one region."""
 
     tets: np.ndarray
@@ -85,7 +85,7 @@ def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) 
     share[split] = field.crossings(ends[split], region[ends[split]], offsets)
     points, wild = _warped(nodes, ends, share, lattice.even_count)
     region = np.where(wild, WILD, region)
-    whole = Pieces(tets[~mixed], region[tets[~mixed]].max(axis=1), mirrored[~mixed])
+    whole = DividedTets(tets[~mixed], region[tets[~mixed]].max(axis=1), mirrored[~mixed])
     a, b = region[ends].T
     cuts = np.flatnonzero((a != b) & (a != WILD) & (b != WILD))
     number = np.full(len(ends), -1)
@@ -96,7 +96,7 @@ def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) 
     pieces, many = _divided(local, region[tets[mixed]], mirrored[mixed])
     kept = _wild_tets(lattice, field, points, wild, offsets)
     *inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
-    return _compact(points, wild, [whole, *pieces, Pieces(*inner), kept])
+    return _compact(points, wild, [whole, *pieces, DividedTets(*inner), kept])
 
 
 def _warped(
@@ -129,7 +129,7 @@ def _divided(
     local: Int[np.ndarray, "tets 10"],
     region: Int[np.ndarray, "tets 4"],
     mirrored: Bool[np.ndarray, "tets"],
-) -> tuple[list[Pieces], Bool[np.ndarray, "tets"]]:
+) -> tuple[list[DividedTets], Bool[np.ndarray, "tets"]]:
     """Cut the tets of one or two regions; say which have more."""
     high = region.max(axis=1)
     low = np.where(region == WILD, np.iinfo(region.dtype).max, region).min(axis=1)
@@ -146,7 +146,7 @@ def _divided(
         code = pattern_code(signs)
         which, slot = np.nonzero(np.arange(table.shape[1]) < count[code][:, None])
         tets = np.take_along_axis(local[asked][which], table[code[which], slot], axis=1)
-        pieces.append(Pieces(tets, mine[asked][which], mirrored[asked][which]))
+        pieces.append(DividedTets(tets, mine[asked][which], mirrored[asked][which]))
     return pieces, many
 
 
@@ -167,7 +167,7 @@ def _wild_tets(
     points: Float[np.ndarray, "points 3"],
     wild: Bool[np.ndarray, "nodes"],
     offsets: Float[np.ndarray, "shells"],
-) -> Pieces:
+) -> DividedTets:
     """Tets whose four nodes all moved onto surfaces: kept where they lie inside and are good.
 
     Without them a plate thinner than a long edge falls apart.
@@ -181,7 +181,7 @@ def _wild_tets(
     tets, region, mirrored = tets[good], region[good], mirrored[good]
     angle = dihedral_angles(points, _positive(tets, mirrored))
     good = (angle.min(axis=1) > WILD_ANGLES[0]) & (angle.max(axis=1) < WILD_ANGLES[1])
-    return Pieces(tets[good], region[good], mirrored[good])
+    return DividedTets(tets[good], region[good], mirrored[good])
 
 
 def _positive(tets: Int[np.ndarray, "tets 4"], mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
@@ -189,7 +189,9 @@ def _positive(tets: Int[np.ndarray, "tets 4"], mirrored: Bool[np.ndarray, "tets"
 
 
 def _compact(
-    points: Float[np.ndarray, "points 3"], wild: Bool[np.ndarray, "nodes"], pieces: list[Pieces]
+    points: Float[np.ndarray, "points 3"],
+    wild: Bool[np.ndarray, "nodes"],
+    pieces: list[DividedTets],
 ) -> CutMesh:
     """All pieces, positively oriented, on the points that they use."""
     tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])

@@ -17,7 +17,7 @@ SHARP = np.radians(35.0)  # between the normals of two faces, and between two ed
 SPACING = 0.125  # of the points on edges among which the nearest is looked for, in long edges
 
 
-class Features(NamedTuple):
+class SharpFeatures(NamedTuple):
     """Sharp edges ``ends`` (n, 2, 3) with the mean ``normal`` (n, 3) of their faces; corners.
 
     ``corners`` (m, 3) with their ``corner_normals`` (m, 3).
@@ -29,7 +29,7 @@ class Features(NamedTuple):
     corner_normals: np.ndarray
 
 
-def features_of(surface: Triangles) -> Features:
+def features_of(surface: Triangles) -> SharpFeatures:
     """Edges whose two faces meet sharply, and where these end, branch or turn sharply."""
     points, faces = surface
     area = area_vectors(points, faces)
@@ -43,12 +43,12 @@ def features_of(surface: Triangles) -> Features:
     towards = np.zeros_like(points)
     for end in edges.T:
         np.add.at(towards, end, mean)
-    return Features(points[edges], _unit(mean), points[corner], _unit(towards[corner]))
+    return SharpFeatures(points[edges], _unit(mean), points[corner], _unit(towards[corner]))
 
 
-def joined(features: list[Features]) -> Features:
+def gathered_features(features: list[SharpFeatures]) -> SharpFeatures:
     """All features of several surfaces."""
-    return Features(*(np.concatenate(values) for values in zip(*features, strict=True)))
+    return SharpFeatures(*(np.concatenate(values) for values in zip(*features, strict=True)))
 
 
 def _shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ class OnEdges(NamedTuple):
 class EdgeFinder:
     """Finds the nearest point of sharp edges through samples on them."""
 
-    def __init__(self, features: Features) -> None:
+    def __init__(self, features: SharpFeatures) -> None:
         from scipy.spatial import KDTree
 
         self.start, self.end = features.ends[:, 0], features.ends[:, 1]

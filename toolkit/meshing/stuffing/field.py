@@ -23,7 +23,7 @@ NUDGE = 1e-9  # in place of 0, which is neither inside nor outside
 MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset adds
 
 
-class Nearest(NamedTuple):
+class NearestPoints(NamedTuple):
     """``distance`` (n,) to a surface, at most the reach; ``face`` (n,) or -1; ``point`` (n, 3)."""
 
     distance: np.ndarray
@@ -32,7 +32,7 @@ class Nearest(NamedTuple):
 
 
 class NearestTo:
-    """Nearest points of one triangle surface, in single precision."""
+    """NearestPoints points of one triangle surface, in single precision."""
 
     def __init__(self, surface: Triangles) -> None:
         warp = start_warp()
@@ -41,8 +41,8 @@ class NearestTo:
             warp.array(surface.faces.reshape(-1), dtype=warp.int32, device="cpu"),
         )
 
-    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float = np.inf) -> Nearest:
-        """Nearest points within ``reach``."""
+    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float = np.inf) -> NearestPoints:
+        """NearestPoints points within ``reach``."""
         from .kernels_distance import nearest
 
         warp, count = start_warp(), len(where)
@@ -54,7 +54,7 @@ class NearestTo:
         reach = min(reach, 1e30)  # infinity overflows when it is squared
         warp.launch(nearest, count, [self._mesh.id, given, reach], out, device="cpu")
         distance, face, point = (array.numpy() for array in out)
-        return Nearest(distance.astype(np.float64), face, point.astype(np.float64))
+        return NearestPoints(distance.astype(np.float64), face, point.astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +93,12 @@ class ShellField:
 
     @cached_property
     def nearest(self) -> NearestTo:
-        """Nearest points of it."""
+        """NearestPoints points of it."""
         return NearestTo(self.triangles)
 
     @cached_property
     def nearest_of_part(self) -> tuple[NearestTo, ...]:
-        """Nearest points of the faces of each part."""
+        """NearestPoints points of the faces of each part."""
         mine = [self.shell.faces[self.shell.part == part] for part in self.parts]
         return tuple(NearestTo(Triangles(self.shell.points, faces)) for faces in mine)
 

@@ -15,7 +15,7 @@ from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
 from .carve import carved
 from .cut import CutMesh, cut
-from .features import features_of, joined
+from .features import features_of, gathered_features
 from .field import NodeField, SolidField
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
@@ -68,7 +68,7 @@ def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
     """Fill a field's shells, their volumes matched and their ``sharp`` edges kept."""
     lattice = lattice_around(field.bounds)
     nodes = NodeField(field, lattice.nodes())
-    features = joined([features_of(shell.triangles) for shell in field.shells])
+    features = gathered_features([features_of(shell.triangles) for shell in field.shells])
     at_rest = np.zeros(len(field.shells))
 
     def visible(where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]) -> np.ndarray:

@@ -13,7 +13,7 @@ from ....fem.scene.mesh import signed_volumes
 from ..conversion_report import BLUNTEST, SHARPEST
 from ..quality import FACE_PAIRS
 from .cut import CutMesh
-from .features import EdgeFinder, Features
+from .features import EdgeFinder, SharpFeatures
 
 CORNER_REACH, CORNER_NODES = 0.9, 12  # long edges; how many nodes are tried for a corner
 EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
@@ -22,7 +22,7 @@ DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are
 Visible = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], np.ndarray]
 
 
-def snapped(mesh: CutMesh, features: Features, visible: Visible) -> CutMesh:
+def snapped(mesh: CutMesh, features: SharpFeatures, visible: Visible) -> CutMesh:
     """Move nodes of the surfaces to the ``features`` that are ``visible`` at a place and normal."""
     guard = Guard(mesh)
     taken = mesh.free.copy()
@@ -41,7 +41,7 @@ def snapped(mesh: CutMesh, features: Features, visible: Visible) -> CutMesh:
 
 
 def _to_corners(
-    guard: Guard, taken: Bool[np.ndarray, "points"], features: Features, visible: Visible
+    guard: Guard, taken: Bool[np.ndarray, "points"], features: SharpFeatures, visible: Visible
 ) -> None:
     """For each corner try the nearest nodes one after the other, until one may move there."""
     from scipy.spatial import KDTree
