@@ -32,7 +32,7 @@ MESHERS: Registry[Mesher] = Registry(
 
 
 def chosen_mesher(name: str, *, sampled: bool) -> str:
-    """Return ``name`` if it is a mesher; for ``sampled`` surfaces the automatic one is a lattice."""
+    """Return ``name`` if it is a mesher; the automatic one of ``sampled`` surfaces is a lattice."""
     if name not in (AUTO, *MESHERS):
         raise UsageError(MESHERS.unknown(name))
     return STUFFING if name == AUTO and sampled else name

@@ -66,39 +66,35 @@ def tetrahedralize(
         Name in ``MESHERS``, or "auto": "stuffing" for sampled assets and after a time-out.
         "ftetwild" keeps epsilon; "stuffing" takes seconds, keeps good angles and the volume.
     edge_length_rel, epsilon_rel
-        Wanted edge, and largest distance between the boundary and the input, as shares of the
-        diagonal of the bounding box; the engine works in an envelope of half that distance. By
-        default the edge is .05, in a lattice what gives ``LATTICE_TETS`` tets.
-    edge_length, max_tets
-        Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it.
-    layers
-        Layers of tets wanted through thin places, where ``max_tets`` allows them.
+        Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice, and largest distance
+        between the boundary and the input, as shares of the diagonal of the bounding box.
+    edge_length, max_tets, layers
+        Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it;
+        layers of tets wanted through thin places, where it allows them.
     thicken, wall, part_wall
-        Thickness [m] given to sheets, which otherwise are left out; wall [m] that hollows all
-        closed parts, or the named ones, which otherwise are solid.
-    stop_energy
-        AMIPS energy at which the engine is content with the shape of the tets; 3 is the optimum.
-    time_limit, memory_limit
-        Seconds and bytes that one attempt of the engine may take.
+        Thickness [m] given to sheets, else left out; wall [m] that hollows all closed parts, or
+        the named ones, which otherwise are solid.
+    stop_energy, time_limit, memory_limit
+        AMIPS energy at which the engine is content with the tets' shape, 3 is the optimum; seconds
+        and bytes that one attempt may take.
     accept_broken
         Return the best mesh, with warnings, where no attempt gave one that keeps its guarantees.
     cache, seed, progress
-        Folder of remembered results; seed of the samples that check the mesh (the engine varies
-        by itself); called with (stage, seconds) meanwhile.
+        Folder of results; seed of the samples that check; called with (stage, seconds) meanwhile.
 
-    Raises NoVolumeError where no part encloses a volume or no attempt gave a mesh that keeps its
-    guarantees, UsageError where an option is out of range or names an unknown part.
+    Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees, UsageError
+    where an option is out of range or names an unknown part.
     """
     diagonal = float(np.linalg.norm(asset.size))
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
-    mesher = chosen_mesher(mesher, sampled=asset.sampled)
     walls = _walls(asset, wall, part_wall or {})
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     prepared = partial(_solids, _centred(asset), target.envelope, thicken, walls)
     problem, repaired = _problem(asset, target, prepared, runner, np.random.default_rng(seed))
-    found = mesh_within(problem._replace(mesher=mesher), max_tets)
+    problem = problem._replace(mesher=chosen_mesher(mesher, sampled=asset.sampled))
+    found = mesh_within(problem, max_tets)
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, repaired, walls, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
