@@ -64,7 +64,7 @@ def tetrahedralize(
     ----------
     mesher
         Name in ``MESHERS``, or "auto": "stuffing" for sampled assets and after a time-out.
-        "ftetwild" keeps epsilon; "stuffing" takes seconds, keeps good angles and the volume.
+        "ftetwild" keeps epsilon, "stuffing" good angles and the volume, in seconds.
     edge_length_rel, epsilon_rel
         Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice, and largest distance
         between the boundary and the input, as shares of the diagonal of the bounding box.
@@ -82,8 +82,7 @@ def tetrahedralize(
     cache, seed, progress
         Folder of results; seed of the samples that check; called with (stage, seconds) meanwhile.
 
-    Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees, UsageError
-    where an option is out of range or names an unknown part.
+    Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.
     """
     diagonal = float(np.linalg.norm(asset.size))
     rel = edge_length_rel if edge_length is None else edge_length / diagonal

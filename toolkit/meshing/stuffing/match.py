@@ -110,7 +110,7 @@ class Search:
             steep = np.clip(rate, self.area / STEEPEST, self.area * STEEPEST)
             slope = np.where(step == 0, slope, steep)
         self.last = offsets, lacks
-        # The volume of something thin jumps: a bracket keeps the search from going to and fro.
+        # The volume of something thin jumps: a bracket keeps the search from jumping back.
         self.low = np.where(lacks > 0, np.maximum(self.low, offsets), self.low)
         self.high = np.where(lacks < 0, np.minimum(self.high, offsets), self.high)
         wild = self.low >= self.high  # a neighbour's offset has changed what this one lacks
