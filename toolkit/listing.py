@@ -3,31 +3,47 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .io.document import mesh_document
 
+if TYPE_CHECKING:
+    from ..fem.scene.materials import Material
 
-def materials(query: str = "") -> dict[str, Any]:
-    """Rows of the material table that match ``query`` (all rows without one)."""
-    from ..fem.scene.materials import load_table
 
-    table = load_table()
-    rows = table.search(query) if query else table.rows
+def materials(query: str = "", *, contents: bool = False) -> dict[str, Any]:
+    """Rows of the material table that match ``query`` (all rows without one).
+
+    ``contents`` asks for what fills things instead. Where nothing matches, a ``UsageError`` names
+    the nearest words.
+    """
+    from ..fem.scene.materials import load_contents, load_table
+
+    table = load_contents() if contents else load_table()
+    rows = table.search(query) if query else list(table.rows)
+    if not rows:
+        table.exact(query)  # knows what was meant, and refuses
+    return {"query": query, "materials": [_row(row) for row in rows]}
+
+
+def _row(row: Material) -> dict[str, Any]:
+    """All that is known of a material; what is not known is null."""
+    from ..fem.scene.material_properties import load_colours, load_grains, load_strengths
+
     return {
-        "query": query,
-        "materials": [
-            {
-                "name": row.name,
-                "category": row.category,
-                "E": row.E,
-                "nu": row.nu,
-                "rho": row.rho,
-                "aliases": row.aliases,
-                "source": row.source,
-            }
-            for row in rows
-        ],
+        "name": row.name,
+        "category": row.category,
+        "E": row.E,
+        "nu": row.nu,
+        "rho": row.rho,
+        "aliases": row.aliases,
+        "source": row.source,
+        "note": row.note,
+        "estimated": row.estimated,
+        "grade": row.grade,
+        "strength": load_strengths().get(row.name),
+        "grain": load_grains().get(row.name),
+        "colour": load_colours().get(row.name),
     }
 
 

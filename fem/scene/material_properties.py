@@ -111,6 +111,28 @@ class Grain:
         )
 
 
+@dataclass(frozen=True)
+class Colour:
+    """The typical colour of a bare material, not painted: CIE L*a*b* of 1976 at D65.
+
+    Parameters
+    ----------
+    L, a, b
+        Lightness 0 to 100, green to red, blue to yellow [1].
+    spread
+        Standard deviation of the distance from it (CIE 1976 Delta E) [1]: 5 is a shade, 15 a
+        species or a batch, above 30 it comes in all colours.
+    source
+        Where the colour comes from, or ``judgement``.
+    """
+
+    L: float
+    a: float
+    b: float
+    spread: float
+    source: str
+
+
 def _records(table: str) -> list[dict[str, str]]:
     """Records of a table beside the material table, by the names of its columns."""
     path = TABLE_PATH.with_name(f"{table}.csv")
@@ -150,4 +172,19 @@ def load_grains() -> Mapping[str, Grain]:
             estimated=tuple(record["estimated"].split()),
         )
         for record in _records("grain")
+    }
+
+
+@lru_cache(maxsize=1)
+def load_colours() -> Mapping[str, Colour]:
+    """Return the typical colours by the name of the row."""
+    return {
+        record["name"]: Colour(
+            L=float(record["L"]),
+            a=float(record["a"]),
+            b=float(record["b"]),
+            spread=float(record["spread"]),
+            source=record["source"],
+        )
+        for record in _records("colour")
     }

@@ -179,11 +179,15 @@ class MaterialTable:
         """Return the row of a name or alias; an unknown one is a ``UsageError`` with a hint."""
         if key(name) in self.phrases:
             return self.phrases[key(name)]
-        near = difflib.get_close_matches(key(name), self.phrases, n=3, cutoff=0.6)
+        near = self.near(name)
         hint = f"did you mean {', '.join(map(repr, near))}?" if near else "try a simpler word"
         raise UsageError(
             f"no material {name!r} in the table: {hint} (`autophyx-tet materials` lists all)"
         )
+
+    def near(self, name: str) -> list[str]:
+        """Return up to three names and aliases that are spelled nearly so, the nearest first."""
+        return difflib.get_close_matches(key(name), self.phrases, n=3, cutoff=0.6)
 
     def search(self, query: str = "") -> list[Material]:
         """Rows whose name, aliases or category hold every word of the query, best match first."""

@@ -4,11 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.material_properties import load_grains, load_strengths
+from autophyx_tet.fem.scene.material_properties import (
+    load_colours,
+    load_grains,
+    load_strengths,
+)
 from autophyx_tet.fem.scene.materials import load_table
 
 TABLE = load_table()
-STRENGTHS, GRAINS = load_strengths(), load_grains()
+STRENGTHS, GRAINS, COLOURS = load_strengths(), load_grains(), load_colours()
 # Strain at which a material of the category gives way, far below and far above what is known of it:
 # a slip of a factor 1000 leaves the range. Rubbers are stretched to several times their length.
 STRAIN = {
@@ -92,3 +96,30 @@ def test_the_grain_agrees_with_the_rows_across_it():
         c = GRAINS[row.name].constants(row.value().E)
         E = TABLE.exact(across).value().E
         assert min(c.E_R, c.E_T) / 1.7 <= E <= 1.7 * max(c.E_R, c.E_T), across
+
+
+def test_every_row_has_a_possible_colour_that_says_where_it_comes_from():
+    assert set(COLOURS) == {row.name for row in TABLE}
+    assert sum(colour.source != "judgement" for colour in COLOURS.values()) >= 100
+    for name, colour in COLOURS.items():
+        assert 0 <= colour.L <= 100, name
+        assert max(abs(colour.a), abs(colour.b)) <= 100, name
+        assert 4 <= colour.spread <= 50, name  # two batches differ by more than the eye's 2
+
+
+def test_colours_are_those_that_everyone_knows():
+    """Gold is yellow, copper redder than brass, leaves green, snow lighter than all soil."""
+
+    def of(word):
+        return COLOURS[TABLE.exact(word).name]
+
+    assert of("gold").b > 30 > of("steel").b
+    assert of("copper").a > of("brass").a + 5
+    assert of("leaf").a < -10
+    assert of("terracotta").a > 15
+    assert of("ebony").L < of("walnut").L < of("oak").L < of("maple").L
+    assert of("snow").L > 90 > of("potting soil").L + 40
+    # Measured: L* = 42.8, a* = 21.1, b* = 19.7 at D50 (PhysicallyBased, Nix Spectro 2). D65 and the
+    # rounding to sRGB move it by about 2.
+    brick = of("brick")
+    assert np.linalg.norm([brick.L - 42.8, brick.a - 21.1, brick.b - 19.7]) < 5

@@ -36,18 +36,21 @@ class FeaturesCommand:
 class MaterialsCommand:
     """List the material table, or the rows that match a query.
 
-    Example: autophyx-tet materials oak
+    Examples: autophyx-tet materials oak; autophyx-tet materials 304 --json; autophyx-tet materials
+    coffee --contents
     """
 
     query: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="QUERY")]] = ""
     """Words to look for in names, aliases and categories."""
+    contents: bool = False
+    """List what fills things (water, coffee, books) instead of what they are made of."""
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..listing import materials
 
-        return materials(self.query)
+        return materials(self.query, contents=self.contents)
 
 
 @dataclass(frozen=True)

@@ -165,9 +165,7 @@ def _cell(key: str, value: Any) -> str:
 
 def _totals(document: Mapping[str, Any]) -> Iterator[str]:
     if found := document.get("materials"):
-        yield f"{len(found)} materials; --json adds sources and aliases"
-    elif "materials" in document:
-        yield f"no material matches {document['query']!r}: try one shorter word, or none for all"
+        yield f"{len(found)} materials; --json adds sources, aliases, strength, grain and colour"
     if "tets" in document:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
