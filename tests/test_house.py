@@ -144,6 +144,7 @@ TWICE = {
     "energy_and_stress", "projected_tangent",  # of every law
     "features",  # the verb, and what it does to an asset
     "main",
+    "bind",  # of clauses to parts: as people speak, and as the networks were taught
 }  # fmt: skip
 
 

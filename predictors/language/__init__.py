@@ -1,6 +1,6 @@
 """Language: a text read once, as clauses that say what of an object is what.
 
 In: a text, the material table, the names that an asset has for its parts.
-Out: a Sentence of Clauses and of unread words; which clause speaks of which part.
-Read: clauses.
+Out: a Sentence of Clauses and of unread words; which clauses speak of which part.
+Read: clauses, reader, statements, groups, drafts, lexing, spelling, lexicon, binding.
 """

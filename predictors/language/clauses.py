@@ -37,11 +37,14 @@ class Subject:
         For each part that is spoken of the words that name it, its head last: ("front", "leg").
     exceptions
         Parts that a whole or a rest leaves out: "all but the seat".
+    holds
+        Whether it is said to have parts itself: "a bookcase with a plywood back".
     """
 
     scope: Scope
     names: tuple[tuple[str, ...], ...] = ()
     exceptions: tuple[tuple[str, ...], ...] = ()
+    holds: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,190 @@
+"""Which clauses speak of which part of an asset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from .clauses import Clause, Sentence
+from .lexicon import Phrase, known_parts, part_name_words, part_words, positions, words
+
+How = Literal["name", "label", "synonym", "rest", "whole"]
+# Of one word: what the part itself is called, its last word before the others; what else the asset
+# calls it; another word for the same; a word inside another ("top" in "tabletop").
+HEAD, WORD, LABEL, SYNONYM, INSIDE = 5, 4, 3, 2, 1
+_SHORTEST_INSIDE = 4  # letters: "leg" is inside "legend"
+
+
+class BoundPart(NamedTuple):
+    """Indices of the clauses that speak of a part, the most specific first, and how each does."""
+
+    clauses: tuple[int, ...] = ()
+    how: tuple[How, ...] = ()
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Clauses of every part.
+
+    Parameters
+    ----------
+    parts
+        One for each part of the asset.
+    unbound
+        Indices of clauses that speak of no part of it.
+    """
+
+    parts: tuple[BoundPart, ...]
+    unbound: tuple[int, ...]
+
+
+class _Match(NamedTuple):
+    """How well a clause fits a part: the kind of its head's match, words matched, its index."""
+
+    tier: int
+    words: int
+    clause: int
+
+
+def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
+    """Say which clauses speak of which part.
+
+    Parameters
+    ----------
+    sentence
+        What was read.
+    labels
+        For each part its name, then all other words that the asset has for it.
+    """
+    clauses = sentence.clauses
+    parts = [_Part(tuple(names)) for names in labels]
+    matches: list[list[_Match]] = [[] for _ in parts]
+    lost = []
+    for k, clause in enumerate(clauses):
+        if clause.subject.scope != "parts" or _is_other(clause):
+            continue
+        found = {i: m for name in clause.subject.names for i, m in _fits(name, parts, k)}
+        for i, match in found.items():
+            matches[i].append(match)
+        lost += [] if found else [k]
+    for k, clause in enumerate(clauses):
+        if _is_other(clause):
+            found = [i for i, _ in _fits(clause.subject.names[0][1:], parts, k) if not matches[i]]
+            for i in found:
+                matches[i].append(_Match(HEAD, 1, k))
+            lost += [] if found else [k]
+    whole, rest, lost = _general(clauses, lost, matches)
+    bound = []
+    for i, part in enumerate(parts):
+        own = sorted(matches[i], key=lambda m: (-m.tier, -m.words, m.clause))
+        ks = [m.clause for m in own]
+        how: list[How] = []
+        how.extend(_how(m.tier) for m in own)
+        generals: tuple[tuple[list[int], How], ...] = ((rest, "rest"), (whole, "whole"))
+        for general, name in generals:
+            settled = any(clauses[k].material or clauses[k].unknown for k in ks)
+            if settled or (name == "rest" and any(clauses[k].says_matter for k in ks)):
+                continue
+            new = [k for k in general if k not in ks and not _is_excepted(part, clauses[k])]
+            ks += new
+            how.extend(name for _ in new)
+        bound.append(BoundPart(tuple(ks), tuple(how)))
+    taken = {k for part in bound for k in part.clauses}
+    idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
+    left = sorted({*lost, *whole, *rest} - taken - idle)
+    return Bound(tuple(bound), tuple(left))
+
+
+def _is_other(clause: Clause) -> bool:
+    return clause.subject.scope == "parts" and clause.subject.names[0][:1] == ("other",)
+
+
+def _general(
+    clauses: Sequence[Clause], lost: list[int], matches: Sequence[Sequence[_Match]]
+) -> tuple[list[int], list[int], list[int]]:
+    """Clauses about the whole, about the rest, and about parts that are not there."""
+    rest = [k for k, c in enumerate(clauses) if c.subject.scope == "rest"]
+    whole = [k for k, c in enumerate(clauses) if c.subject.scope == "whole"]
+    unnamed = [k for k, c in enumerate(clauses) if c.subject.scope == "none"]
+    # A thing that has parts, or the only one that is spoken of, is the object.
+    saying = [k for k, c in enumerate(clauses) if c.says_matter]
+    things = [k for k in lost if _is_object(clauses[k], alone=len(saying) == 1)]
+    only = [k for k in saying if len(saying) == 1 and clauses[k].subject.holds and k not in lost]
+    whole += things[:1] + only
+    if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
+        whole += unnamed
+    else:
+        lost = lost + unnamed
+    return whole, rest, [k for k in lost if k not in whole]
+
+
+def _is_object(clause: Clause, *, alone: bool) -> bool:
+    heads = {name[-1] for name in clause.subject.names}
+    return (clause.subject.holds or alone) and not heads & known_parts()
+
+
+def _how(tier: int) -> How:
+    return "name" if tier >= WORD else "label" if tier == LABEL else "synonym"
+
+
+class _Part:
+    """What an asset calls a part."""
+
+    def __init__(self, names: Phrase) -> None:
+        self.exact = {" ".join(names[0].lower().split())} if names else set()
+        self.own = part_name_words(names[0]) if names else ()
+        self.label = frozenset(word for name in names[1:] for word in part_name_words(name))
+        sided = {w for group in (*part_words()["places"], *part_words()["looks"]) for w in group}
+        nouns = [w for w in self.own if w.isalpha() and w not in sided and len(w) > 1]
+        self.head = nouns[-1] if nouns else next(iter(self.own[-1:]), "")
+        self.sides = positions(self.own)
+
+    def tier(self, word: str) -> int:
+        """How a word names this part, 0 where it does not."""
+        if word == self.head:
+            return HEAD
+        if word in self.own:
+            return WORD
+        if word in self.label:
+            return LABEL
+        related = {w for group in part_words()["synonyms"] if word in group for w in group}
+        if self.head in related or related & self.label:
+            return SYNONYM
+        if min(len(word), len(self.head)) >= _SHORTEST_INSIDE and (
+            self.head.endswith(word) or word.endswith(self.head)
+        ):
+            return INSIDE
+        return 0
+
+
+def _fits(name: Phrase, parts: Sequence[_Part], clause: int) -> list[tuple[int, _Match]]:
+    """Parts that a name speaks of: the best kind of match, and of these the most words."""
+    exact = [i for i, part in enumerate(parts) if name and name == part.own]
+    sides, forms = positions(name[:-1]), words()["attributes"]["empty"]
+    found: list[tuple[int, _Match]] = []
+    for i, part in enumerate(parts):
+        tier = part.tier(name[-1]) if name else 0
+        if not tier and name[-1:] and name[-1] in forms:  # "the butt section" of a part "butt"
+            tier = max((part.tier(word) for word in name[-2:-1]), default=0)
+        if exact and i not in exact and any(word.isdigit() for word in name):
+            continue
+        against = any(part.sides.get(axis, side) != side for axis, side in sides.items())
+        if tier and not against:
+            matched = {w for w in name if w in part.own or w in part.label}
+            matched |= {side for axis, side in sides.items() if part.sides.get(axis) == side}
+            found.append((i, _Match(tier, len(matched), clause)))
+    if not found:
+        return []
+    best = max(match.tier for _, match in found)
+    found = [(i, match) for i, match in found if match.tier == best]
+    most = max(match.words for _, match in found)
+    found = [(i, match) for i, match in found if match.words == most]
+    strict = {axis: side for axis, side in sides.items() if axis < len(part_words()["places"])}
+    told = any(parts[i].sides.get(axis) == side for i, _ in found for axis, side in strict.items())
+    # "front legs" of a chair whose legs bear numbers: nobody knows which those are.
+    return [] if strict and not told and len(found) > 1 else found
+
+
+def _is_excepted(part: _Part, clause: Clause) -> bool:
+    return any(_fits(name, [part], 0) for name in clause.subject.exceptions)

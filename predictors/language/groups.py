@@ -1,0 +1,268 @@
+"""Groups of words between connectors: a part, what is said of one, or both, in either order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from ...fem.scene.materials import Material
+from .clauses import Blend, Comparison, Quantity
+from .lexicon import Phrase, ReaderLexicon, words
+from .lexing import Lexeme
+from .quantities import number
+
+_SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
+# Roles of words that a part may be called by all the same: "cover", "core", "body".
+_SMALL = ("empty", "attributes", "coating", "idle", "look", "factors", "fill", "vague", "coat")
+PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
+_REACH = 6  # words before a comparative that may say how many times
+_COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
+Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
+               "comparison", "blend"]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mention:
+    """A lexeme in its group: what it is for the statement, and what it says."""
+
+    kind: Kind
+    lexeme: Lexeme
+    value: Material | Quantity | Blend | Comparison | tuple | None = None
+
+    @property
+    def says(self) -> bool:
+        """Whether it says something of a part, and is none."""
+        return self.kind not in ("part", "modifier")
+
+
+@dataclass
+class Group:
+    """A part and what is said of it in the same breath; either may be missing."""
+
+    part: Phrase = ()
+    values: list[Mention] = field(default_factory=list)
+    lexemes: list[Lexeme] = field(default_factory=list)
+    named: bool = False  # a part of the asset has this head
+    part_first: bool = False  # "hull teak"
+
+    @property
+    def material(self) -> Material | None:
+        """The row that is named."""
+        rows = (m.value for m in self.values if m.kind == "material")
+        return next((row for row in rows if isinstance(row, Material)), None)
+
+
+def groups_of(
+    run: Sequence[Lexeme], lexicon: ReaderLexicon, *, owes: bool, opens: bool
+) -> list[Group]:
+    """Cut a run of words into groups.
+
+    ``owes`` says that a subject waits for its material, ``opens`` that the run is itself a subject:
+    a word for a part and for a material is the material there, and the part here.
+    """
+    mentions = _one_material(_mentions(list(run), owes=owes), lexicon)
+    if opens:
+        mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
+    return _paired(_blocks(mentions))
+
+
+def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
+    """Say of every lexeme what it is for the statement; coats and looks take what names them."""
+    out: list[Mention] = []
+    degree, fake = "", False
+    for i, lexeme in enumerate(run):
+        role = "word" if lexeme.part and lexeme.role in _SMALL else lexeme.role
+        if role == "degree":
+            degree = lexeme.value
+        elif role == "fake":
+            fake = True
+        elif role == "material":
+            out.append(_material(lexeme, run, i, owes=owes, fake=fake))
+            fake = False
+        elif role in ("coat", "coating", "look", "attributes", "fill"):
+            _dress(out, lexeme, role, last=i + 1 == len(run))
+        elif role in ("stiffness", "density", "character"):
+            out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
+            degree = ""
+        elif role == "compare":
+            out.append(Mention("comparison", lexeme, lexeme.value))
+        elif role == "number":
+            kind = "blend" if isinstance(lexeme.value, Blend) else "number"
+            out.append(Mention(kind, lexeme, lexeme.value))
+        elif role in ("word", "part"):
+            out.append(_word(lexeme, run, i))
+        elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
+            out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
+    return out
+
+
+def _scaled(level: int | str, degree: str) -> int | str:
+    """Move a level outwards where the degree is high: "very soft"."""
+    if not isinstance(level, int) or degree != "more" or level == 3:
+        return level
+    return max(1, level - 1) if level < 3 else min(5, level + 1)
+
+
+def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bool) -> Mention:
+    """A material, or the part that is called after one: "loose soil", "the glass is sapphire"."""
+    others = any(x.role == "material" for x in run if x is not lexeme)
+    nouns_after = any(x.role in ("word", "part") and x.tag.startswith("NN") for x in run[i + 1 :])
+    if lexeme.part and not nouns_after and not owes and (others or run[-1] is lexeme):
+        return Mention("part", lexeme, None if others else lexeme.value)
+    return Mention("coating" if fake else "material", lexeme, lexeme.value)
+
+
+def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
+    """A part's word, a modifier, or a name that nobody knows beside a part of the asset."""
+    plain = replace(lexeme, words=())
+    strange = not lexeme.known and not lexeme.part
+    compound = any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2]) and i + 1 < len(run)
+    if not lexeme.part and (compound or (strange and lexeme.text.lower().endswith("ed"))):
+        return Mention("modifier", plain)  # "hot-dip", "rotomoulded"
+    if lexeme.part or strange or lexeme.tag.startswith(("NN", "FW", "XX", "ADD")):
+        nouns = [x for x in (*reversed(run[:i]), *run[i + 1 :]) if x.tag.startswith("NN")]
+        beside = any(x.part for x in nouns) and not any(x.role == "material" for x in run)
+        return Mention("unknown" if strange and beside else "part", lexeme)
+    is_adjective = lexeme.tag.startswith(("JJ", "CD", "V", "RP"))
+    return Mention("modifier", lexeme if is_adjective else plain)
+
+
+def _dress(out: list[Mention], lexeme: Lexeme, role: str, *, last: bool) -> None:
+    """Turn the material before a coat, a look or "-filled" into what it is there for."""
+    before = out[-1] if out else None
+    close = before is not None and lexeme.start - before.lexeme.end <= 1
+    if before is None:
+        return
+    hyphened = lexeme.text.startswith("-") or before.lexeme.end == lexeme.start
+    if before.kind == "material" and (role != "coat" or hyphened or len(out) == 1 or not last):
+        out[-1] = replace(before, kind="filling" if role == "fill" else "coating")
+    elif not before.says and close and not before.lexeme.part:
+        out.pop()  # "powder-coated"
+
+
+def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Mention]:
+    """Of materials side by side keep the one that is meant: "ABS plastic", "walnut MDF"."""
+    out: list[Mention] = []
+    for mention in mentions:
+        last = next((m for m in reversed(out) if m.kind not in ("modifier", "level")), None)
+        if mention.kind == "material" and last is not None and last.kind == "material":
+            if _repeats_family(mention, last, lexicon):
+                continue
+            out.remove(last)
+        out.append(mention)
+    return out
+
+
+def _repeats_family(later: Mention, earlier: Mention, lexicon: ReaderLexicon) -> bool:
+    """Whether the later of two only repeats the family of the earlier: "oak wood"."""
+    row, other = later.value, earlier.value
+    if not isinstance(row, Material) or not isinstance(other, Material):
+        return False
+    generic = later.lexeme.words[-1] in lexicon.kinds or "(generic)" in row.name
+    kin = row.category.split()[-1] == other.category.split()[-1]
+    laminate = other.category == "composite" and row.category in ("plastic", "wood")
+    return row is other or (generic and kin) or laminate
+
+
+def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
+    """Cut where parts and what is said of them alternate; modifiers go with what follows."""
+    blocks: list[list[Mention]] = []
+    waiting: list[Mention] = []
+    for mention in mentions:
+        if mention.kind == "modifier":
+            waiting.append(mention)
+            continue
+        if blocks and blocks[-1][-1].says == mention.says:
+            blocks[-1] += [*waiting, mention]
+        else:
+            blocks.append([*waiting, mention])
+        waiting = []
+    if waiting and waiting[-1].lexeme.part and not (blocks and not blocks[-1][-1].says):
+        blocks.append(waiting)
+    return blocks
+
+
+def _paired(blocks: list[list[Mention]]) -> list[Group]:
+    """Join each part with what is said of it, before it or after it."""
+    says = [block[-1].says for block in blocks]
+    if len(blocks) == 3 and says == [False, True, False]:
+        # "top beech ply" of a part "top"; "bench: oak slats" would have its colon.
+        named = [any(m.lexeme.part for m in block) for block in blocks]
+        if named[0] and not named[2]:
+            return [_group(blocks[0], blocks[1], part_first=True)]
+        return [_group(blocks[0], []), _group(blocks[2], blocks[1])]
+    part_first = bool(says) and not says[0]
+    out: list[Group] = []
+    while blocks:
+        first, *blocks = blocks
+        pairs = bool(blocks) and first[-1].says != part_first
+        if pairs:
+            second, *blocks = blocks
+            parts, values = (first, second) if part_first else (second, first)
+            out.append(_group(parts, values, part_first=part_first))
+        elif first[-1].says and out and not any(m.kind == "material" for m in first):
+            out[-1].values += first  # "silicone seal 40 Shore A"
+            out[-1].lexemes += [m.lexeme for m in first]
+        else:
+            out.append(_group([], first) if first[-1].says else _group(first, []))
+    return out
+
+
+def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = False) -> Group:
+    nouns = [m for m in parts if m.kind == "part"]
+    own = [replace(m, kind="material") for m in nouns if isinstance(m.value, Material)]
+    return Group(
+        part=tuple(word for m in parts for word in m.lexeme.words),
+        values=[m for m in values if m.says] or own,
+        lexemes=[m.lexeme for m in (*parts, *values)],
+        named=any(m.lexeme.part for m in parts),
+        part_first=part_first,
+    )
+
+
+def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return the lexemes with every comparison as one: "twice as stiff", "a bit softer"."""
+    out: list[Lexeme] = []
+    for i, lexeme in enumerate(lexemes):
+        found = words()["compared"].get(lexeme.text.lower())
+        start = _comparison_start(out, lexeme, lexemes[i + 1 : i + 3]) if found else None
+        if found is None or start is None:
+            out.append(lexeme)
+            continue
+        measure, way = found
+        way = -way if start < len(out) and out[start].text.lower() == "less" else way
+        factor, exact, start = _factor(out, start)
+        factor = 1 / factor if way < 0 and factor > 1 else factor
+        began = out[start].start if start < len(out) else lexeme.start
+        del out[start:]
+        out.append(
+            replace(
+                lexeme, role="compare", start=began, value=Comparison(measure, factor, exact, ())
+            )
+        )
+    return out
+
+
+def _comparison_start(before: list[Lexeme], lexeme: Lexeme, after: Sequence[Lexeme]) -> int | None:
+    """Index of the word that makes an adjective a comparison, or None where it is none."""
+    last = before[-1].text.lower() if before else ""
+    if last in ("more", "less"):
+        return len(before) - 1
+    if last == "as":
+        return len(before) - 1 if any(x.role == "as" for x in after) else None
+    return len(before) if lexeme.text.lower().endswith("er") else None
+
+
+def _factor(before: list[Lexeme], start: int) -> tuple[float, bool, int]:
+    """How many times, whether a number says so, and where the comparison starts."""
+    factor, exact, first = PLAIN_FACTOR, False, start
+    for i in range(start - 1, max(start - 1 - _REACH, -1), -1):
+        lexeme = before[i]
+        if lexeme.role in ("factors", "vague"):
+            factor, exact, first = float(lexeme.value), lexeme.role == "factors", i
+        elif lexeme.role == "digits":
+            factor, exact, first = number(lexeme.text) or 1.0, True, i
+        elif lexeme.text.lower() not in _COUNTING:
+            break
+    return factor, exact, first

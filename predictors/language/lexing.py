@@ -1,0 +1,249 @@
+"""A text as lexemes: part names, materials, numbers and connectors, each one token."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words
+from .quantities import numerals
+from .spelling import mended_spelling
+
+LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
+_THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
+
+
+@dataclass(frozen=True)
+class Lexeme:
+    """One token of a sentence: what it does, what it says, how the model tags it."""
+
+    text: str
+    start: int
+    end: int
+    role: str
+    value: Any = None
+    words: Phrase = ()
+    known: bool = True  # to the dictionary, the table or the part names
+    part: bool = False  # whether a part of the asset is called so
+    tag: str = ""
+    dep: str = ""
+    note: str = ""
+
+
+@dataclass
+class Lexed:
+    """Lexemes of a text and what was mended on the way."""
+
+    lexemes: list[Lexeme]
+    notes: list[str] = field(default_factory=list)
+    mended: bool = False
+
+
+def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
+    """Cut a text into lexemes and tag them."""
+    known = {word for name in names for word in part_name_words(name)}
+    cut, notes, strange = mended_spelling(atoms(text, lexicon.model), lexicon, known)
+    found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
+    found += _designations(text, lexicon)
+    chosen = _longest(found)
+    lexemes = _spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
+    lexemes = _tag(lexemes, lexicon)
+    notes += [lexeme.note for lexeme in lexemes if lexeme.note]
+    return Lexed(lexemes, notes, bool(notes))
+
+
+def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
+    """Part names as they are written in the asset: "SM_Leg.001"."""
+    found = []
+    for name in sorted(set(names), key=len, reverse=True):
+        if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
+            continue  # a plain word is read as one, with its plural
+        for match in re.finditer(rf"(?i)(?<!\w){re.escape(name)}(?!\w)", text):
+            found.append(
+                Lexeme(match[0], *match.span(), "part", name, part_name_words(name), part=True)
+            )
+    return found
+
+
+def _numbers(text: str) -> list[Lexeme]:
+    found = []
+    for numeral in numerals(text):
+        said = text[numeral.start : numeral.end]
+        role = "number" if numeral.value else "told" if numeral.note else "size"
+        found.append(
+            Lexeme(said, numeral.start, numeral.end, role, numeral.value, note=numeral.note)
+        )
+    return found
+
+
+def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]) -> list[Lexeme]:
+    """Phrases of the table and of the language, at every place the longest of each."""
+    found = []
+    for find in (_material, _connector):
+        for i in range(len(cut)):
+            sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
+            candidates = (find(cut, i, size, text, lexicon) for size in sizes)
+            best = next((lexeme for lexeme in candidates if lexeme), None)
+            if best:
+                single = best.end == cut[i].end or best.role == "material"
+                found.append(replace(best, part=single and best.words[-1] in known))
+    return found
+
+
+def _material(
+    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon
+) -> Lexeme | None:
+    end = _joined(cut, i, size, text)
+    run = cut[i:end] if end else []
+    stems = tuple(a.stem for a in run if a.text[0].isalnum())
+    row = lexicon.rows.get(stems)
+    if not row or not _is_meant(run, stems, lexicon):
+        return None
+    start, stop = run[0].start, run[-1].end
+    return Lexeme(text[start:stop], start, stop, "material", row, stems)
+
+
+def _connector(
+    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon
+) -> Lexeme | None:
+    run = cut[i : i + size]
+    said = tuple(a.text.lower() for a in run if size == 1 or a.text != "-")
+    meaning = lexicon.meanings.get(said)
+    if size == 1:
+        meaning = meaning or lexicon.meanings.get((run[0].stem,))
+        glued = run[0].text in "-/" and _is_glue(text, run[0])
+        meaning, said = Meaning("hyphen") if glued else meaning, (run[0].stem,)
+    if not meaning or (size > 1 and run[-1].text == "-"):
+        return None
+    start, stop = run[0].start, run[-1].end
+    return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, said)
+
+
+def _is_glue(text: str, sign: Atom) -> bool:
+    """Whether a sign stands between words without spaces: "chrome-plated"."""
+    around = text[sign.start - 1 : sign.end + 1] if sign.start else " "
+    return len(around) == 3 and not any(c.isspace() for c in around)
+
+
+def _joined(cut: list[Atom], start: int, size: int, text: str) -> int | None:
+    """End of a run of ``size`` words that only hyphens, slashes or spaces part."""
+    i, count = start, 0
+    while i < len(cut):
+        if cut[i].text[0].isalnum():
+            count += 1
+            if count == size:
+                return i + 1
+        elif i == start or cut[i].text not in ("-", "/", ",", "("):
+            return None
+        elif cut[i].text in ("/", "-") and not _is_glue(text, cut[i]):
+            return None
+        i += 1
+    return None
+
+
+def _is_meant(run: list[Atom], stems: Phrase, lexicon: ReaderLexicon) -> bool:
+    """Whether a run that is spelt like a phrase of the table means it."""
+    said = run[0].text
+    if len(stems) > 1 and len(stems[0]) == 1:  # "A36" and not "a 36"
+        return all(a.end == b.start for a, b in itertools.pairwise(run))
+    if lexicon.needs_capitals(stems):
+        return said.isupper()
+    return True
+
+
+def _designations(text: str, lexicon: ReaderLexicon) -> list[Lexeme]:
+    """Designations of standards whose very name the table does not bear."""
+    return [
+        Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
+        for pattern, row in lexicon.designations
+        for match in pattern.finditer(text)
+    ]
+
+
+_RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
+
+
+def _longest(found: list[Lexeme]) -> list[Lexeme]:
+    """Of candidates over each other the longest, then the more telling."""
+    order = sorted(found, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3)))
+    chosen: list[Lexeme] = []
+    for lexeme in order:
+        if all(lexeme.end <= c.start or c.end <= lexeme.start for c in chosen):
+            chosen.append(lexeme)
+    return sorted(chosen, key=lambda x: x.start)
+
+
+def _fill(
+    cut: list[Atom], chosen: list[Lexeme], lexicon: ReaderLexicon, known: set[str], strange: set
+) -> list[Lexeme]:
+    """Put the words that no phrase took between the lexemes."""
+    out = list(chosen)
+    for atom in cut:
+        if any(c.start < atom.end and atom.start < c.end for c in chosen):
+            continue
+        if atom.text.isdigit() or not atom.text[0].isalpha():
+            role = "digits" if atom.text[0].isdigit() else "sign"
+        else:
+            role = "word"
+        out.append(
+            Lexeme(
+                atom.text, atom.start, atom.end, role, words=(atom.stem,),
+                known=atom.start not in strange, part=atom.stem in known,
+            )
+        )  # fmt: skip
+    return sorted(out, key=lambda x: x.start)
+
+
+def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
+    """Put the parts of a range where it is said: "leg_1 to leg_4", "blade_1..blade_3"."""
+    out: list[Lexeme] = []
+    first: Lexeme | None = None  # a part's name and nothing but "to" or dots since
+    for lexeme in lexemes:
+        if lexeme.role == "part":
+            if first is not None and out[-1] is not first:
+                while out[-1] is not first:
+                    out.pop()
+                between = _between(str(first.value), str(lexeme.value), names)
+                for name in between:
+                    out.append(replace(first, role="and", words=(), part=False))
+                    out.append(replace(first, value=name, words=part_name_words(name)))
+                out.append(replace(first, role="and", words=(), part=False))
+            first = lexeme
+        elif first is not None and lexeme.text.lower() not in _THROUGH:
+            first = None
+        out.append(lexeme)
+    return out
+
+
+def _between(first: str, last: str, names: Sequence[str]) -> list[str]:
+    """Names between two that count on: the same words with numbers between theirs."""
+
+    def parted(name: str) -> tuple[str, int | None]:
+        match = re.fullmatch(r"(.*?)(\d+)", name)
+        return (match[1], int(match[2])) if match else (name, None)
+
+    (stem, low), (other, high) = parted(first), parted(last)
+    inside = [n for n in names if parted(n)[0] == stem and low is not None and high is not None]
+    if stem != other:
+        return []
+    return [n for n in inside if (low or 0) < (parted(n)[1] or 0) < (high or 0)]
+
+
+def _tag(lexemes: list[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
+    """Let the model tag the sentence with every material, number and odd name as a plain word."""
+    if not lexemes:
+        return []
+    plain = {"material": "wood", "number": "12", "part": "part", "size": "12", "told": "12"}
+    shown = [plain.get(lexeme.role) or _sober(lexeme.text) for lexeme in lexemes]
+    doc = lexicon.model.doc(shown)
+    return [
+        replace(lexeme, tag=token.tag_, dep=token.dep_)
+        for lexeme, token in zip(lexemes, doc, strict=True)
+    ]
+
+
+def _sober(word: str) -> str:
+    return word.lower() if word.isupper() and len(word) > 1 else word.replace("\n", ".")

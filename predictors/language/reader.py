@@ -1,0 +1,234 @@
+"""The reader: a text to a Sentence, once.
+
+Lexemes are joined to groups (a part, what is said of one, or both), and the words between groups
+say how these hang together: ``data/words.toml`` names what each of them does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ...fem.errors import UsageError
+from ...fem.scene.materials import MaterialTable
+from .clauses import Sentence
+from .drafts import Draft, finished
+from .groups import join_comparisons
+from .lexicon import lexicon_of
+from .lexing import Lexeme, lex
+from .statements import Statements
+
+LONGEST = 4000  # characters: a page of notes; a book is a mistake
+_POINTERS = ("this", "that", "these", "those", "one", "its")
+_GROUPED = (
+    "word", "material", "part", "number", "stiffness", "density", "character", "degree", "fake",
+    "coat", "coating", "look", "attributes", "empty", "compare", "idle", "factors", "vague",
+    "digits", "size", "told", "sign", "hyphen", "nobody", "all",
+)  # fmt: skip
+
+
+def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
+    """Return what a text says of materials, read once.
+
+    Parameters
+    ----------
+    text
+        Plain English, as a sentence, a list, a table or a note.
+    table
+        Whose rows are materials.
+    names
+        What the asset calls its parts: a word of theirs is a part before it is a material.
+
+    Raises
+    ------
+    UsageError
+        Where the text is longer than ``LONGEST`` characters.
+    InputError
+        Where the English model is not installed.
+    """
+    if len(text) > LONGEST:
+        raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
+    lexicon = lexicon_of(table)
+    lexed = lex(text, lexicon, names)
+    statements = Statements(lexicon)
+    _walk(join_comparisons(lexed.lexemes), statements)
+    return finished(text, statements.drafts, lexed, lexicon)
+
+
+def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:
+    """Take runs of words as groups, and let what stands between them say how they hang together."""
+    run: list[Lexeme] = []
+    for i, lexeme in enumerate(lexemes):
+        after = lexemes[i + 1] if i + 1 < len(lexemes) else None
+        if _is_grouped(lexeme, run, after):
+            run.append(lexeme)
+            continue
+        if run:
+            state.run(run, lexeme)
+        run = []
+        if lexeme.role == "word":
+            state.verb, state.made = True, lexeme.tag == "VBN"
+        elif not (_owns(lexemes, i, state) or _points(lexeme, after)):
+            connect = _CONNECTORS.get(lexeme.role)
+            if connect:
+                connect(state, lexeme)
+            else:
+                state.link = lexeme.role
+    if run:
+        state.run(run, None)
+    state.stop()
+
+
+def _is_grouped(lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None) -> bool:
+    """Whether a lexeme is of a group; a verb is, as the participle before a noun."""
+    role = after.role if after is not None else ""
+    if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
+        return True
+    if lexeme.role == "fill":
+        return bool(run) and run[-1].role == "material" and lexeme.start - run[-1].end <= 1
+    if lexeme.role == "coat" and role in ("with", "of"):
+        return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."
+    if lexeme.role == "word" and lexeme.tag.startswith("V") and lexeme.known:
+        return bool(run) and lexeme.dep == "amod" and role in ("material", "word")
+    return lexeme.role in _GROUPED
+
+
+def _owns(lexemes: Sequence[Lexeme], i: int, state: Statements) -> bool:
+    """Whether "'s" belongs to an owner, "the drum's shell", and is no "is"."""
+    if lexemes[i].text != "'s" or state.pending is None or state.pending.scope != "parts":
+        return False
+    for lexeme in lexemes[i + 1 : i + 6]:
+        if not _is_grouped(lexeme, [], None):
+            return False
+        if lexeme.role in ("word", "empty", "part") and lexeme.tag.startswith("NN"):
+            state.pending = None
+            return True
+    return False
+
+
+def _points(lexeme: Lexeme, after: Lexeme | None) -> bool:
+    """Whether a pronoun only points at the noun after it: "those wheels"."""
+    if lexeme.role != "it" or after is None or lexeme.text.lower() not in _POINTERS:
+        return False
+    said = ("material", "part", "stiffness", "density", "empty")
+    return after.role in said or (after.role == "word" and not after.tag.startswith("V"))
+
+
+def _on_but(state: Statements, _: Lexeme) -> None:
+    whole = state.pending or state.current
+    if whole is not None and whole.scope in ("whole", "rest") and not whole.exceptions:
+        state.mode = "except"
+    else:
+        state.negated, state.mode, state.link = False, "", "but"
+
+
+def _on_comma(state: Statements, lexeme: Lexeme) -> None:
+    if lexeme.text in "-–—" and state.pending is not None:
+        state.link = "is"
+        return
+    state.mode = state.mode if state.mode == "except" else ""
+    state.link, state.negated, state.verb = "comma", False, False
+
+
+def _on_and(state: Statements, _: Lexeme) -> None:
+    state.link = state.link if state.link == "of" and state.mode else "and"
+    state.verb = False
+
+
+def _on_is(state: Statements, lexeme: Lexeme) -> None:
+    if lexeme.text.lower() == "now" or (lexeme.text == ":" and state.pending is None):
+        state.negated = False
+    waits = state.pending is not None or state.current is None or lexeme.text != ":"
+    state.link, state.mode = "is" if waits else "comma", ""
+
+
+def _on_of(state: Statements, _: Lexeme) -> None:
+    state.link = state.link if state.mode == "coat" else "of"
+
+
+def _on_off(state: Statements, lexeme: Lexeme) -> None:
+    text = lexeme.text.lower()
+    if text in ("to", "for", "into") and state.negated:  # "changed from brass to steel"
+        state.negated, state.link = False, "but"
+    else:
+        state.link = "for" if text == "for" else "off"
+
+
+def _on_with(state: Statements, _: Lexeme) -> None:
+    if state.mode in ("coat", "fill"):
+        return
+    for draft in (state.pending, state.current):
+        if draft is not None:
+            draft.holds = True
+    state.link, state.verb = "with", False
+
+
+def _on_not(state: Statements, lexeme: Lexeme) -> None:
+    state.negated, state.neither = True, lexeme.text.lower() == "neither"
+
+
+def _on_same(state: Statements, lexeme: Lexeme) -> None:
+    draft = state.pending or state.current
+    weak = lexeme.text.lower() in ("too", "as well", "like", "just like")
+    if draft is None or (weak and draft is state.current and "like" not in lexeme.text.lower()):
+        return
+    if not (weak and draft is state.current):
+        draft.same = ()
+        state.settle(draft)
+    state.mode = "same"
+
+
+def _on_open(state: Statements, _: Lexeme) -> None:
+    state.link = "is"
+    if state.excepted is not None:
+        state.held, state.pending, state.excepted = state.pending, state.excepted, None
+    elif state.pending is None and state.current is not None:
+        state.link = "comma"
+
+
+def _on_close(state: Statements, _: Lexeme) -> None:
+    state.link = ""
+    if state.held is not None:
+        state.pending, state.held = state.held, None
+
+
+def _on_it(state: Statements, _: Lexeme) -> None:
+    """A pronoun takes up the last subject; after a preposition it says nothing."""
+    if state.mode == "than":
+        state.compare_with(state.last_part)
+    elif state.excepted is not None:
+        state.pending, state.excepted, state.mode = state.excepted, None, ""
+    elif state.pending is None and state.link not in ("of", "on", "off"):
+        state.link = "but" if state.current is not None else ""
+        state.pending = None if state.current is not None else Draft("whole")
+
+
+def _on_general(state: Statements, lexeme: Lexeme) -> None:
+    """Start a statement about everything, what is left, or the other of two."""
+    if lexeme.role == "whole" and (state.pending is not None or state.link == "of"):
+        return
+    state.flush()
+    state.link, state.current = "swallow", None
+    if lexeme.role == "other":
+        state.link = ""
+        state.pending = Draft("parts", [("other", *state.last_part[-1:])])
+    else:
+        state.pending = Draft("whole" if lexeme.role == "whole" else "rest")
+
+
+def _mode(name: str) -> Callable[[Statements, Lexeme], None]:
+    def connect(state: Statements, _: Lexeme) -> None:
+        state.mode = name
+
+    return connect
+
+
+# What the words between groups do, by their role; a role that is not here is only remembered.
+_CONNECTORS: dict[str, Callable[[Statements, Lexeme], None]] = {
+    "stop": lambda state, _: state.stop(),
+    "but": _on_but, "comma": _on_comma, "and": _on_and, "is": _on_is, "of": _on_of, "off": _on_off,
+    "with": _on_with, "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
+    "it": _on_it, "whole": _on_general, "rest": _on_general, "other": _on_general,
+    "except": _mode("except"), "coat": _mode("coat"), "fill": _mode("fill"),
+    "looks": _mode("look"), "than": _mode("than"),
+    "as": lambda state, _: setattr(state, "mode", "same" if state.mode == "same" else "than"),
+}  # fmt: skip

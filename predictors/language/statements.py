@@ -1,0 +1,223 @@
+"""Statements: groups of words as they come, each given to the subject that it speaks of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .drafts import Draft
+from .groups import Group, Mention, groups_of
+from .lexicon import Phrase, ReaderLexicon, known_parts, positions
+from .lexing import Lexeme
+
+_VALUED = ("is", "of", "but")  # links after which a subject's material comes
+
+
+class Statements:
+    """The statements of a text up to a word of it, and what its next words are waited for."""
+
+    def __init__(self, lexicon: ReaderLexicon) -> None:
+        self.lexicon = lexicon
+        self.drafts: list[Draft] = []
+        self.pending: Draft | None = None  # a subject of which nothing is said yet
+        self.current: Draft | None = None  # of which something was said last
+        self.excepted: Draft | None = None  # what a whole leaves out, until it is spoken of
+        self.held: Draft | None = None  # a subject that waits while a bracket speaks of another
+        self.last_part: Phrase = ()
+        self.link = self.mode = self.coming = ""  # the connector before, what it wants, the next
+        self.negated = self.neither = self.verb = self.made = False
+
+    def run(self, lexemes: list[Lexeme], after: Lexeme | None) -> None:
+        """Take the words between two connectors."""
+        if any(x.text.lower() in ("whole", "entire") for x in lexemes) and not self.drafts:
+            lexemes = [x for x in lexemes if x.role != "word" or x.part]
+            self.pending = self.pending or Draft("whole")
+        owes = self.pending is not None and self.link in ("is", "of", "")
+        owes = owes or self.mode != "" or self.link == "but"
+        self.coming = after.role if after is not None else ""
+        opens = self.coming in ("is", "of") or self.mode == "except"
+        for group in groups_of(lexemes, self.lexicon, owes=owes and not opens, opens=opens):
+            if group.part and group.values:
+                self._both(group)
+            elif group.part:
+                self._part(group)
+            elif group.values:
+                self._values(group)
+            self.last_part = group.part or self.last_part
+
+    def stop(self) -> None:
+        """End a sentence."""
+        self.flush()
+        self.link = self.mode = ""
+        self.negated = self.verb = False
+        self.excepted = None
+
+    def flush(self) -> None:
+        """Let go of a subject of which nothing was said; "and sides" joins what came before."""
+        pending, self.pending = self.pending, None
+        if pending is not None and pending.joins is not None:
+            pending.joins.names += pending.names
+
+    def settle(self, draft: Draft) -> None:
+        """Make a waiting subject the current one."""
+        if draft not in self.drafts:
+            self.drafts.append(draft)
+        self.current, self.pending = draft, None
+
+    def compare_with(self, part: Phrase) -> None:
+        """Say which part the last comparison is with."""
+        if self.current is not None:
+            self.current.compare_with(part)
+        self.mode = self.link = ""
+
+    def _both(self, group: Group) -> None:
+        """A part with its matter; after "is" and "of" the noun only says its form."""
+        pending = self.pending
+        if self.mode == "except":
+            self._except(group)
+            self._new(group)
+            return
+        owed = self.link in _VALUED and pending is not None
+        owed = owed or (self.link == "but" and self.current is not None and pending is None)
+        owed = owed and not (group.named and pending is not None and not pending.named)
+        if owed or self.mode or self.link == "swallow" or self._is_late(group):
+            self._values(group)
+        else:
+            self._new(group)
+
+    def _new(self, group: Group) -> None:
+        names = [group.part]
+        if self.pending is not None and group.part_first and self._in_list():
+            names = [*self.pending.names, *names]
+            self.pending = None
+        self.flush()
+        holds = not self.drafts and _is_thing(group)
+        draft = Draft("parts", names, named=group.named, holds=holds)
+        self.settle(draft)
+        self._fill(draft, group.values, group.lexemes)
+
+    def _is_late(self, group: Group) -> bool:
+        """Whether what was said before without a subject gets it now: "2 GPa for the bracket"."""
+        current = self.current
+        if self.link != "for" or current is None or current.scope != "none":
+            return False
+        current.scope, current.names, current.named = "parts", [group.part], group.named
+        return True
+
+    def _in_list(self) -> bool:
+        return self.link in ("and", "comma") and not self.verb
+
+    def _part(self, group: Group) -> None:
+        """A noun: a subject, or what a word before it wants of a part."""
+        pending = self.pending
+        self.negated = self.negated and self.neither
+        if self.mode == "except":
+            self._except(group)
+        elif self.mode == "than":
+            self.compare_with(group.part)
+        elif self.mode == "same":
+            self._same_as(group.part)
+        elif self.mode:
+            self.mode = ""
+        elif pending is not None and (pending.scope != "parts" and self.link in ("swallow", "of")):
+            self.link = "" if not self._object(group) else self.link
+        elif pending is not None and self.link in ("is", "of"):
+            self._after_link(group, pending)
+        elif pending is not None and self._in_list():
+            pending.names.append(group.part)
+            pending.named = pending.named or group.named
+        elif self.link in ("off", "on", "for") and pending is not None and self.coming == "is":
+            self._place(group, pending)
+        elif self.link in ("off", "for") or (self.link == "of" and pending is None):
+            self._is_late(group)
+        else:
+            joined = self.link == "and" and pending is None
+            self.flush()
+            self.pending = Draft("parts", [group.part], named=group.named, holds=_is_thing(group))
+            self.pending.joins = self.current if joined else None
+        self.verb = self.made = False
+
+    def _object(self, group: Group) -> bool:
+        """Take the noun after "it is" for the object's name: "this is a bookcase with ..."."""
+        pending = self.pending
+        if pending is None or pending.scope != "whole" or self.link != "is":
+            return False
+        pending.scope, pending.names, pending.holds = "parts", [group.part], True
+        pending.named = group.named
+        return True
+
+    def _after_link(self, group: Group, pending: Draft) -> None:
+        """A noun where a material is wanted: a part of a part, an unknown name, or nothing."""
+        article = any(x.tag in ("DT", "PRP$") for x in group.lexemes)
+        strange = any(not x.known for x in group.lexemes) and not group.named
+        known = group.named or (group.part[-1:] and group.part[-1] in known_parts())
+        if self._object(group):
+            pass
+        elif self.link == "of" and not self.verb and not strange and (article or known):
+            pending.names[-1:] = [(*group.part, *name) for name in pending.names[-1:]]
+            pending.named = pending.named or group.named
+        elif group.named and not pending.named:  # "A park bench: frames ..."
+            self.flush()
+            self.pending = Draft("parts", [group.part], named=True)
+        elif strange or not (article or group.named):
+            self.settle(pending)
+            pending.unknown = " ".join(x.text for x in group.lexemes if x.words)
+            pending.see(group.lexemes)
+        self.link = ""
+
+    def _place(self, group: Group, pending: Draft) -> None:
+        """Where a part is, is part of its name: "the cushion on the left is ..."."""
+        if positions((*group.part, "")):
+            pending.names[-1:] = [(*group.part, *name) for name in pending.names[-1:]]
+
+    def _values(self, group: Group) -> None:
+        """What is said without a part: of the subject that waits for it, or of the last."""
+        mode = "" if self.mode in ("than", "same") else self.mode
+        draft = self.pending or self.excepted or self._resumed(group)
+        self.mode = self.mode if self.mode in ("than", "same", "fill") else ""
+        self.excepted = None
+        if mode == "look":
+            return
+        self.settle(draft)
+        if mode in ("coat", "fill"):
+            name = group.material.name if group.material else None
+            setattr(draft, "coating" if mode == "coat" else "filling", name)
+            draft.see(group.lexemes)
+            return
+        if self.link == "on" and draft.material is not None and group.material:
+            draft.coating, draft.material = draft.material.name, None
+        self._fill(draft, group.values, group.lexemes)
+
+    def _resumed(self, group: Group) -> Draft:
+        """Return the draft that goes on, or a new one of nothing that is said."""
+        current = self.current
+        if current is not None and (
+            self.mode or self.negated or self.link in (*_VALUED, "on", "with")
+            or current.material is None or not group.material
+        ):  # fmt: skip
+            return current
+        return Draft("whole" if self.negated and not self.drafts else "none")
+
+    def _fill(self, draft: Draft, values: Sequence[Mention], lexemes: Sequence[Lexeme]) -> None:
+        for mention in values:
+            draft.take(mention, self.lexicon, negated=self.negated)
+        draft.see(lexemes)
+        self.link, self.verb, self.made = "", False, False
+
+    def _except(self, group: Group) -> None:
+        whole = self.pending or self.current
+        if whole is not None:
+            whole.exceptions.append(group.part)
+        self.excepted = Draft("parts", [group.part], named=True)
+        if self.pending is None:
+            self.pending, self.excepted = self.excepted, None
+        self.mode = self.link = ""
+
+    def _same_as(self, part: Phrase) -> None:
+        if self.current is not None:
+            self.current.same = part
+        self.mode = self.link = ""
+
+
+def _is_thing(group: Group) -> bool:
+    """Whether a noun is introduced as the thing that the text is about: "a bookcase"."""
+    return any(x.text.lower() in ("a", "an") for x in group.lexemes)

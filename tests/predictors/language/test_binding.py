@@ -1,0 +1,49 @@
+"""Binding: which clause speaks of which part."""
+
+from autophyx_tet.predictors.language.binding import bind
+from autophyx_tet.predictors.language.lexicon import part_name_words
+from autophyx_tet.predictors.language.reader import parse
+
+
+def test_more_words_beat_fewer(agree):
+    agree("""
+        white piece is marble, black piece is slate => white_piece: marble; black_piece: slate
+        front legs are oak, rear legs are steel => leg_front_L, leg_front_R: oak; leg_rear: steel
+        the top of the table is glass, the table leg is brass => table_top: glass; table_leg: brass
+        upper arm steel, lower arm brass => arm_upper: steel; arm_lower: brass
+    """)
+
+
+def test_the_whole_and_the_rest_fill_what_nothing_names(agree):
+    agree("""
+        oak => a, b: oak
+        everything is steel except the seat, which is leather => seat: leather; leg: steel
+        seat leather, everything else brass => seat: leather; leg, back: brass
+        a walnut bookcase with a glass door => side_1, shelf: walnut; door: glass
+        the left arm is pine, the other one is steel => arm_left: pine; arm_right: steel
+    """)
+
+
+def test_other_words_for_the_same_part(agree):
+    agree("""
+        the cap is cork => lid: cork
+        brass stand => base: brass
+        feet of rubber => foot_1, foot_2: rubber
+    """)
+
+
+def test_a_clause_without_its_part_is_given_back(table):
+    sentence = parse("the legs are steel and the seat is oak", table, ["seat"])
+    assert bind(sentence, [["seat"]]).unbound == (0,)
+    sentence = parse("front legs oak, rear legs steel", table, ["leg_1", "leg_2"])
+    assert bind(sentence, [["leg_1"], ["leg_2"]]).unbound == (0, 1)
+
+
+def test_names_of_exporters_are_words():
+    for name, words in [
+        ("SM_Seat_Cushion.001", ("seat", "cushion", "001")),
+        ("leg_FL", ("leg", "front", "left")),
+        ("TableTop", ("table", "top")),
+        ("Knives2", ("knife", "2")),
+    ]:
+        assert part_name_words(name) == words

@@ -1,0 +1,143 @@
+"""The reader: sentences of many forms, each with the row that every part is said to be of."""
+
+import time
+
+import pytest
+from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.predictors.language.reader import LONGEST, parse
+
+
+def test_a_sentence_with_a_verb_says_what_its_subject_is_of(agree):
+    agree("""
+        The door is oak and the knob is brass. => door: oak; knob: brass
+        the mast is made of spruce, the boom was cut from ash => mast: spruce; boom: ash
+        The drum's shell is birch. Its hoops are steel. => shell: birch; hoop_1, hoop_2: steel
+        I carved the spoon out of cherry wood => spoon: cherry wood
+        The gate, which my uncle built in the barn, is larch => gate: larch
+        both shutters are made from pine => shutter_L, shutter_R: pine
+    """)
+
+
+def test_a_material_before_a_noun_is_its_matter(agree):
+    agree("""
+        a copper kettle with a cork stopper => kettle: copper; stopper: cork
+        teak deck, bronze cleats and nylon rope => deck: teak; cleat_1: bronze; rope: nylon
+        Stainless steel bowl on a walnut tray => bowl: stainless steel; tray: walnut
+        granite counter and sink => counter, sink: granite
+        wooden spokes, rubber tyre => spoke_1, spoke_2: wood; tyre: rubber
+    """)
+
+
+def test_a_list_without_verbs_is_read_in_pairs(agree):
+    agree("""
+        legs: steel; top: glass => leg_1, leg_2: steel; top: glass
+        hull teak, mast spruce, keel lead => hull: teak; mast: spruce; keel: lead
+        - body: brass\\n- valve: bronze\\n- gasket: EPDM => body: brass; valve: bronze; gasket: EPDM
+        part | material\\nrim | aluminium\\nhub | steel => rim: aluminium; hub: steel
+        RIM - ALUMINIUM / HUB - STEEL => rim: aluminium; hub: steel
+        oak legs steel frame => leg: oak; frame: steel
+        legs (oak), seat (leather) => leg: oak; seat: leather
+        SM_Stem.001 brass; SM_Shade.002 silk => SM_Stem.001: brass; SM_Shade.002: silk
+    """)
+
+
+def test_a_coat_is_not_the_core(clauses_of, table):
+    for text, part, core, coat in [
+        ("the handle is chrome-plated brass", "handle", "brass", "chrome"),
+        ("a seat of foam covered with leather", "seat", "foam", "leather"),
+        ("gold-painted wooden base", "base", "wood", "gold"),
+        ("walnut veneer on plywood for the door", None, "plywood", "walnut"),
+        ("door: oak veneer on MDF", "door", "MDF", "oak"),
+        ("the grip is aluminium wrapped in leather", "grip", "aluminium", "leather"),
+    ]:
+        said = clauses_of(text, [part or "door"])[part or "door"]
+        assert said, text
+        assert said[0].material == table.exact(core).name, text
+        assert said[0].coating == table.exact(coat).name, text
+
+
+def test_what_is_ruled_out_is_no_material(clauses_of, table):
+    for text, row, out in [
+        ("the hilt isn't wood, it's bronze", "bronze", "wood"),
+        ("the hilt is not metal but horn", "horn", "metal"),
+        ("hilt: brass instead of bronze", "brass", "bronze"),
+        ("the hilt is made of oak rather than pine", "oak", "pine"),
+    ]:
+        (said, *_) = clauses_of(text, ["hilt"])["hilt"]
+        assert said.material == table.exact(row).name, text
+        assert {out, table.exact(out).name} & set(said.excluded), text
+
+
+def test_numbers_are_si(clauses_of):
+    for text, wanted in [
+        ("plate: E = 70 GPa, nu = 0.33, density 2.7 g/cm3", {"E": 70e9, "nu": 0.33, "rho": 2700.0}),
+        ("the plate has a Young's modulus of 2,5 MPa", {"E": 2.5e6}),
+        ("plate rubber 60 Shore A", {"shore_a": 60.0}),
+        ("the plate is oak and weighs 1.2 kg", {"mass": 1.2}),
+        ("plate: PLA, 20 % infill", {"infill": 0.2}),
+        ("plate modulus 10 ksi, rho 62.428 lb/ft3", {"E": 68.947572932e6, "rho": 1000.0}),
+    ]:
+        (said, *_) = clauses_of(text, ["plate"])["plate"]
+        read = {q.measure: q.value for q in said.numbers}
+        assert read == pytest.approx(wanted, rel=1e-5), text  # 62.428 is rounded at 1e-5
+
+
+def test_levels_are_from_very_soft_to_very_stiff(clauses_of):
+    for text, wanted in [
+        ("the paw is very soft", 1),
+        ("a soft paw", 2),
+        ("the paw is rigid", 4),
+        ("extremely stiff paw", 5),
+        ("paw: squishy", 1),
+        ("the paw should be rock hard", 5),
+    ]:
+        assert clauses_of(text, ["paw"])["paw"][0].stiffness == wanted, text
+
+
+def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):
+    for text in ("the pot is made of unobtainium", "pot: blargite", "the pot is zorbium"):
+        (said, *_) = clauses_of(text, ["pot"])["pot"]
+        assert said.material is None, text
+        assert said.unknown, text
+        assert len(said.nearest) == 3, text
+
+
+def test_a_quality_is_no_material(clauses_of):
+    for text in (
+        "the seat is comfortable",
+        "the seat is red",
+        "the seat is a disaster",
+        "nice seat",
+    ):
+        assert not any(c.says_matter for c in clauses_of(text, ["seat"])["seat"]), text
+
+
+def test_spelling_is_mended_and_told(agree, table):
+    agree("""
+        alumnium rim, stell hub => rim: aluminium; hub: steel
+        the hadnle is wlanut => handle: walnut
+    """)
+    assert any("'alumnium'" in note for note in parse("alumnium rim", table, ["rim"]).notes)
+
+
+def test_a_text_that_is_not_english_is_told(table):
+    for text in (
+        "Die Platte besteht aus Eichenholz und Stahlrohr",
+        "asiento de madera y patas de hierro forjado",
+    ):
+        assert any("not English" in note for note in parse(text, table).notes), text
+
+
+def test_a_book_is_refused(table):
+    with pytest.raises(UsageError, match=str(LONGEST)):
+        parse("oak " * LONGEST, table)
+
+
+def test_reading_takes_less_than_a_frame(table):
+    """20 ms of CPU a sentence, warm; a busy machine may take five times as long."""
+    text = "The seat is soft foam covered with leather, the legs are stainless steel tube."
+    parse(text, table)
+    start = time.process_time()
+    for _ in range(5):
+        parse(text, table)
+    assert (time.process_time() - start) / 5 < 0.1
