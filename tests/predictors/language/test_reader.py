@@ -72,7 +72,7 @@ def test_numbers_are_si(clauses_of):
     for text, wanted in [
         ("plate: E = 70 GPa, nu = 0.33, density 2.7 g/cm3", {"E": 70e9, "nu": 0.33, "rho": 2700.0}),
         ("the plate has a Young's modulus of 2,5 MPa", {"E": 2.5e6}),
-        ("plate rubber 60 Shore A", {"shore_a": 60.0}),
+        ("plate rubber 62 Shore A", {"shore_a": 62.0}),
         ("the plate is oak and weighs 1.2 kg", {"mass": 1.2}),
         ("plate: PLA, 20 % infill", {"infill": 0.2}),
         ("plate modulus 10 ksi, rho 62.428 lb/ft3", {"E": 68.947572932e6, "rho": 1000.0}),
