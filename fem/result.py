@@ -31,6 +31,16 @@ class DiscretisationError(NamedTuple):
     kind: str
 
 
+class LoadFactor(NamedTuple):
+    """Multiple ``value`` [1] of the load at which a body buckles, and the ``shape`` it then takes.
+
+    The shape (points, 3) has a largest displacement of one; infinity stands for more than 1000.
+    """
+
+    value: float
+    shape: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class StaticResult:
     """A body at rest under its loads.
@@ -113,6 +123,8 @@ class SagResult:
         Points that are held, shape (points,).
     warnings
         What was assumed: components that do not touch the ground, no common base, ...
+    load_factor
+        Multiple of the load at which it buckles; None where that was not found.
     """
 
     static: StaticResult
@@ -122,6 +134,7 @@ class SagResult:
     discretisation_error: DiscretisationError
     supported: Bool[np.ndarray, "points"]
     warnings: tuple[str, ...]
+    load_factor: LoadFactor | None = None
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:

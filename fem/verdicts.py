@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .result import Modes, MotionResult, SagResult
+from .result import LoadFactor, Modes, MotionResult, SagResult
 from .scene.material import wave_speed
 from .scene.mesh import TetMesh, altitudes, material_of
 
@@ -18,6 +18,8 @@ TRUSTED = 0.1
 # they are by .001 (the bench beam), .05, .20 (a chair of oak and foam) and .01 (the same in oak):
 # at most half the square, so that this difference means ``TRUSTED`` for them.
 TRUSTED_P2 = (2 * TRUSTED) ** 0.5
+# A body stands where it buckles under no less than this multiple of its load.
+STANDS = 1.0
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the
@@ -38,13 +40,15 @@ class Check:
 
 
 def holds_shape(result: SagResult) -> Check:
-    """Whether the body keeps its shape under its load."""
-    ratio = result.sag_ratio
-    passed = ratio <= HOLDS
+    """Whether the body keeps its shape under its load: it sags little, and does not buckle."""
+    ratio, factor = result.sag_ratio, result.load_factor
+    buckled = factor is not None and factor.value < STANDS
+    passed = ratio <= HOLDS and not buckled
     does = "holds its shape" if passed else "does not hold its shape"
+    also = f", and it buckles under {factor.value:.3g} times its load" if factor and buckled else ""
     return Check(
         "holds shape", passed, ratio, HOLDS,
-        f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}).",
+        f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}){also}.",
     )  # fmt: skip
 
 
@@ -64,6 +68,17 @@ def discretisation(result: SagResult) -> Check:
         )
     found = "fine enough" if passed else "coarse"
     return Check("discretisation", passed, value, limit, f"The mesh is {found}: {why}.")
+
+
+def buckling(factor: LoadFactor) -> Check:
+    """Whether the body stands its load without buckling."""
+    passed = factor.value >= STANDS
+    times = "more than 1000" if np.isinf(factor.value) else f"{factor.value:.3g}"
+    return Check(
+        "buckling", passed, factor.value, STANDS,
+        f"It {'stands' if passed else 'buckles'}: {times} times its load would make it buckle "
+        f"(limit {STANDS:g}).",
+    )  # fmt: skip
 
 
 def first_frequency(modes: Modes) -> Check:
@@ -124,4 +139,5 @@ def no_penetration(motion: MotionResult) -> Check:
 def static_checks(result: SagResult) -> tuple[Check, ...]:
     """Verdicts that a static result alone allows."""
     mesh = result.static.mesh
-    return holds_shape(result), discretisation(result), explicit_step(mesh)
+    stable = () if result.load_factor is None else (buckling(result.load_factor),)
+    return holds_shape(result), *stable, discretisation(result), explicit_step(mesh)

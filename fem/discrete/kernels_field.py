@@ -60,3 +60,33 @@ def displacement_gradient(
             for a in range(10):
                 total += wp.outer(u[elements[t, a]], row10(d, a))
         grad[t, q] = total
+
+
+@wp.kernel
+def geometric_stiffness(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    quadrature: wp.array(dtype=wp.vec4d),
+    stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+    slots: wp.array2d(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+):
+    """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
+    t = wp.tid()
+    six = six_volumes(points, elements, t)
+    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
+    w = six / wp.float64(6 * quadrature.shape[0])
+    size = elements.shape[1]
+    for q in range(quadrature.shape[0]):
+        s = w * stress[t, q]
+        if size == 4:
+            for a in range(4):
+                p = s * row3(g, a)
+                for b in range(4):
+                    wp.atomic_add(values, slots[t, 4 * a + b], wp.dot(p, row3(g, b)))
+        else:
+            d = gradients_p2(g, quadrature[q])
+            for a in range(10):
+                p = s * row10(d, a)
+                for b in range(10):
+                    wp.atomic_add(values, slots[t, 10 * a + b], wp.dot(p, row10(d, b)))

@@ -10,11 +10,12 @@ import numpy as np
 
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
-from ..result import SagResult, StaticResult
+from ..result import LoadFactor, SagResult, StaticResult
 from ..scene.scene import Scene
 from .discretisation_error import affordable_order, find_discretisation_error
 from .method import FrameProgress
 from .nonlinear import solve_nonlinear
+from .stability import find_load_factor
 from .statics import solve_static
 
 logger = logging.getLogger(__name__)
@@ -66,15 +67,15 @@ class StaticMethod:
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order or affordable_order(scene.mesh))
         error = find_discretisation_error(static, solve, warnings)
+        factor = _load_factor(scene, static, warnings)
         if law is None or LAWS[law].finite:
             static = _checked_strain(scene, static, law or Law.NEO_HOOKEAN, warnings, loads)
         for warning in warnings:
             logger.warning(warning)
         largest, height = _largest(static), scene.height
         supported = np.asarray(scene.held.fixed.any(axis=1))
-        return SagResult(
-            static, height, largest, largest / height, error, supported, tuple(warnings)
-        )
+        found = (static, height, largest, largest / height, error, supported, tuple(warnings))
+        return SagResult(*found, load_factor=factor)
 
 
 METHOD = StaticMethod()
@@ -86,6 +87,17 @@ def _check_load(scene: Scene) -> None:
     acts = np.any(scene.gravity_vector) or scene.tractions or scene.held.values.any()
     if not (acts or (scene.forces is not None and np.any(scene.forces))):
         raise UsageError("nothing acts on the body: gravity is zero, and there is no other load")
+
+
+def _load_factor(scene: Scene, static: StaticResult, warnings: list[str]) -> LoadFactor | None:
+    """Load factor of buckling, or why not; linear elements would flatter it by far."""
+    if static.order == 1 or scene.held.values.any():
+        return None
+    try:
+        return find_load_factor(static, scene.held)
+    except ConvergenceError as error:
+        warnings.append(str(error))
+        return None
 
 
 def _largest(static: StaticResult) -> float:

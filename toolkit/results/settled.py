@@ -41,12 +41,13 @@ class Settled(Simulation):
     @property
     def numbers(self) -> dict[str, Any]:
         """Displacement [m], ratio, stress [Pa], frequencies [Hz], residual of the solver."""
-        static = self.solved.static
+        static, factor = self.solved.static, self.solved.load_factor
         return {
             "max_displacement": self.solved.max_displacement,
             "sag_ratio": self.solved.sag_ratio,
             "height": self.solved.height,
             "max_von_mises": float(self.solved.von_mises.max()),
+            "load_factor": factor and factor.value,
             "reaction": static.reaction.sum(axis=0),
             "frequencies": self.frequencies,
             "order": static.order,
@@ -83,7 +84,7 @@ class Settled(Simulation):
         return self.solved.warnings
 
     def verdicts(self) -> list[Verdict]:
-        """Shape, discretisation, explicit step, first frequency."""
+        """Shape, buckling, discretisation, explicit step, first frequency."""
         from ...fem.verdicts import first_frequency, static_checks
 
         checks = [*static_checks(self.solved)]

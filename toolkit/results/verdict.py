@@ -15,6 +15,7 @@ MARKS: dict[Mark, str] = {"good": "âœ“", "note": "i", "warning": "!", "bad": "âœ
 ADVICE = {
     "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
     "size: --size is the longest side in metres.",
+    "buckling": "Slender parts want a stiffer material, more thickness or a support higher up.",
     "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel 0.03 or less.",
     "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
     "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
@@ -22,7 +23,7 @@ ADVICE = {
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
 }
 # Checks whose failure changes what the body can be used for.
-SERIOUS = ("holds shape", "no penetration")
+SERIOUS = ("holds shape", "buckling", "no penetration")
 
 
 @dataclass(frozen=True)

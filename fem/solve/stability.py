@@ -1,0 +1,146 @@
+"""Stability of a rest: the multiple of the load at which a body buckles."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import single_threaded, start_warp
+from ..discrete.assembly import Discretisation, discretise, stiffness
+from ..discrete.block_matrix import BlockMatrix
+from ..discrete.constraints import apply_supports, node_supports
+from ..discrete.quadrature import element_points
+from ..discrete.strain import displacement_gradients, first_piola
+from ..errors import ConvergenceError, InputError
+from ..laws.law import Law
+from ..linalg.elimination import planned_elimination
+from ..linalg.factor import CholeskyFactor, known_factor
+from ..result import LoadFactor, StaticResult
+from ..scene.material import LameParameters
+from ..scene.mesh import material_of
+from ..scene.supports import Supports
+
+# Relative accuracy of the load factor: far below that of the elements.
+TOLERANCE = 1e-4
+# Most steps of Lanczos, and the least before it says that there is nothing to find.
+STEPS, LEAST = 80, 10
+# A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
+LARGEST = 1000.0
+# Operations of the factor above which it is not made for this alone: ten seconds of a core.
+MOST_OPERATIONS = 1.2e11
+
+
+class _Pencil(NamedTuple):
+    """K [N/m] with supports, its factor, what is free (nodes, 3), and K_sigma (nodes, nodes)."""
+
+    K: BlockMatrix
+    factor: CholeskyFactor
+    free: np.ndarray
+    geometric: Any
+
+    def pushed(self, x: np.ndarray) -> np.ndarray:
+        """Force -K_sigma x [N] of the stress on the displacement ``x`` (nodes, 3)."""
+        return np.where(self.free, -(self.geometric @ x), 0.0)
+
+    def solved(self, force: np.ndarray) -> np.ndarray:
+        """Displacement (nodes, 3) under a ``force`` on what is free."""
+        return np.where(self.free, self.factor.solve(force), 0.0)
+
+
+@single_threaded
+def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
+    """Smallest multiple of its load at which the body of a linear ``result`` buckles.
+
+    The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
+    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
+    ``supports`` are those of the result. Beyond ``LARGEST`` the factor is said to be infinite.
+
+    Raises
+    ------
+    InputError
+        Where the result is not linear, or displacements are prescribed: these are no load.
+    ConvergenceError
+        If the mesh is too large for a factor, or the eigensolver does not reach its tolerance.
+    """
+    if result.law != Law.LINEAR:
+        raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
+    if supports.values[supports.fixed].any():
+        raise InputError("load factor of prescribed displacements: wanted loads only")
+    grid = discretise(result.mesh, result.order)
+    held = node_supports(supports, grid.space)
+    share, shape = _largest_share(_pencil(grid, result, held))
+    shape = shape[: grid.space.points]
+    if not share > 0:
+        return LoadFactor(np.inf, np.zeros_like(shape))
+    return LoadFactor(1 / share, shape / np.linalg.norm(shape, axis=1).max())
+
+
+def geometric_stiffness(
+    grid: Discretisation, stress: Float[np.ndarray, "tets quadrature 3 3"]
+) -> Any:
+    """K_sigma [N/m] of ``stress`` [Pa] at the quadrature points, for one direction.
+
+    ``scipy.sparse.csr_array`` (nodes, nodes): displacements along every axis see the same.
+    """
+    from scipy.sparse import csr_array
+
+    from ..discrete import kernels_field as k
+
+    wp = start_warp()
+    pattern, count = grid.pattern, len(grid.space.nodes)
+    given = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, grid.quadrature, given, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return csr_array(arrays, shape=(count, count))
+
+
+def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Pencil:
+    H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
+    lame = material_of(result.mesh).lame
+    stress = first_piola(Law.LINEAR, H, LameParameters(*(m[:, None] for m in lame)))
+    matrix = stiffness(grid, *lame)
+    apply_supports(matrix, held.fixed, held.springs)
+    matrix = matrix.to("cpu")
+    plan = planned_elimination(matrix, grid.space.edges)
+    if plan.operations > MOST_OPERATIONS:
+        raise ConvergenceError("whether it buckles was not found: the mesh is too large for it")
+    free = ~held.fixed
+    free[grid.space.unused] = False
+    factor = known_factor(matrix, plan)
+    return _Pencil(matrix, factor, free, geometric_stiffness(grid, stress))
+
+
+def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
+    """Largest eigenvalue of -K_sigma x = share K x, and its x (nodes, 3); zero if hardly any.
+
+    By Lanczos in the inner product of K, every vector made orthogonal to all before it.
+    """
+    v = pencil.solved(np.random.default_rng(0).normal(size=pencil.free.shape))
+    basis, images = np.zeros((2, STEPS, *v.shape))  # of every vector v, and K v
+    along, across = np.zeros(STEPS), np.zeros(STEPS)
+    image = pencil.K.times(v)
+    for step in range(STEPS):
+        across[step] = np.sqrt((v * image).sum())
+        basis[step], images[step] = v / across[step], image / across[step]
+        pushed = pencil.pushed(basis[step])
+        along[step] = (basis[step] * pushed).sum()
+        v = pencil.solved(pushed)
+        for _ in range(2):  # once leaves what round-off brought back
+            known = np.tensordot(images[: step + 1], v, axes=([1, 2], [0, 1]))
+            v = v - np.tensordot(known, basis[: step + 1], axes=1)
+        image = pencil.K.times(v)
+        rest = np.sqrt(max(float((v * image).sum()), 0.0))
+        T = np.diag(along[: step + 1]) + np.diag(across[1 : step + 1], 1)
+        value, mode = np.linalg.eigh(T + np.triu(T, 1).T)
+        error = rest * abs(mode[-1, -1])
+        if value[-1] + error < 1 / LARGEST and step + 1 >= LEAST:
+            return 0.0, v
+        if error <= TOLERANCE * abs(value[-1]) or rest == 0:
+            return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
+    raise ConvergenceError(
+        f"the load factor of buckling was not found: about {1 / value[-1]:.3g} after {STEPS} steps"
+    )
