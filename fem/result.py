@@ -125,6 +125,8 @@ class SagResult:
         What was assumed: components that do not touch the ground, no common base, ...
     load_factor
         Multiple of the load at which it buckles; None where that was not found.
+    trusted
+        Whether this is how it rests; else a linear answer to a load that is too large for one.
     """
 
     static: StaticResult
@@ -135,6 +137,7 @@ class SagResult:
     supported: Bool[np.ndarray, "points"]
     warnings: tuple[str, ...]
     load_factor: LoadFactor | None = None
+    trusted: bool = True
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:

@@ -43,9 +43,10 @@ def holds_shape(result: SagResult) -> Check:
     """Whether the body keeps its shape under its load: it sags little, and does not buckle."""
     ratio, factor = result.sag_ratio, result.load_factor
     buckled = factor is not None and factor.value < STANDS
-    passed = ratio <= HOLDS and not buckled
+    passed = ratio <= HOLDS and not buckled and result.trusted
     does = "holds its shape" if passed else "does not hold its shape"
     also = f", and it buckles under {factor.value:.3g} times its load" if factor and buckled else ""
+    also += "" if result.trusted else "; how it comes to lie was not found"
     return Check(
         "holds shape", passed, ratio, HOLDS,
         f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}){also}.",

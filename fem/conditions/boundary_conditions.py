@@ -85,7 +85,8 @@ class BoundaryConditions:
             values = np.where(free, value, held.values[place.points])[:, place.axes]
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
-        return replace(scene, supports=held, holds=tuple(holds))
+        ground = None if self.fix else scene.ground
+        return replace(scene, supports=held, holds=tuple(holds), ground=ground)
 
     def _tractions(self, scene: Scene, warnings: list[str]) -> Iterator[Traction]:
         make = {"load": spread_force, "torque": spread_torque, "pressure": pressure}

@@ -25,6 +25,11 @@ ADVANCES = 60
 STICK_SHARE = 1e-3
 
 
+def barrier_thickness(mesh: TetMesh) -> float:
+    """Distance [m] from an obstacle at which it begins to push ``mesh``."""
+    return BARRIER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+
+
 class Lagged(NamedTuple):
     """Friction of one obstacle, frozen during a solve.
 
@@ -56,7 +61,7 @@ class Contact:
         self.nodes = np.flatnonzero(areas > 0)
         self.rest = space.nodes[self.nodes]
         diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-        self.thickness = thickness or BARRIER_SHARE * diagonal
+        self.thickness = thickness or barrier_thickness(mesh)
         E = material_of(mesh).E
         share = np.bincount(space.elements.ravel(), minlength=len(space.nodes))
         size = space.elements.shape[1]

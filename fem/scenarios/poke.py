@@ -12,7 +12,7 @@ from ..result import SagResult
 from ..scene.loads import spread_force
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, up_axis
+from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_direction, checked_positive, checked_vector
 
@@ -51,7 +51,8 @@ class Poke:
         touched = faces[away <= max(patch, float(away.min()))]
         held, warnings = find_supports(mesh, axis)
         loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
-        return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
+        stands = {"supports": held, "ground": ground_under(mesh, axis)}
+        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings)
 
 
 def poke(

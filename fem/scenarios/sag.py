@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..result import SagResult
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, up_axis
+from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_number
 
@@ -40,7 +40,8 @@ class Sag:
             raise InputError(f"supports {self.supports!r}: wanted one of {', '.join(SUPPORTS)}")
         held, warnings = find_supports(mesh, axis, three_point=self.supports == "three-point")
         weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * np.eye(3)[axis]
-        return Scene(mesh=mesh, up=axis, supports=held, gravity_vector=weight, warnings=warnings)
+        stands = {"supports": held, "ground": ground_under(mesh, axis)}
+        return Scene(mesh=mesh, up=axis, **stands, gravity_vector=weight, warnings=warnings)
 
 
 def sag(

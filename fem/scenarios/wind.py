@@ -13,7 +13,7 @@ from ..scene.boundary import face_normals
 from ..scene.loads import Traction
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, up_axis
+from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_direction, checked_positive
 
@@ -49,7 +49,8 @@ class Wind:
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
         held, warnings = find_supports(mesh, axis)
         loads = (Traction(faces[windward], push, "the windward side"),)
-        return Scene(mesh=mesh, up=axis, supports=held, tractions=loads, warnings=warnings)
+        stands = {"supports": held, "ground": ground_under(mesh, axis)}
+        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings)
 
 
 def wind(

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from .loads import Traction
 from .mesh import TetMesh
-from .obstacles import Obstacle
+from .obstacles import Obstacle, Plane
 from .supports import Supports
 
 
@@ -47,6 +47,8 @@ class Scene:
         Forces per area [Pa] on boundary faces.
     forces
         Forces [N] at the points of the mesh, shape (points, 3).
+    ground
+        What the body stands on, without friction; None: it is held in the air.
     obstacles, friction
         Rigid obstacles, and the coefficient of Coulomb friction [1] on all of them.
     velocity
@@ -66,6 +68,7 @@ class Scene:
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     tractions: tuple[Traction, ...] = ()
     forces: Float[np.ndarray, "points 3"] | None = None
+    ground: Plane | None = None
     obstacles: tuple[Obstacle, ...] = ()
     friction: float = 0.0
     velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError
 from .components import face_components, spans_plane
 from .mesh import TetMesh
+from .obstacles import Plane
 from .supports import Supports
 
 Axis = Literal["x", "y", "z"]
@@ -23,6 +24,11 @@ def up_axis(up: str) -> int:
     if up not in AXES:
         raise InputError(f"up axis {up!r}: wanted one of x, y, z")
     return AXES[up]
+
+
+def ground_under(mesh: TetMesh, axis: int) -> Plane:
+    """Level ground under the lowest point of ``mesh``: what stands on it cannot sink below."""
+    return Plane(tuple(mesh.bounds[0]), tuple(np.eye(3)[axis]))
 
 
 class FoundSupports(NamedTuple):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..contact.barrier import barrier_thickness
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
 from ..result import LoadFactor, SagResult, StaticResult
+from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from .discretisation_error import affordable_order, find_discretisation_error
 from .method import FrameProgress
@@ -27,6 +30,8 @@ LINEAR_LIMIT = 0.05
 COLLAPSE = 0.5
 # Newton steps of the repeat: one that converges takes 5 to 15.
 ITERATIONS = 30
+# Unknowns up to which a body that Newton does not bring to rest is relaxed: hundreds of factors.
+RELAXED = 15_000
 
 
 class StaticMethod:
@@ -67,15 +72,16 @@ class StaticMethod:
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         static = solve(order=order or affordable_order(scene.mesh))
         error = find_discretisation_error(static, solve, warnings)
-        factor = _load_factor(scene, static, warnings)
+        factor, trusted = _load_factor(scene, static, warnings), True
         if law is None or LAWS[law].finite:
-            static = _checked_strain(scene, static, law or Law.NEO_HOOKEAN, warnings, loads)
+            name = law or Law.NEO_HOOKEAN
+            static, trusted = _checked_strain(scene, static, name, warnings, loads)
         for warning in warnings:
             logger.warning(warning)
         largest, height = _largest(static), scene.height
         supported = np.asarray(scene.held.fixed.any(axis=1))
         found = (static, height, largest, largest / height, error, supported, tuple(warnings))
-        return SagResult(*found, load_factor=factor)
+        return SagResult(*found, load_factor=factor, trusted=trusted)
 
 
 METHOD = StaticMethod()
@@ -105,26 +111,49 @@ def _largest(static: StaticResult) -> float:
     return float(np.linalg.norm(static.displacement, axis=1).max())
 
 
+class _Rest(NamedTuple):
+    """The answer to keep, and whether it can be trusted as a rest."""
+
+    static: StaticResult
+    trusted: bool
+
+
 def _checked_strain(
     scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
-) -> StaticResult:
-    """Solve again under ``law`` where the linear answer strains too much; or keep it."""
+) -> _Rest:
+    """Solve again under ``law`` where the linear answer strains or sinks too much; or keep it."""
     share = _largest(linear) / scene.height
     if share > COLLAPSE:
         warnings.append(
             f"it collapses: the linear answer moves {share:.1f} times its height, which "
             "says that it cannot stand, not how it lies"
         )
-        return linear
-    if linear.max_strain <= LINEAR_LIMIT:
-        return linear
-    said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+        return _Rest(linear, False)
+    ground = _lowered(scene)
+    if linear.max_strain > LINEAR_LIMIT:
+        said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+    elif ground and not ground.distance(scene.mesh.points + linear.displacement).gap.min() > 0:
+        said = "the linear answer sinks into the ground: "
+    else:
+        return _Rest(linear, True)
     title = LAWS[law].title
     options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
+    options["obstacles"] = (ground,) if ground else ()
+    options["relaxation"] = linear.node_displacement.size <= RELAXED
     try:
         static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
     except ConvergenceError as error:
-        warnings.append(f"{said}it is not to be trusted, and no {title} rest exists ({error})")
-        return linear
+        warnings.append(f"{said}it is not to be trusted, and Newton stopped ({title}: {error})")
+        return _Rest(linear, False)
     warnings.append(f"{said}repeated with the {title} law")
-    return static
+    return _Rest(static, True)
+
+
+def _lowered(scene: Scene) -> Plane | None:
+    """The ground, so low that it does not push the body yet."""
+    if scene.ground is None:
+        return None
+    normal = np.asarray(scene.ground.normal, dtype=float)
+    normal /= np.linalg.norm(normal)
+    point = scene.ground.point - barrier_thickness(scene.mesh) * normal
+    return replace(scene.ground, point=tuple(point))

@@ -1,4 +1,4 @@
-"""Newton's method with backtracking for the minimum of a nodal energy."""
+"""The minimum of a nodal energy: Newton's method with backtracking, and dynamic relaxation."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
-from ..discrete.block_matrix import BlockMatrix
+from ..discrete.block_matrix import BlockMatrix, add_diagonal
+from ..discrete.constraints import apply_supports
 from ..errors import ConvergenceError
 
 logger = logging.getLogger(__name__)
@@ -19,6 +21,13 @@ SUFFICIENT = 1e-4
 HALVINGS = 30
 # An energy is known to this share of its terms: below it, a step is judged by its residual.
 ENERGY_NOISE = 1e-12
+# Steps of dynamic relaxation.
+RELAXATIONS = 400
+# A step that went all its way is followed by one of so many times its time; one that the tangent
+# forbids is tried again in a shorter one.
+LONGER, SHORTER = 2.0, 0.5
+# A step cut below this share was too long, though its direction was right.
+CUT = 0.3
 
 
 class Point(NamedTuple):
@@ -86,7 +95,7 @@ def minimise(
         if size <= goal:
             return Minimum(u, size, iteration)
         step = solve(objective.hessian(u, projected=projected), -here.gradient, goal)
-        moved = _backtrack(objective, u, step, here)
+        moved = backtrack(objective, u, step, here)
         if moved is not None:
             (u, here), projected = moved, False
             logger.debug("Newton %d: residual %.3e N", iteration, size)
@@ -100,10 +109,10 @@ def minimise(
     )
 
 
-def _backtrack(
+def backtrack(
     objective: Objective, u: np.ndarray, step: np.ndarray, here: Point
 ) -> tuple[np.ndarray, Point] | None:
-    """First of the halved steps that lowers the energy; none if the step does not descend."""
+    """First of the halved ``step`` that lowers the energy; none if it does not descend."""
     slope = float((here.gradient * step).sum())
     if not (np.isfinite(step).all() and slope < 0):
         return None
@@ -117,3 +126,47 @@ def _backtrack(
             return trial, there
         share /= 2
     return None
+
+
+def relax(
+    objective: Objective,
+    u: Float[np.ndarray, "nodes 3"],
+    *,
+    mass: Float[np.ndarray, "nodes"],
+    fixed: np.ndarray,
+    dt: float,
+    solve: LinearSolve,
+    tolerance: float,
+) -> Minimum:
+    """Minimise ``objective`` from ``u`` [m] by dynamic relaxation of ``mass`` [kg].
+
+    Each is one Newton step of (H + M / dt^2) x = -g, first in ``dt`` [s], in longer ones as it goes
+    well: the energy only falls, so that a body that buckles comes to lie where it can
+    (pseudo-transient continuation, Kelley & Keyes 1998). ``fixed`` (nodes, 3) stay.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not come to rest.
+    """
+    here = objective.evaluate(u)
+    for step in range(RELAXATIONS):
+        goal = tolerance * here.scale
+        if here.residual <= goal:
+            return Minimum(u, here.residual, step)
+        matrix = objective.hessian(u, projected=False)
+        add_diagonal(matrix, (mass / dt**2)[:, None, None] * np.eye(3))
+        apply_supports(matrix, fixed)
+        move = solve(matrix, -here.gradient, goal)
+        moved = backtrack(objective, u, move, here)
+        if moved is None:
+            dt *= SHORTER
+            continue
+        share = float(np.linalg.norm(moved[0] - u) / (np.linalg.norm(move) or 1.0))
+        u, here = moved
+        dt *= SHORTER if share < CUT else LONGER if share > 1 - CUT else 1.0
+        logger.debug("relaxation %d: dt %.2g s, residual %.3g N", step, dt, here.residual)
+    raise ConvergenceError(
+        f"it did not come to rest in {RELAXATIONS} steps: the forces still differ by "
+        f"{here.residual / here.scale:.2g} of the load"
+    )

@@ -77,7 +77,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     return LoadFactor(1 / share, shape / np.linalg.norm(shape, axis=1).max())
 
 
-def geometric_stiffness(
+def _stress_stiffness(
     grid: Discretisation, stress: Float[np.ndarray, "tets quadrature 3 3"]
 ) -> Any:
     """K_sigma [N/m] of ``stress`` [Pa] at the quadrature points, for one direction.
@@ -111,7 +111,7 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
     free = ~held.fixed
     free[grid.space.unused] = False
     factor = known_factor(matrix, plan)
-    return _Pencil(matrix, factor, free, geometric_stiffness(grid, stress))
+    return _Pencil(matrix, factor, free, _stress_stiffness(grid, stress))
 
 
 def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
@@ -124,7 +124,9 @@ def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
     along, across = np.zeros(STEPS), np.zeros(STEPS)
     image = pencil.K.times(v)
     for step in range(STEPS):
-        across[step] = np.sqrt((v * image).sum())
+        across[step] = np.sqrt(max(float((v * image).sum()), 0.0))
+        if across[step] == 0:  # nothing is free, or nothing is stressed
+            return 0.0, v
         basis[step], images[step] = v / across[step], image / across[step]
         pushed = pencil.pushed(basis[step])
         along[step] = (basis[step] * pushed).sum()
@@ -139,7 +141,7 @@ def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
         error = rest * abs(mode[-1, -1])
         if value[-1] + error < 1 / LARGEST and step + 1 >= LEAST:
             return 0.0, v
-        if error <= TOLERANCE * abs(value[-1]) or rest == 0:
+        if error <= TOLERANCE * abs(value[-1]):
             return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
     raise ConvergenceError(
         f"the load factor of buckling was not found: about {1 / value[-1]:.3g} after {STEPS} steps"

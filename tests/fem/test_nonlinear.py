@@ -2,13 +2,20 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.discrete.assembly import discretise
+from autophyx_tet.fem.discrete.space import EDGES
+from autophyx_tet.fem.discrete.strain import displacement_gradients
+from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.laws.law import LAWS
+from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.material import lame_parameters
+from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.verdicts import holds_shape
 
 from .bodies import faces_at, shaken_box, symmetry_planes, with_uniform
 
@@ -71,3 +78,54 @@ def test_elastica():
     result = solve_nonlinear(mesh, held, traction=load, order=2)
     tip = result.displacement[mesh.points[:, 0] == L].mean(axis=0)
     assert tip == pytest.approx([-0.1606 * L, 0, -0.4935 * L], abs=0.02 * L)
+
+
+def _volume_ratios(result):
+    """J at ten places of every tet: corners, middles of edges."""
+    where = np.concatenate([np.eye(4), (np.eye(4)[EDGES[:, 0]] + np.eye(4)[EDGES[:, 1]]) / 2])
+    grid = discretise(result.mesh, result.order)
+    H = displacement_gradients(grid, result.node_displacement, where)
+    return np.linalg.det(np.eye(3) + H)
+
+
+def soft_column(E, cells):
+    return shaken_box((0.2, 0.2, 1.0), cells, E=E, nu=0.3, rho=1000, amount=0)
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_soft_column_lies_on_the_ground(order):
+    """E = 2e4 Pa stands a twentieth of its weight: it bends over and lies, above the ground.
+
+    Clamp and ground carry its weight together, and no tet is inside out.
+    """
+    mesh = soft_column(2e4, (2, 2, 8))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
+    ground = Plane((0.0, 0.0, -1e-3))
+    options = {"gravity_vector": (0, 0, -9.81), "order": order, "obstacles": [ground]}
+    result = solve_nonlinear(mesh, held, **options)
+    lies = mesh.points + result.displacement
+    assert lies[:, 2].min() > -1e-3
+    assert lies[:, 2].max() < 0.3
+    assert np.ptp(lies[:, :2], axis=0).max() > 0.5
+    assert _volume_ratios(result).min() > 0
+    assert result.residual < 1e-8
+    assert result.reaction[:, 2].sum() < 0.9 * mesh.mass * 9.81
+
+
+def test_what_is_inside_out_is_no_answer():
+    """A start turned inside out under a force that holds it there is refused, with the count."""
+    mesh = soft_column(1e4, (1, 1, 2))
+    low, high = mesh.points[:, 2] == 0, mesh.points[:, 2] == 1
+    held = Supports.clamp(len(mesh.points), low).with_fixed(high, (0, 1, 2), np.array([0, 0, -1.2]))
+    with pytest.raises(ConvergenceError, match="inside out"):
+        solve_nonlinear(mesh, held, order=1)
+
+
+def test_a_collapse_is_not_called_a_rest(monkeypatch):
+    """Where Newton stops and relaxation would take too long, that is said, not "no rest exists"."""
+    monkeypatch.setattr("autophyx_tet.fem.solve.equilibrium.RELAXED", 0)
+    result = sag(soft_column(3e4, (2, 2, 8)), order=1)
+    assert any("Newton stopped" in w for w in result.warnings)
+    assert not any("exists" in w for w in result.warnings)
+    assert not result.trusted
+    assert "was not found" in holds_shape(result).sentence
