@@ -1,4 +1,4 @@
-"""Meshes of twelve pieces of real furniture with materials, made by our own ``convert``.
+"""Meshes of twelve pieces of real furniture, and of the demo, made by our own ``convert``.
 
     python benchmarks/real_meshes.py --cache FOLDER
 
@@ -26,6 +26,8 @@ NAMES = (
     "KatorLegaz/bar-stool",
 )
 
+DEMO_TEXT = "the pot is ceramic, the soil is moist soil, the trunk is oak, the foliage is leaves"
+
 
 def cache_folder() -> Path:
     """Where the meshes are kept unless ``--cache`` says otherwise."""
@@ -42,22 +44,38 @@ def real_mesh(name: str, folder: Path) -> Path:
     return path
 
 
+def demo_mesh(folder: Path) -> Path:
+    """Mesh file of the bonsai of ``make demo``, made where ``folder`` has none."""
+    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+
+    path = folder / "demo.msh"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        _assigned(write_bonsai(folder / "bonsai.glb"), DEMO_TEXT, path)
+    return path
+
+
 def _make(name: str, folder: Path, path: Path) -> None:
-    from autophyx_tet.converters.mesh.mesh_file import write_mesh
     from autophyx_tet.toolkit.io import sweethome3d
-    from autophyx_tet.toolkit.io.sidecar import Sidecar
-    from autophyx_tet.toolkit.options import ConvertOptions
-    from autophyx_tet.toolkit.pipeline import assign, convert
 
     source, _, _ = name.partition("/")
     (item,) = (i for i in sweethome3d.catalog(source) if i.key == name)
     asset = sweethome3d.extract(item, folder / "assets")
-    solid = convert(asset, options=ConvertOptions(size=max(item.size)))
-    folder.mkdir(parents=True, exist_ok=True)
-    plain = folder / f"plain-{path.name}"  # with its sidecar: the axis that points up, the names
+    _assigned(asset, f"a {item.name.lower()}", path, size=max(item.size))
+
+
+def _assigned(asset: Path, text: str, path: Path, **options) -> None:
+    """Convert ``asset``, give it the materials of ``text`` and write it to ``path``."""
+    from autophyx_tet.converters.mesh.mesh_file import write_mesh
+    from autophyx_tet.toolkit.io.sidecar import Sidecar
+    from autophyx_tet.toolkit.options import ConvertOptions
+    from autophyx_tet.toolkit.pipeline import assign, convert
+
+    solid = convert(asset, options=ConvertOptions(**options))
+    plain = path.with_name(f"plain-{path.name}")  # its sidecar knows the axis up and the names
     write_mesh(plain, solid.mesh)
     solid.described().write(plain)
-    assign(plain, f"a {item.name.lower()}", asset=asset, output=path)
+    assign(plain, text, asset=asset, output=path)
     plain.unlink()
     Sidecar.path(plain).unlink()
 

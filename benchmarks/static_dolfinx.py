@@ -19,6 +19,7 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.spatial import cKDTree
 
 
 def problem(data, order: int):
@@ -38,9 +39,15 @@ def problem(data, order: int):
     strain = ufl.sym(ufl.grad(u))
     stress = lam * ufl.tr(strain) * ufl.Identity(3) + 2 * mu * strain
     a = fem.form(ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx)
-    b = fem.form(-9.81 * rho * v[2] * ufl.dx)
-    held = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0))
+    weight = ufl.as_vector([float(g) for g in data["gravity"]])
+    b = fem.form(rho * ufl.inner(weight, v) * ufl.dx)
+    held = nearest(V.tabulate_dof_coordinates(), data["held"]).astype(np.int32)
     return V, a, b, fem.dirichletbc(np.zeros(3), held, V)
+
+
+def nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Dof (of a component) at every point."""
+    return cKDTree(nodes).query(points)[1]
 
 
 def rigid_modes(V) -> PETSc.NullSpace:
@@ -91,10 +98,8 @@ def main() -> None:
         assemble, spent, x, solver, residual = solve(A, a, b, bc, near, kind, float(tolerance))
         wall = time.perf_counter() - wall
     nodes = V.tabulate_dof_coordinates()
-    end = data["points"][np.isclose(data["points"][:, 0], 1.0)]
-    near_end = np.flatnonzero(np.isclose(nodes[:, 0], 1.0))
-    apart = np.linalg.norm(nodes[near_end][:, None] - end[None], axis=2)
-    tip = x.reshape(-1, 3)[near_end[np.argmin(apart, axis=0)], 2].mean()
+    probe = nearest(nodes, data["points"][data["probe"]])
+    tip = (x.reshape(-1, 3)[probe] @ data["direction"]).mean()
     row = {
         "tets": len(data["tets"]),
         "dof": x.size,

@@ -12,22 +12,23 @@ import time
 from pathlib import Path
 
 import numpy as np
-from static_cantilever import GRAVITY, TOLERANCE, make_row, tip
+from static_case import STRENGTH_OF_GRAVITY, TOLERANCE, Case, make_row
 
 # The system's Python, for which Debian packages dolfinx.
 SYSTEM_PYTHON = "/usr/bin/python3"
 
 
-def assembled(mesh, order: int):
+def assembled(case: Case, order: int):
     """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
     from autophyx_tet.fem.discrete.assembly import discretise, stiffness
     from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
     from autophyx_tet.fem.discrete.forces import load_vector
     from autophyx_tet.fem.scene.supports import Supports
 
+    mesh = case.mesh
     grid = discretise(mesh, order)
-    held = node_supports(Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0), grid.space)
-    load = load_vector(mesh, grid, gravity_vector=GRAVITY)
+    held = node_supports(Supports.clamp(len(mesh.points), case.held), grid.space)
+    load = load_vector(mesh, grid, gravity_vector=case.gravity)
     matrix = stiffness(grid, *mesh.material.lame)
     rhs = reduced_load(matrix, load, held, np.zeros_like(load))
     return grid, matrix.to_scipy(), rhs.reshape(-1), held
@@ -39,13 +40,13 @@ def rigid(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     return (rigid_motions(nodes - nodes.mean(axis=0)) * ~fixed[:, :, None]).reshape(-1, 6)
 
 
-def pyamg(mesh, order: int) -> dict:
+def pyamg(case: Case, order: int) -> dict:
     """Smoothed aggregation with rigid modes on our matrix; only the solve is pyamg's."""
     import pyamg as amg
     from scipy.sparse import bsr_matrix
 
     start = time.process_time()
-    grid, A, b, held = assembled(mesh, order)
+    grid, A, b, held = assembled(case, order)
     middle = time.process_time()
     hierarchy = amg.smoothed_aggregation_solver(
         bsr_matrix(A), B=rigid(grid.space.nodes, held.fixed), max_coarse=500, coarse_solver="splu"
@@ -53,16 +54,16 @@ def pyamg(mesh, order: int) -> dict:
     residuals: list[float] = []
     x = hierarchy.solve(b, tol=TOLERANCE, accel="cg", residuals=residuals)
     residual = np.linalg.norm(b - A @ x) / np.linalg.norm(b)
-    return make_row(mesh, b.size, start, middle, x.reshape(-1, 3), len(residuals) - 1, residual)
+    return make_row(case, b.size, start, middle, x.reshape(-1, 3), len(residuals) - 1, residual)
 
 
-def scikit_fem(mesh, order: int) -> dict:
+def scikit_fem(case: Case, order: int) -> dict:
     """scikit-fem's assembly, pyamg's solve."""
     import pyamg as amg
     import skfem
     from skfem.helpers import ddot, eye, sym_grad, trace
 
-    start = time.process_time()
+    start, mesh = time.process_time(), case.mesh
     element = skfem.ElementTetP1() if order == 1 else skfem.ElementTetP2()
     grid = skfem.MeshTet(mesh.points.T, mesh.tets.T.astype(np.int64))
     basis = skfem.Basis(grid, skfem.ElementVector(element), intorder=2 * order - 1)
@@ -76,10 +77,12 @@ def scikit_fem(mesh, order: int) -> dict:
 
     @skfem.LinearForm
     def weight(v, w):
-        return -9.81 * rho * v[2]
+        return rho * sum(g * v[i] for i, g in enumerate(case.gravity))
 
     A, b = stiffness.assemble(basis), weight.assemble(basis)
-    fixed = basis.get_dofs(lambda x: np.isclose(x[0], 0)).all()
+    ends = case.held[grid.edges].all(axis=0)
+    dofs = [basis.nodal_dofs[:, case.held]] + ([basis.edge_dofs[:, ends]] if order == 2 else [])
+    fixed = np.concatenate([d.ravel() for d in dofs])
     A, b, x, inner = skfem.condense(A, b, D=fixed)
     middle = time.process_time()
     location = basis.doflocs.T  # one row a dof; components in turn
@@ -96,29 +99,34 @@ def scikit_fem(mesh, order: int) -> dict:
     x[inner] = y
     residual = np.linalg.norm(b - A @ y) / np.linalg.norm(b)
     points = x[basis.nodal_dofs].T
-    return make_row(mesh, x.size, start, middle, points, len(residuals) - 1, residual)
+    return make_row(case, x.size, start, middle, points, len(residuals) - 1, residual)
 
 
-def pardiso(mesh, order: int) -> dict:
+def pardiso(case: Case, order: int) -> dict:
     """MKL Pardiso on our matrix; the cache of pypardiso is emptied, or it would time nothing."""
     import pypardiso
 
     start = time.process_time()
-    _, A, b, _ = assembled(mesh, order)
+    _, A, b, _ = assembled(case, order)
     A = A.tocsr()
     middle = time.process_time()
     solver = pypardiso.PyPardisoSolver()
     x = solver.solve(A, b)
     solver.free_memory(everything=True)
     residual = np.linalg.norm(b - A @ x) / np.linalg.norm(b)
-    return make_row(mesh, b.size, start, middle, x.reshape(-1, 3), 0, residual)
+    return make_row(case, b.size, start, middle, x.reshape(-1, 3), 0, residual)
 
 
-def dolfinx(mesh, order: int, preconditioner: str = "icc") -> dict:
+def dolfinx(case: Case, order: int, preconditioner: str = "icc") -> dict:
     """PETSc's CG in the system's Python: ``preconditioner`` icc (level 0) or gamg (rigid modes)."""
     script = Path(__file__).with_name("static_dolfinx.py")
+    from autophyx_tet.fem.discrete.space import make_space
+
+    mesh, space = case.mesh, make_space(case.mesh, order)
     lam, mu = mesh.material.lame
     arrays = {"points": mesh.points, "tets": mesh.tets, "lam": lam, "mu": mu}
+    arrays |= {"held": space.nodes[case.held_nodes(space)], "gravity": case.gravity}
+    arrays |= {"probe": case.probe, "direction": case.direction}
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder) / "mesh.npz")
         np.savez(path, **arrays, rho=mesh.material.rho)
@@ -129,19 +137,22 @@ def dolfinx(mesh, order: int, preconditioner: str = "icc") -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def dolfinx_gamg(mesh, order: int) -> dict:
+def dolfinx_gamg(case: Case, order: int) -> dict:
     """Same, with PETSc's algebraic multigrid."""
-    return dolfinx(mesh, order, "gamg")
+    return dolfinx(case, order, "gamg")
 
 
-def calculix(mesh, order: int) -> dict:
-    """CalculiX with its iterative solver on a deck of ours; file reading and writing count too."""
+def calculix(case: Case, order: int, solver: str = "") -> dict:
+    """CalculiX with its default, direct solver on a deck of ours: the whole process, its files too.
+
+    ``solver`` is what the deck says of another.
+    """
     from autophyx_tet.fem.discrete.space import make_space
 
-    space = make_space(mesh, order)
+    mesh, space = case.mesh, make_space(case.mesh, order)
     with tempfile.TemporaryDirectory() as folder:
         deck = Path(folder) / "deck.inp"
-        deck.write_text(_deck(mesh, space))
+        deck.write_text(_deck(case, space, solver))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -158,32 +169,39 @@ def calculix(mesh, order: int) -> dict:
         "solve_cpu_s": spent,
         "cpu_s": spent,
         "iterations": 0,
-        "tip": tip(mesh, u),
+        "tip": case.tip(u),
         "rel_residual": None,  # it prints none
         "rss_mb": after.ru_maxrss / 1024,
     }
 
 
-def _deck(mesh, space) -> str:
-    """Deck with one element set a material, gravity, and the end face printed."""
+def calculix_iterative(case: Case, order: int) -> dict:
+    """Same, with its conjugate gradients."""
+    return calculix(case, order, ", SOLVER=ITERATIVE CHOLESKY")
+
+
+def _deck(case: Case, space, solver: str) -> str:
+    """Deck with one element set a material, the probe printed; a number has 20 characters."""
+    mesh = case.mesh
     table = np.stack([mesh.material.E, mesh.material.nu, mesh.material.rho], axis=1)
     kinds, index = np.unique(table, axis=0, return_inverse=True)
     lines = ["*NODE, NSET=ALL"]
-    lines += [f"{i},{x:.17g},{y:.17g},{z:.17g}" for i, (x, y, z) in enumerate(space.nodes, 1)]
+    lines += [f"{i},{x:.12e},{y:.12e},{z:.12e}" for i, (x, y, z) in enumerate(space.nodes, 1)]
     element = "C3D4" if space.order == 1 else "C3D10"
     for kind, (E, nu, rho) in enumerate(kinds):
         lines.append(f"*ELEMENT, TYPE={element}, ELSET=E{kind}")
         members = np.flatnonzero(index.ravel() == kind)
         lines += [f"{t + 1},{','.join(map(str, space.elements[t] + 1))}" for t in members]
-        lines += [f"*MATERIAL, NAME=M{kind}", "*ELASTIC", f"{E:.17g},{nu:.17g}"]
-        lines += ["*DENSITY", f"{rho:.17g}", f"*SOLID SECTION, ELSET=E{kind}, MATERIAL=M{kind}"]
+        lines += [f"*MATERIAL, NAME=M{kind}", "*ELASTIC", f"{E:.12e},{nu:.12e}"]
+        lines += ["*DENSITY", f"{rho:.12e}", f"*SOLID SECTION, ELSET=E{kind}, MATERIAL=M{kind}"]
     for name, ids in {
-        "HELD": np.flatnonzero(space.nodes[:, 0] == 0),
-        "TIP": np.flatnonzero(np.isclose(mesh.points[:, 0], 1.0)),
+        "HELD": np.flatnonzero(case.held_nodes(space)),
+        "TIP": np.flatnonzero(case.probe),
     }.items():
         lines += [f"*NSET, NSET={name}", *(str(i + 1) for i in ids)]
-    lines += ["*BOUNDARY", "HELD,1,3", "*STEP", "*STATIC, SOLVER=ITERATIVE CHOLESKY", "*DLOAD"]
-    lines += [f"E{kind},GRAV,{-GRAVITY[2]:.17g},0,0,-1" for kind in range(len(kinds))]
+    lines += ["*BOUNDARY", "HELD,1,3", "*STEP", f"*STATIC{solver}", "*DLOAD"]
+    down = ",".join(f"{-d:g}" for d in case.direction)
+    lines += [f"E{kind},GRAV,{STRENGTH_OF_GRAVITY:.17g},{down}" for kind in range(len(kinds))]
     return "\n".join([*lines, "*NODE PRINT, NSET=TIP", "U", "*END STEP", ""])
 
 
@@ -194,6 +212,7 @@ PEERS = {
     "dolfinx": dolfinx,
     "dolfinx-gamg": dolfinx_gamg,
     "calculix": calculix,
+    "calculix-iterative": calculix_iterative,
 }
 MODULES = {"pyamg": ["pyamg"], "scikit-fem": ["skfem", "pyamg"], "pardiso": ["pypardiso"]}
 
@@ -202,7 +221,7 @@ def missing(tool: str) -> str | None:
     """Why the peer ``tool`` cannot run here, or None."""
     if tool not in PEERS:
         return f"no adapter: have {sorted(PEERS)}"
-    if tool == "calculix":
+    if tool.startswith("calculix"):
         return None if shutil.which("ccx") else "apt-get install calculix-ccx"
     if tool.startswith("dolfinx"):
         command = [SYSTEM_PYTHON, "-c", "import dolfinx"]

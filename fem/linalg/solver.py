@@ -22,7 +22,7 @@ FACTOR_ENTRIES = 1.2e8  # entries of a factor made, and read twice by each solve
 CG_RATE = 1.6e7  # blocks of the matrix in one iteration of two-level CG, set-up included
 # Iterations that two-level CG takes on a compact body of good tets; slivers and thin parts take any
 # number, so that CG is given as long as the factor would have taken, and the factor comes then.
-USUAL = 30
+USUAL = 60
 # Below this many unknowns a factor is made before anything is estimated.
 DIRECT = 6_000
 # Numbers of a factor above which it is not made: 1.6 GB.
