@@ -52,7 +52,7 @@ PA12: 1.5: 1020
 PA66: 2.6: 1140
 G10,FR4: 21: 1830
 birch plywood: 9: 670
-sugar maple: 12.6: 650
+sugar maple: 12.6: 705
 teak: 11.5: 640
 """
 TYPED = """d2 steel,h13,spring steel,brass,bronze,phosphor bronze,zamak,hastelloy,pla,petg,abs,asa
