@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
 from .hearing.parser import listen
 from .lookup.lookup import Lookup
-from .prediction import Prediction
+from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
 from .voxels import PartVoxels
 
@@ -28,6 +26,7 @@ def predict_materials(
     materials: Mapping[str, str] | None = None,
     alpha: float | None = None,
     part_volumes: Sequence[float] | None = None,
+    usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
     table: MaterialTable | None = None,
@@ -44,6 +43,8 @@ def predict_materials(
         Who finds what words leave open, or its name in ``PREDICTORS``.
     overrides, materials, alpha, part_volumes
         As ``Lookup.choose`` takes them; volumes [m^3].
+    usual
+        By part a kind of thing and its usual material, for where no word names another.
     up
         The axis that points up.
     appearance
@@ -57,15 +58,14 @@ def predict_materials(
         Where a part, a material or the predictor is unknown, or ``alpha`` is to move what a
         predictor finds that cannot do it.
     """
-    predictor = PREDICTORS[predictor]() if isinstance(predictor, str) else predictor
-    table = table or load_table()
+    table, predictor = table or load_table(), _named(predictor)
     sentence = listen(text, table)
     choices = Lookup(table=table).choose(
         parts.part_labels, sentence, overrides=overrides, materials=materials, alpha=alpha,
         part_volumes=part_volumes,
     )  # fmt: skip
-    there = set(np.unique(parts.part).tolist())
-    left_open = [c.part for i, c in enumerate(choices) if not c.settled and i in there]
+    choices = [_usual(choice, table, usual or {}) for choice in choices]
+    left_open = [c.part for i, c in enumerate(choices) if not c.settled and i in parts.part]
     if not left_open:
         return Prediction.of(parts, choices, sentence, alpha=alpha)
     if alpha is not None and not predictor.takes_alpha:
@@ -77,3 +77,19 @@ def predict_materials(
     return predictor.predict(
         parts, sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
     )
+
+
+def _named(predictor: Predictor | str) -> Predictor:
+    return PREDICTORS[predictor]() if isinstance(predictor, str) else predictor
+
+
+def _usual(
+    choice: PartChoice, table: MaterialTable, usual: Mapping[str, tuple[str, str]]
+) -> PartChoice:
+    """The choice, or the usual material of its kind where no word of text or name decided it."""
+    kind, material = usual.get(choice.part, ("", ""))
+    if not material or choice.clause or choice.why.startswith(("name:", "override")):
+        return choice
+    row = table.exact(material)
+    why = f"usual for a {kind}"
+    return PartChoice(choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why)

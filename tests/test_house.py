@@ -14,18 +14,17 @@ FLOORS = {
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",
-        "hearing", "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film",
-        "assignment", "datasets", "training", "evaluation",
+        "hearing", "construction", "images", "partition", "prediction", "lookup", "predictor",
+        "retrieval", "film", "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (
         "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "voxelisation",
         "material_sampling", "field_sources", "carriers", "programs",
     ),
     "toolkit": (
-        "surfaces", "native", "io", "meshing", "options", "config", "conditions", "results",
-        "scenario", "report",
-        "features", "appearance", "image_features", "pipeline", "transfer", "learning", "listing",
-        "doctor", "estimate", "batch", "cli",
+        "surfaces", "native", "io", "meshing", "options", "walls", "config", "conditions",
+        "results", "scenario", "report", "features", "appearance", "image_features",
+        "pipeline", "transfer", "learning", "listing", "doctor", "estimate", "batch", "cli",
     ),
 }  # fmt: skip
 # Rooms that only training and evaluation enter: what a user runs needs neither data nor trainer.

@@ -69,10 +69,6 @@ class ConvertOptions:
     """Layers of tets wanted through thin places; 2 took 4 times as long, with 10 times the tets."""
     thicken: float | None = None
     """Thickness [m] given to sheets; without it they are left out, with a warning."""
-    wall: float | None = None
-    """Wall [m] that hollows every closed part; without it closed parts are solid."""
-    part_wall: Annotated[tuple[str, ...], Repeated] = ()
-    """Wall [m] of one part alone, NAME=METRES; may be repeated."""
     time_limit: float = 300.0
     """Seconds one attempt of the tetrahedraliser may take."""
     accept_broken: bool = False
@@ -87,9 +83,8 @@ class ConvertOptions:
     def engine(self) -> dict[str, Any]:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
         names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "layers", "thicken")
-        names += ("mesher", "wall", "time_limit", "accept_broken", "seed")
+        names += ("mesher", "time_limit", "accept_broken", "seed")
         return {name: getattr(self, name) for name in names} | {
-            "part_wall": {name: _metres(value) for name, value in pairs(self.part_wall).items()},
             "cache": None if self.no_cache else self.cache or _cache_folder("convert"),
         }
 
@@ -276,13 +271,6 @@ def pairs(options: Sequence[str]) -> dict[str, str]:
             raise UsageError(f'wanted NAME="VALUE", got {option!r}')
         found[name.strip()] = value.strip().strip('"')
     return found
-
-
-def _metres(value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise UsageError(f"wanted a wall in metres, NAME=0.003, got {value!r}") from error
 
 
 def _cache_folder(name: str) -> Path:

@@ -6,19 +6,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset, UpAxis
 from .conditions import changed_options
 from .io.outputs import check_file, check_mesh, check_run
-from .io.sidecar import Sidecar, load_again
+from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
 from .results.conversion import Conversion
 from .results.run import RunCase, RunResult, Stopwatch
 from .results.simulation import Simulation
+from .walls.wall_options import WallOptions
+
+if TYPE_CHECKING:
+    from ..predictors.prediction import Prediction
 
 
 def convert(
@@ -26,6 +30,7 @@ def convert(
     *,
     output: Path | None = None,
     options: ConvertOptions | None = None,
+    walls: WallOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Conversion:
     """Make a watertight tetrahedral mesh [m] of an asset, one region per part.
@@ -36,6 +41,8 @@ def convert(
         File to load, or an asset already loaded.
     output
         Mesh to write (.msh, .vtu, .vtk), with its sidecar beside it, chair.msh.json.
+    walls
+        What closed parts are inside; a wall that the mesh can hold becomes its own.
     progress
         Called with (stage, seconds) while the engine works.
 
@@ -51,7 +58,7 @@ def convert(
     from .meshing.import_tets import SUFFIXES, import_tets
     from .meshing.tetrahedralize import tetrahedralize
 
-    options = options or ConvertOptions()
+    options, walls = options or ConvertOptions(), walls or WallOptions()
     if output is not None:
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
@@ -60,8 +67,10 @@ def convert(
     else:
         if not isinstance(asset, Asset):
             asset = load_asset(asset, **scale)
-        mesh, report = tetrahedralize(asset, **options.engine(), progress=progress)
-    result = Conversion(asset=asset, mesh=mesh, report=report)
+        mesh, report = tetrahedralize(
+            asset, **options.engine(), **walls.geometry(), progress=progress
+        )
+    result = Conversion(asset=asset, mesh=mesh, report=report, walls=walls)
     if output is not None:
         write_mesh(output, mesh)
         result.described().write(output)
@@ -77,8 +86,12 @@ def assign(
     output: Path | None = None,
     field_output: Path | None = None,
     options: AssignOptions | None = None,
+    walls: WallOptions | None = None,
 ) -> Assignment:
     """Give every tet E [Pa], nu [1], rho [kg/m^3] from a sentence.
+
+    Parts that are hollow, by ``walls``, by the text or by what they are, get the apparent material
+    that weighs and bends as their wall and what it holds.
 
     Raises
     ------
@@ -88,19 +101,51 @@ def assign(
         Under ``options.strict``, where a value leaves the band of its category.
     """
     from ..converters.material_sampling import sample_material
-    from ..converters.voxelisation import divided_by_voxels, voxelize
-    from ..predictors.assignment import predict_materials
-    from .appearance import appearance_of
+    from ..converters.voxelisation import divided_by_voxels
+    from .walls.built_parts import Called, Walls, build_parts, with_walls
 
     options = (options or AssignOptions()).checked()
     if output is not None:
         check_mesh(output)
     if field_output is not None:
         check_file(field_output, (".npz",))
-    mesh, sidecar, seen, warnings = _read(mesh, asset)
+    mesh, sidecar, seen, warnings = read_known(mesh, asset)
+    said = Walls.said(walls, sidecar, mesh.region_names)
+    found = _predicted(mesh, text, sidecar, seen, options)
+    if len(found.choices) > len(mesh.region_names):
+        mesh = divided_by_voxels(mesh, found.parts, found.parents)
+        sidecar = sidecar.divided(found.parts)
+    built = build_parts(mesh, found.choices, Called.of(mesh, sidecar, text), said)
+    sampled = sample_material(mesh, with_walls(found.field, built))
+    far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
+    apparent = (one.warning for one in built if one.warning)
+    result = Assignment(
+        mesh=sampled.mesh,
+        text=text,
+        field=with_walls(found.field, built),
+        choices=found.choices,
+        built=built,
+        sampling=sampled,
+        sidecar=sidecar,
+        warnings=(*warnings, *found.doubts(), *apparent, *([far] if sampled.unmatched else [])),
+    )
+    if options.strict:
+        result.check_bands()
+    return _written(result, output, field_output)
+
+
+def _predicted(
+    mesh: TetMesh, text: str, sidecar: Sidecar, seen: Asset | None, options: AssignOptions
+) -> Prediction:
+    """What words and the predictor make of the regions of a mesh."""
+    from ..converters.voxelisation import voxelize
+    from ..predictors.assignment import predict_materials
+    from .appearance import appearance_of
+    from .walls.built_parts import Called
+
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
-    found = predict_materials(
+    return predict_materials(
         voxels,
         text,
         predictor=options.predictor,
@@ -108,26 +153,10 @@ def assign(
         materials=pairs(options.material),
         alpha=options.alpha,
         part_volumes=mesh.region_volumes().tolist(),
+        usual=Called.of(mesh, sidecar, text).usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
     )
-    if len(found.choices) > len(mesh.region_names):
-        mesh = divided_by_voxels(mesh, found.parts, found.parents)
-        sidecar = sidecar.divided(found.parts)
-    sampled = sample_material(mesh, found.field)
-    far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
-    result = Assignment(
-        mesh=sampled.mesh,
-        text=text,
-        field=found.field,
-        choices=found.choices,
-        sampling=sampled,
-        sidecar=sidecar,
-        warnings=(*warnings, *found.doubts(), *([far] if sampled.unmatched else [])),
-    )
-    if options.strict:
-        result.check_bands()
-    return _written(result, output, field_output)
 
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
@@ -186,7 +215,7 @@ def simulate(
     if picture is not None:
         check_file(picture, SUFFIXES)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
-    mesh, sidecar, *_ = _read(mesh, None)
+    mesh, sidecar, *_ = read_known(mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
@@ -209,6 +238,7 @@ def run(
     output: Path,
     picture: Path | None = None,
     convert_options: ConvertOptions | None = None,
+    walls: WallOptions | None = None,
     assign_options: AssignOptions | None = None,
     simulate_options: SimulateOptions | None = None,
     features: bool = False,
@@ -230,11 +260,13 @@ def run(
         check_file(picture, SUFFIXES)
     with alone(output):
         clock = Stopwatch()
-        solid = convert(asset, options=convert_options, progress=progress)
+        solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
         cases, up = [], solid.asset.up
         for text in texts:
-            body = assign(solid.mesh, text, asset=solid.asset, options=assigning)
+            body = assign(
+                solid.mesh, text, asset=solid.asset, options=assigning, walls=solid.known_walls
+            )
             clock.lap("assign")
             answer = simulate(body.mesh, up=up, options=simulate_options, progress=progress)
             cases.append(RunCase(body, answer))
@@ -249,26 +281,3 @@ def run(
             drawn = write_picture(picture, cases[0].simulation, up=up)
             result = replace(result, files=(drawn,))
         return write_folder(output, result)
-
-
-def _read(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
-    """Return the mesh, what is known of its regions, the asset, and what the user should know."""
-    from ..converters.mesh.mesh_file import read_mesh
-
-    found = None
-    if not isinstance(mesh, TetMesh):
-        mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
-    if asset is not None:
-        asset = asset if isinstance(asset, Asset) else load_again(asset, found)
-        found = Sidecar.of_asset(asset)
-    if found is None:
-        found = Sidecar(up="z")
-        return (
-            mesh,
-            found,
-            None,
-            ["no asset and no sidecar: regions have only their names, up is z"],
-        )
-    lost = [name for name in mesh.region_names if name not in found.labels]
-    warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
-    return mesh, found, asset, warnings if lost else []

@@ -18,11 +18,12 @@ from pathlib import Path
 from ...fem.errors import InputError, UsageError
 from ..config import arguments
 from ..options import AssignOptions, ConvertOptions, SimulateOptions
+from ..walls.wall_options import WallOptions
 from .task import Job
 
 OPTIONS = {
     item.name: str(item.type)
-    for options in (ConvertOptions, AssignOptions, SimulateOptions)
+    for options in (ConvertOptions, WallOptions, AssignOptions, SimulateOptions)
     for item in fields(options)
 }
 COLUMNS = ("id", "asset", "text", *OPTIONS)

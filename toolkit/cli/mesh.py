@@ -18,6 +18,7 @@ from ..options import (
     SimulateOptions,
     UpAxis,
 )
+from ..walls.wall_options import WallOptions
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class ConvertCommand:
     quality: bool = False
     """Print a table of the tets' angles, ratios, altitudes and explicit time step."""
     options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
@@ -48,7 +50,13 @@ class ConvertCommand:
 
             return plan(self.asset, self.options, output=self.output)
         with progress(quiet=self.common.quiet) as tell:
-            made = convert(self.asset, output=self.output, options=self.options, progress=tell)
+            made = convert(
+                self.asset,
+                output=self.output,
+                options=self.options,
+                walls=self.walls,
+                progress=tell,
+            )
         rows = {"quality_rows": made.report.quality.rows()} if self.quality else {}
         return made.document() | rows
 
@@ -71,6 +79,7 @@ class AssignCommand:
     field_output: Annotated[Path | None, tyro.conf.arg(name="field")] = None
     """Also write the voxel field, as .npz."""
     options: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
@@ -84,6 +93,7 @@ class AssignCommand:
             output=self.output,
             field_output=self.field_output,
             options=self.options,
+            walls=self.walls,
         )
         return result.document()
 
@@ -147,6 +157,7 @@ class RunCommand:
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
     convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    walls: Flat[WallOptions] = field(default_factory=WallOptions)
     assign: Flat[AssignOptions] = field(default_factory=AssignOptions)
     simulate: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
     common: Flat[Common] = field(default_factory=Common)
@@ -173,6 +184,7 @@ class RunCommand:
                 output=self.output,
                 picture=self.picture,
                 convert_options=self.convert,
+                walls=self.walls,
                 assign_options=self.assign,
                 simulate_options=self.simulate,
                 features=self.features,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...fem.errors import InputError
+from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.voxels import PartVoxels
 from .document import SCHEMA, versions, write_json
@@ -104,3 +105,26 @@ def load_again(path: str | Path, known: Sidecar | None) -> Asset:
         return asset
     factor = known.source["metres_per_unit"] / asset.metres_per_unit
     return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
+
+
+def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
+    """Return the mesh, what is known of its regions, the asset, and what the user should know."""
+    from ...converters.mesh.mesh_file import read_mesh
+
+    found = None
+    if not isinstance(mesh, TetMesh):
+        mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
+    if asset is not None:
+        asset = asset if isinstance(asset, Asset) else load_again(asset, found)
+        found = replace(Sidecar.of_asset(asset), record=found.record if found else {})
+    if found is None:
+        found = Sidecar(up="z")
+        return (
+            mesh,
+            found,
+            None,
+            ["no asset and no sidecar: regions have only their names, up is z"],
+        )
+    lost = [name for name in mesh.region_names if name not in found.labels]
+    warnings = [f"regions {lost} are not parts of the asset: they have only their names"]
+    return mesh, found, asset, warnings if lost else []

@@ -123,7 +123,8 @@ class ConversionReport:
     the share of their surface.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
-    volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell.
+    volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell, ``walls``
+    parts that have got a wall of tets.
     """
 
     repair: RepairReport
@@ -145,6 +146,7 @@ class ConversionReport:
     sheets: tuple[str, ...] = ()
     thin: int = 0
     hollow: tuple[str, ...] = ()
+    walls: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seed: int = 0

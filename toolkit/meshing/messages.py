@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
-from ...predictors.hearing.vocabulary import name_words
+from ...predictors.construction.kinds import head_of_name, kinds_named
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 from .meshers import STUFFING
-
-# Words of things whose closed surface usually stands for a shell; two words may make one of them.
-HOLLOW = frozenset(
-    "cupboard cabinet wardrobe closet drawer dresser bottle vase jar jug kettle teapot bucket bin "
-    "box chest barrel tank pipe tube lampshade fridge freezer oven washing boiler balloon case "
-    "casing housing hull helmet bookcase suitcase briefcase toolbox mailbox dustbin".split()
-)
 
 MOST = 5  # names that a sentence lists
 
@@ -58,8 +50,9 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
         )
     if report.hollow:
         sentences.append(
-            f"{listed(report.hollow)}: taken as solid, though by its name a shell is likely; "
-            "--wall METRES or --part-wall NAME=METRES hollows it"
+            f"{listed(report.hollow)}: filled with tets, though by its name a shell is likely; "
+            "--wall METRES or --part-wall NAME=METRES gives it a wall of tets, else `assign` may "
+            "give it the apparent material of one"
         )
     failed = [attempt for attempt in report.attempts if attempt.outcome != "ok"]
     if failed:
@@ -154,17 +147,11 @@ def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
 
 
 def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
-    """Names of parts filled as solids though their words are those of hollow things."""
+    """Names of parts filled as solids though they, or the asset, are called a hollow thing."""
     return tuple(
         part.name
         for number, part in enumerate(asset.parts)
         if number not in walls
         and part.name in mesh.region_names
-        and _hollow(" ".join((part.name, *part.labels, asset.name)))
+        and any(kinds_named(head_of_name(name)) for name in (part.name, *part.labels, asset.name))
     )
-
-
-def _hollow(names: str) -> bool:
-    """Whether a word of the names, or two that stand together, is that of a hollow thing."""
-    words = name_words(names)
-    return not HOLLOW.isdisjoint([*words, *(a + b for a, b in pairwise(words))])

@@ -50,6 +50,7 @@ def tetrahedralize(
     thicken: float | None = None,
     wall: float | None = None,
     part_wall: Mapping[str, float] | None = None,
+    solid: Sequence[str] = (),
     stop_energy: float = 20.0,
     time_limit: float = 300.0,
     memory_limit: int | None = None,
@@ -71,16 +72,15 @@ def tetrahedralize(
     edge_length, max_tets, layers
         Wanted edge [m] instead of ``edge_length_rel``; budget: edge and envelope grow to meet it;
         layers of tets wanted through thin places, where it allows them.
-    thicken, wall, part_wall
-        Thickness [m] given to sheets, else left out; wall [m] that hollows all closed parts, or
-        the named ones, which otherwise are solid.
+    thicken, wall, part_wall, solid
+        Thickness [m] given to sheets, else left out; wall [m] of all closed parts, or the named
+        ones, unless ``solid``; one thinner than epsilon is left to the material.
     stop_energy, time_limit, memory_limit
         AMIPS energy at which the engine is content with the tets' shape, 3 is the optimum; seconds
         and bytes that one attempt may take.
-    accept_broken
-        Return the best mesh, with warnings, where no attempt gave one that keeps its guarantees.
-    cache, seed, progress
-        Folder of results; seed of the samples that check; called with (stage, seconds) meanwhile.
+    accept_broken, cache, seed, progress
+        Return the best mesh, with warnings, where none keeps its guarantees; folder of results;
+        seed of the samples that check; called with (stage, seconds) meanwhile.
 
     Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.
     """
@@ -88,14 +88,14 @@ def tetrahedralize(
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
-    walls = _walls(asset, wall, part_wall or {})
+    held = _held(asset, _walls(asset, wall, part_wall or {}), target.epsilon, solid)
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
-    prepared = partial(_solids, _centred(asset), target.envelope, thicken, walls)
+    prepared = partial(_solids, _centred(asset), target.envelope, thicken, held)
     problem, repaired = _problem(asset, target, prepared, runner, np.random.default_rng(seed))
     problem = problem._replace(mesher=chosen_mesher(mesher, sampled=asset.sampled))
     found = mesh_within(problem, max_tets)
     made = _kept(asset, found, accept_broken)
-    report = _report(asset, problem, made, found.record, repaired, walls, seed)
+    report = _report(asset, problem, made, found.record, repaired, held, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
     return mesh, replace(report, warnings=said(report, layers=layers))
 
@@ -183,6 +183,14 @@ def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> 
     return walls
 
 
+def _held(
+    asset: Asset, walls: Mapping[int, float], thinnest: float, solid: Sequence[str]
+) -> dict[int, float]:
+    """Walls [m] that the mesh is to have: not of ``solid`` parts, nor below ``thinnest``."""
+    names = asset.part_names
+    return {p: wall for p, wall in walls.items() if wall >= thinnest and names[p] not in solid}
+
+
 def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
     """Tets with a region for each part that has any."""
     present, region = np.unique(filling.part, return_inverse=True)
@@ -227,6 +235,7 @@ def _report(
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
         hollow=likely_hollow(asset, mesh, walls),
+        walls=tuple(names[part] for part in walls if names[part] in mesh.region_names),
         seed=seed,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,12 @@ import numpy as np
 from ...fem.errors import BandError, InputError
 from ...fem.scene.materials import FIELDS, outside_band
 from ...fem.scene.mesh import TetMesh
+from ...predictors.construction.masses import MassInterval
 from ...predictors.field import MaterialField
 from ..io.document import mesh_document
 from ..io.sidecar import Sidecar
+from ..meshing.messages import listed
+from ..walls.built_parts import FAR_APART, BuiltPart
 from .verdict import ADVICE, Verdict
 
 if TYPE_CHECKING:
@@ -31,11 +35,16 @@ class Assignment:
     choices: tuple[PartChoice, ...]
     sampling: SampledMesh
     sidecar: Sidecar
+    built: tuple[BuiltPart, ...]
     warnings: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
     def part_rows(self) -> list[dict[str, Any]]:
-        """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg]."""
+        """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg].
+
+        Values are those of the material that is said; where its walls are smeared over the mesh,
+        ``construction`` has the apparent ones, and ``mass_interval`` [kg] what it may weigh.
+        """
         volumes = self.mesh.region_volumes()
         masses = np.bincount(
             self.mesh.region,
@@ -55,9 +64,19 @@ class Assignment:
                 "binding": choice.binding,
                 "volume": volume,
                 "mass": mass,
+                "mass_interval": list(built.mass),
+                "construction": built.row(),
             }
-            for choice, volume, mass in zip(self.choices, volumes, masses, strict=True)
+            for choice, built, volume, mass in zip(
+                self.choices, self.built, volumes, masses, strict=True
+            )
         ]
+
+    def mass_interval(self) -> MassInterval:
+        """Masses [kg] between which the whole lies."""
+        return MassInterval(
+            *(sum(ends) for ends in zip(*(b.mass for b in self.built), strict=True))
+        )
 
     def check_bands(self) -> None:
         """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
@@ -66,13 +85,30 @@ class Assignment:
             if complaints:
                 raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
 
-    def verdicts(self) -> list[Verdict]:
+    def _bands(self) -> list[Verdict]:
         """Whether the E, nu and rho of every part are usual for its category."""
         return [
             Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
         ] or [Verdict("good", "E, nu and rho of every part are usual for its kind.", "inside band")]
+
+    def verdicts(self) -> list[Verdict]:
+        """Whether E, nu and rho are usual, and how well the mass is known."""
+        return [*self._bands(), *self._mass()]
+
+    def _mass(self) -> Iterator[Verdict]:
+        """How far the mass may be off, where nothing says whether parts are hollow."""
+        low, high = self.mass_interval()
+        parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]
+        if parts and high > FAR_APART * low:
+            yield Verdict(
+                "note",
+                f"It weighs {_material(self.mesh) and self.mesh.mass:.3g} kg if {listed(parts)} "
+                f"{'are' if len(parts) > 1 else 'is'} solid, {low:.2g} to {high:.2g} kg if not.",
+                "mass",
+                ADVICE["mass"],
+            )
 
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh, with the choices on record."""
@@ -84,6 +120,7 @@ class Assignment:
             "files": self.files,
             "text": self.text,
             **mesh_document(self.mesh),
+            "mass_interval": list(self.mass_interval()),
             "parts": self.part_rows(),
             "verdicts": self.verdicts(),
             "warnings": self.warnings,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
 from ..io.document import mesh_document
 from ..io.sidecar import Sidecar
+from ..walls.wall_options import WallOptions
 
 if TYPE_CHECKING:
     from ..meshing.conversion_report import ConversionReport
@@ -23,6 +24,7 @@ class Conversion:
     mesh: TetMesh
     report: ConversionReport
     files: tuple[Path, ...] = ()
+    walls: WallOptions = field(default_factory=WallOptions)
 
     @property
     def warnings(self) -> list[str]:
@@ -31,9 +33,16 @@ class Conversion:
         apart = f"the mesh is in {pieces} pieces that do not touch: each stands or hangs by itself"
         return [*self.asset.warnings, *self.report.warnings, *([apart] if pieces > 1 else [])]
 
+    @property
+    def known_walls(self) -> WallOptions:
+        """What was said of walls, with those that the mesh holds by themselves."""
+        return replace(self.walls, held=self.report.walls)
+
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh."""
-        return Sidecar.of_asset(self.asset).with_record(convert=self.document())
+        return Sidecar.of_asset(self.asset).with_record(
+            convert=self.document(), walls=asdict(self.known_walls)
+        )
 
     def document(self) -> dict[str, Any]:
         """Return what ``convert --json`` prints."""

@@ -61,8 +61,8 @@ class RunResult:
             }
             for case, verdicts, answer in zip(self.cases, self.verdicts(), answers, strict=True)
         ]
-        keys = ("text", "tets", "volume", "mass", "bounds", "parts", "verdicts", "scenario")
-        keys = (*keys, "scene", kind)
+        keys = ("text", "tets", "volume", "mass", "mass_interval", "bounds", "parts", "verdicts")
+        keys = (*keys, "scenario", "scene", kind)
         warnings = [
             *self.conversion.warnings,
             *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),

@@ -1,0 +1,172 @@
+"""How a part is built: solid, a wall around something, or nobody knows; and what it then weighs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ...fem.scene.materials import Material, Span
+from .kinds import Kind, first_phrase, head_of_name, kinds_named, middle
+
+Form = Literal["solid", "walls in its shape", "shell", "unknown"]
+
+# Of the volume of its hull: a closed surface with less has its walls in its shape (a tube with a
+# wall of a tenth of its radius has .19, an I-beam .14; a bottle's outside .8, two boxes of a car
+# .75).
+IN_ITS_SHAPE = 0.5
+# Of the smallest side of the part: walls of hollow things of no known kind (a table tennis ball
+# has 1 %, a boule or a tennis ball 8 %, a bucket 1 %).
+ANY_WALL = Span(0.01, 0.1)
+# Full, but not to the brim, and the brim is not the top: of the room inside.
+FULL = Span(0.9, 1.0)
+EMPTY = Span(0.0, 0.0)  # air
+# What is cast, moulded, rolled or blown may be hollow; stone, wood, food and foam are taken as
+# they look unless their name says that they are hollow.
+HOLLOWED = frozenset({"metal", "plastic", "glass-ceramic", "elastomer", "hard elastomer"})
+_SOLID, _HOLLOW = frozenset({"solid", "massive"}), frozenset({"hollow", "inflated", "inflatable"})
+
+
+@dataclass(frozen=True)
+class Construction:
+    """How a part is built.
+
+    Parameters
+    ----------
+    part
+        Its name.
+    form
+        Solid, with walls in its very shape, a shell, or unknown: then taken as solid.
+    wall
+        Thickness of the wall [m], as an interval; None of a solid.
+    inside
+        Mean density of what the wall holds [kg/m^3], 0 for air.
+    filling
+        Row of the table that it is full of, or "".
+    why
+        What decided.
+    source
+        Where the interval is from.
+    """
+
+    part: str
+    form: Form
+    why: str
+    wall: Span | None = None
+    inside: Span = EMPTY
+    filling: str = ""
+    source: str = ""
+
+    @property
+    def thickness(self) -> float:
+        """The wall that is taken [m]: the middle of its interval."""
+        return middle(self.wall) if self.wall else 0.0
+
+    @property
+    def sentence(self) -> str:
+        """What it is taken as, and why, in words."""
+        if self.form != "shell" or self.wall is None:
+            taken = "solid" if self.form == "unknown" else self.form
+            return f"taken as {taken}: {self.why}"
+        held = f" full of {self.filling}" if self.filling else ""
+        held = held or (f" around {middle(self.inside):.3g} kg/m3" if self.inside.max else "")
+        return f"taken as a wall of {_millimetres(self.wall)}{held}: {self.why}"
+
+
+class _Words:
+    """What the names of a part and the text say that it is."""
+
+    def __init__(self, names: Sequence[str], object_names: Sequence[str], text: str) -> None:
+        phrase = first_phrase(text)
+        said = phrase if object_names or text else []
+        self.said = frozenset(said)
+        self.heads = [head_of_name(name) for name in names]
+        self.heads += [said, *(head_of_name(name) for name in object_names)]
+
+    def kinds(self) -> tuple[Kind, ...]:
+        """Kinds of the first name that has any."""
+        return next((found for head in self.heads if head and (found := kinds_named(head))), ())
+
+
+def usual_material(
+    names: Sequence[str], object_names: Sequence[str], text: str
+) -> tuple[str, str] | None:
+    """Kind of a thing so called, if it is hollow for certain, and the row it is usually made of."""
+    kinds = _Words(names, object_names, text).kinds()
+    return next(((kind.name, kind.material) for kind in kinds if kind.always), None)
+
+
+def construction_of(
+    names: Sequence[str],
+    material: Material,
+    *,
+    object_names: Sequence[str] = (),
+    text: str = "",
+    hull_share: float = 1.0,
+    smallest_side: float = 1.0,
+    wall: float | None = None,
+    solid: bool = False,
+    filling: Material | None = None,
+    in_mesh: bool = False,
+) -> Construction:
+    """Return how a part is built.
+
+    Parameters
+    ----------
+    names
+        Its name, then all other words the asset has for it.
+    material
+        What it is made of.
+    object_names, text
+        What the asset is called, and what the user says that it is: of the main part only.
+    hull_share, smallest_side
+        Its volume by that of its convex hull [1], and the smallest side of its box [m].
+    wall, solid, filling, in_mesh
+        What was said for certain: its wall [m], that it is solid, what it is full of; that the mesh
+        has its walls already.
+    """
+    part, words = names[0], _Words(names, object_names, text)
+    if solid or in_mesh:
+        return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
+    inside = _filled(filling)
+    name = filling.name if filling else ""
+    if wall is not None:
+        return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
+    if hull_share < IN_ITS_SHAPE:
+        return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
+    if words.said & _SOLID:
+        return Construction(part, "solid", "the text says so")
+    kind = _of_material(words.kinds(), material)
+    any_wall = Span(*(share * smallest_side for share in ANY_WALL))
+    if kind and (kind.always or words.said & _HOLLOW or filling):
+        held = inside if filling else kind.inside
+        return Construction(part, "shell", f"a {kind.name}", kind.wall, held, name, kind.source)
+    if words.said & _HOLLOW or filling:
+        why = "it is said to be full" if filling else "it is said to be hollow"
+        guess = "judgement: 1 to 10 % of the smallest side"
+        return Construction(part, "shell", why, any_wall, inside, name, guess)
+    if kind:
+        why = f"a {kind.name} is hollow as often as not"
+        return Construction(part, "unknown", why, kind.wall, kind.inside, "", kind.source)
+    if material.category in HOLLOWED:
+        return Construction(part, "unknown", "nothing says whether it is hollow", any_wall)
+    return Construction(part, "solid", f"{material.name} is taken as it looks")
+
+
+def _of_material(kinds: Sequence[Kind], material: Material) -> Kind | None:
+    """The kind for things of this material, else one for any, else the nearest there is."""
+    if not kinds:
+        return None
+    exact = [kind for kind in kinds if kind.category == material.category]
+    return next(iter([*exact, *(kind for kind in kinds if not kind.category), *kinds]))
+
+
+def _filled(filling: Material | None) -> Span:
+    if filling is None:
+        return EMPTY
+    return Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
+
+
+def _millimetres(wall: Span) -> str:
+    ends = dict.fromkeys(f"{1e3 * end:.2g}" for end in wall)
+    return f"{' to '.join(ends)} mm"

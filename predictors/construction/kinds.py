@@ -1,0 +1,136 @@
+"""Kinds of things that are hollow: their walls, what is in them, and the words that name them.
+
+A thing is what the head of its name says: a bottle opener is no bottle, an object no box. So a
+kind's words must end the name ("water_bottle_02"), or the first noun phrase of a sentence ("an
+empty steel can of ...", but not "the legs can bend" nor "a lid for a bottle").
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ...fem.errors import InputError
+from ...fem.scene.materials import Material, MaterialTable, Span, key
+from ..hearing.vocabulary import name_words, stem
+
+PATH = Path(__file__).parents[2] / "fem" / "data" / "walls.csv"
+# Where a noun phrase ends: words of grammar, a closed class, and what says that it is full.
+_ENDS = frozenset(
+    "of with without is are was be made full filled containing holding storing in on for and or "
+    "from that which has have having to by as at under over its whose weighing".split()
+)
+_BEFORE = re.compile(r"^\W*((this|it|there|that|here)\s+is\s+|an image of\s+)?", re.IGNORECASE)
+_FULL = re.compile(r"\b(?:full of|filled with|holding|containing)\s+([\w\s-]+)", re.IGNORECASE)
+# Behind the head of a name: what modellers append to it.
+_TAIL = frozenset(
+    "mesh geo geometry obj object model body main outer outside shell low high poly lowpoly "
+    "highpoly lod final new old copy version default material mat texture empty full closed "
+    "v a b c d e l r s m x xl".split()
+)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of thing: ``wall`` [m], mean density ``inside`` [kg/m^3], and the usual ``material``.
+
+    ``always`` it is hollow, or as often as not; only of materials of ``category``, where one is
+    given; ``words`` are stems, phrase by phrase.
+    """
+
+    name: str
+    words: tuple[tuple[str, ...], ...]
+    wall: Span
+    inside: Span
+    always: bool
+    category: str
+    material: str
+    source: str
+
+
+@lru_cache(maxsize=1)
+def load_kinds() -> tuple[Kind, ...]:
+    """Return the rows of ``walls.csv``."""
+    with PATH.open(encoding="utf-8", newline="") as file:
+        return tuple(_read(row, line) for line, row in enumerate(csv.DictReader(file), 2))
+
+
+def _read(row: dict[str, str], line: int) -> Kind:
+    wall = Span(float(row["wall_min_m"]), float(row["wall_max_m"]))
+    inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
+    if not 0 < wall.min <= wall.max or not 0 <= inside.min <= inside.max:
+        raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of the wall")
+    return Kind(
+        name=row["name"],
+        words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
+        wall=wall,
+        inside=inside,
+        always=row["hollow"] == "always",
+        category=row["category"],
+        material=row["material"],
+        source=row["source"],
+    )
+
+
+def kinds_named(stems: Sequence[str]) -> tuple[Kind, ...]:
+    """Kinds whose words end ``stems``: those with the most words, one for each category."""
+    best = 0
+    found: list[Kind] = []
+    for kind in load_kinds():
+        length = max((_ending(words, stems) for words in kind.words), default=0)
+        if length > best:
+            best, found = length, []
+        if length and length == best:
+            found.append(kind)
+    return tuple(found)
+
+
+def _ending(words: Sequence[str], stems: Sequence[str]) -> int:
+    """Number of ``words`` if ``stems`` end with them, also where a name writes two as one."""
+    tail = tuple(stems[-len(words) :])
+    joined = len(words) > 1 and stems[-1:] == ["".join(words)]
+    split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
+    return len(words) if tail == tuple(words) or joined or split else 0
+
+
+def head_of_name(name: str) -> list[str]:
+    """Stems of a part's, node's or file's name, up to its head: without what modellers append."""
+    stems = name_words(name)
+    while len(stems) > 1 and stems[-1] in _TAIL:
+        stems.pop()
+    return stems
+
+
+def first_phrase(text: str) -> list[str]:
+    """Stems of the first noun phrase of a sentence: what it says that the object is."""
+    rest = _BEFORE.sub("", text, count=1)
+    stems: list[str] = []
+    for word in re.findall(r"[^\W_]+(?:-[^\W_]+)*|[^\w\s]", rest.replace("'s", "")):
+        if word.lower() in _ENDS or not word[0].isalnum():
+            break
+        stems.append(stem(word))
+    return stems
+
+
+def contents_of(text: str, contents: MaterialTable) -> Material | None:
+    """What a text says that a thing is full of: the longest phrase that ends what stands there."""
+    found = _FULL.search(text)
+    if not found:
+        return None
+    words = found.group(1).split()
+    ends = [i for i, word in enumerate(words) if word.lower() in _ENDS]
+    words = words[: min(ends, default=len(words))]
+    phrases = (key(" ".join(words[i:])) for i in range(len(words)))
+    rows = (contents.phrases.get(name) for phrase in phrases for name in (phrase, stem(phrase)))
+    return next((row for row in rows if row), None)
+
+
+def middle(span: Span) -> float:
+    """Geometric mean of a span; of one that begins at 0 its arithmetic mean."""
+    return float(np.sqrt(span.min * span.max)) if span.min > 0 else (span.min + span.max) / 2

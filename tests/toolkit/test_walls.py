@@ -1,0 +1,90 @@
+"""Walls in the verbs: what a user who names a hollow thing gets, and what is said of it."""
+
+import autophyx_tet as apx
+import numpy as np
+import pytest
+from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.toolkit.options import AssignOptions
+from autophyx_tet.toolkit.walls.built_parts import Body
+from autophyx_tet.toolkit.walls.wall_options import WallOptions
+
+CAN = (0.066, 0.066, 0.115)
+SURFACE = 2 * (0.066**2 + 2 * 0.066 * 0.115)
+LOOKUP = AssignOptions(cells=8, predictor="retrieval")
+
+
+def assigned(text, walls=None, mesh=None):
+    """A box as large as a drink can, under a sentence."""
+    mesh = mesh or box_mesh(CAN, (4, 4, 6))
+    return apx.assign(mesh, text, options=LOOKUP, walls=walls)
+
+
+def test_a_steel_can_of_stated_wall_weighs_area_times_wall():
+    """m = rho A t, 1 % less at the edges, counted once; E is beta of steel's; both are told."""
+    wall = 2e-4
+    result = assigned("steel", WallOptions(wall=wall))
+    row = result.part_rows()[0]
+    assert result.mesh.mass == pytest.approx(row["rho"] * SURFACE * wall, rel=0.02)
+    assert row["mass_interval"][0] <= result.mesh.mass <= row["mass_interval"][1]
+    inner = np.array(CAN) - 2 * wall
+    beta = 1 - inner[0] ** 3 * inner[1] * inner[2] / (CAN[0] ** 3 * CAN[1] * CAN[2])
+    assert result.mesh.material.E == pytest.approx(beta * row["E"], rel=0.05)  # sampled shares
+    assert any("apparent" in warning and "0.2 mm" in warning for warning in result.warnings)
+
+
+def test_the_name_of_a_hollow_thing_is_enough():
+    """A can is no block of metal; told to be solid it is; either way the interval holds it."""
+    can = assigned("an aluminium can")
+    low, high = can.mass_interval()
+    assert low <= can.mesh.mass <= high < 0.05  # kg
+    solid = assigned("an aluminium can", WallOptions(solid=True))
+    assert solid.mesh.mass == pytest.approx(2700 * np.prod(CAN), rel=0.05)
+    assert can.document()["mass_interval"] == [low, high]
+    assert not any("apparent" in warning for warning in solid.warnings)
+
+
+def test_where_nothing_decides_the_mass_is_an_interval():
+    """A steel box is meshed solid, and the verdict gives both ends."""
+    result = assigned("a steel box")
+    low, high = result.mass_interval()
+    assert high / low > 5
+    verdict = next(v for v in result.verdicts() if v.detail == "mass")
+    assert "if not" in verdict.sentence
+    assert "--wall" in verdict.advice
+
+
+def test_a_full_thing_weighs_what_it_holds():
+    """A wall of 0.2 mm of steel around sand."""
+    sand = load_table().exact("sand (uniform)")
+    result = assigned("a steel can", WallOptions(fill=("sand (uniform)",)))
+    volume = float(np.prod(CAN))
+    coffee = assigned("a metal can full of ground coffee")
+    assert 0.15 < coffee.mesh.mass < 0.35  # kg: half a litre at 300 to 500 kg/m3
+    assert "full of" in coffee.built[0].construction.sentence
+    assert 0.9 * sand.rho.min * 0.95 * volume < result.mesh.mass < 1.1 * sand.rho.max * volume
+
+
+def test_unknown_parts_and_materials_are_told():
+    with pytest.raises(UsageError, match="no part 'lid'"):
+        assigned("steel", WallOptions(part_wall=("lid=0.001",)))
+    with pytest.raises(UsageError, match="no material"):
+        assigned("steel", WallOptions(fill=("unobtainium",)))
+    with pytest.raises(UsageError, match="lengths > 0"):
+        assigned("steel", WallOptions(wall=-1.0))
+
+
+def test_a_name_of_the_whole_speaks_of_its_main_part():
+    """A car's body is a shell; its wheel, a twentieth of it, is what its own words say."""
+    body, wheel = box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((0.3, 0.3, 0.3), (1, 1, 1), lo=(2, 0, 0))
+    mesh = TetMesh(
+        np.concatenate([body.points, wheel.points]),
+        np.concatenate([body.tets, wheel.tets + len(body.points)]),
+        region=np.repeat([0, 1], [len(body.tets), len(wheel.tets)]),
+        region_names=("panel", "wheel"),
+    )
+    rows = assigned("a steel car", mesh=mesh).part_rows()
+    assert [row["construction"]["form"] for row in rows] == ["shell", "unknown"]
+    assert Body.of(mesh, 1).smallest_side == pytest.approx(0.3)
