@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,7 +12,9 @@ from ...fem.scene.mesh import TetMesh
 from ..surfaces.repair import RepairReport
 from ..surfaces.samples import Samples, interface_faces, sample, stratified
 from ..surfaces.solids import Solids
+from ..surfaces.surface import Surface
 from ..surfaces.triangles import closest
+from .losses import FileLosses
 from .quality import Quality
 
 Engine = Literal["tetwild", "alpha wrap + tetwild", "stuffing"]
@@ -88,11 +90,11 @@ class Distances:
     """One-sided sampled Hausdorff distances [m].
 
     ``to_input`` is the largest distance from the mesh's boundary to the repaired input,
-    ``from_input`` that from the outer visible input to the boundary or an interface of regions.
-    The latter leaves out ``hidden_share`` of the input's area, which lies inside the solid,
-    ``sheet_share``, which has no volume on either side, and where the solid or the gap beside it
-    is thinner than epsilon; ``missed_share`` of the area is of this last kind and farther than
-    epsilon from the mesh. ``part_to`` and ``part_from`` are the parts where the two are largest.
+    ``bridged_share`` the share of the boundary that is farther than epsilon from all that was read.
+    ``from_input`` is that from the outer visible input, as read, to the boundary or an interface,
+    without ``hidden_share`` of the input's area inside the solid, ``sheet_share`` with no volume on
+    either side, and where solid or gap are thinner than epsilon; ``missed_share`` is of that kind
+    and off the mesh. ``part_to`` and ``part_from`` are the parts where the two are largest.
     """
 
     to_input: float
@@ -102,6 +104,7 @@ class Distances:
     missed_share: float = 0.0
     part_to: int = -1
     part_from: int = -1
+    bridged_share: float = 0.0
 
     def good(self, epsilon: float) -> bool:
         """Whether both distances are within ``epsilon`` [m] and next to nothing is missed."""
@@ -120,7 +123,7 @@ class ConversionReport:
     ``layers`` of tets were asked of the engine through thin places. The mesher "stuffing" bounds
     no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
-    the share of their surface.
+    the share of their surface. ``losses`` are those of the solids against the file as read.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
     volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell, ``walls``
@@ -143,6 +146,7 @@ class ConversionReport:
     mesher: str = "ftetwild"
     off_volume: tuple[tuple[str, float], ...] = ()
     thin_parts: tuple[tuple[str, float], ...] = ()
+    losses: FileLosses = field(default_factory=FileLosses)
     sheets: tuple[str, ...] = ()
     thin: int = 0
     hollow: tuple[str, ...] = ()
@@ -199,13 +203,19 @@ def input_volume(solids: Solids, part_count: int, *, rng: np.random.Generator) -
 
 
 def measure_distances(
-    mesh: TetMesh, solids: Solids, *, epsilon: float, rng: np.random.Generator
+    mesh: TetMesh,
+    solids: Solids,
+    *,
+    epsilon: float,
+    rng: np.random.Generator,
+    reference: Surface | None = None,
 ) -> Distances:
-    """Sampled distances between the boundary of a mesh and the surfaces it was made from."""
+    """Sampled distances of a mesh's boundary and the file, read as ``reference``, with caps."""
     boundary = mesh.boundary.faces.astype(np.int64)
     points, faces = solids.surface.points, solids.surface.faces
+    reference = solids.surface if reference is None else reference
     there = sample(mesh.points, boundary, rng=rng).where
-    back = sample(points, faces, rng=rng)
+    back = sample(reference.points, reference.faces, rng=rng)
     target = np.concatenate([boundary, interface_faces(mesh.tets, mesh.region)])
     home = closest(back.where, mesh.points, target).distance
     # Only what is far away needs to be looked at closely; the others are samples of the whole.
@@ -215,7 +225,8 @@ def measure_distances(
     counts = ~far
     counts[far] = unusual.thick
     away, farthest = closest(there, points, faces), np.where(counts, home, 0).argmax()
-    own = closest(back.where[[farthest]], points, faces).face[0]
+    own = closest(back.where[[farthest]], reference.points, reference.faces).face[0]
+    bridge = closest(there[:KIND_SAMPLES], reference.points, reference.faces).distance > epsilon
     return Distances(
         to_input=float(away.distance.max()),
         from_input=float(home[farthest] if counts[farthest] else 0),
@@ -223,7 +234,8 @@ def measure_distances(
         sheet_share=float(usual.sheet.mean()),
         missed_share=float(unusual.thin.sum() / len(home)),
         part_to=int(solids.surface.part[away.face[away.distance.argmax()]]),
-        part_from=int(solids.surface.part[own]),
+        part_from=int(reference.part[own]),
+        bridged_share=float(bridge.mean()),
     )
 
 

@@ -9,6 +9,7 @@ from ...predictors.asset import Asset
 from ...predictors.construction.kinds import head_of_name, kinds_named
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
+from .losses import MOST_LOST, FileLosses
 from .meshers import STUFFING
 
 MOST = 5  # names that a sentence lists
@@ -16,7 +17,7 @@ MOST = 5  # names that a sentence lists
 
 def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many ``layers``."""
-    sentences = [*report.failed, *_of_lattice(report, layers)]
+    sentences = [*report.failed, *_closed(report), *_of_lattice(report, layers)]
     if report.layers < layers and report.mesher != STUFFING:
         sentences.append(
             f"{layers} layers of tets through thin places are more than --max-tets allows: "
@@ -66,6 +67,18 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
             f"{report.asked_epsilon:.3g} m asked for; the wanted edge is {report.edge_length:.3g} m"
         )
     return tuple(sentences)
+
+
+def _closed(report: ConversionReport) -> Iterator[str]:
+    """How much of the boundary and of the volume the file has only since its holes were closed."""
+    if report.distances.bridged_share > SHARE_TOLD:
+        share = report.distances.bridged_share
+        yield f"{share:.1%} of the boundary closes holes: the file has no surface there"
+    if report.losses.gained > MOST_LOST:
+        yield (
+            f"{report.losses.gained:.0%} of the volume is inside only since holes were closed: the "
+            "file does not enclose it"
+        )
 
 
 def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
@@ -125,6 +138,18 @@ def no_volume(asset: Asset, thinnest: float) -> str:
         f"{asset.name}: none of its {len(asset.parts)} parts encloses a volume thicker than "
         f"{thinnest:.3g} m ({listed(asset.part_names)}); --thicken METRES gives sheets a "
         "thickness, a smaller --epsilon-rel keeps thin plates"
+    )
+
+
+def left_out(asset: Asset, lost: FileLosses, thinnest: float) -> str:
+    """Why there is no mesh of a body that would lack too much of what its file encloses."""
+    worst = sorted((p for p in lost.parts if p.volume > MOST_LOST), key=lambda p: -p.volume)
+    where = f" ({listed([part.name for part in worst])})" if worst and len(asset.parts) > 1 else ""
+    return (
+        f"{asset.name}: {lost.lost:.0%} of the volume that the file encloses would be left out"
+        f"{where}: open pieces that do not close, or plates thinner than {thinnest:.3g} m; close "
+        "them in a modeller, --thicken METRES gives sheets a thickness, a smaller --epsilon-rel "
+        "keeps thin plates, --accept-broken goes without them"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,9 @@ import numpy as np
 
 from ...fem.errors import NoVolumeError, UsageError
 from ...fem.scene.mesh import TetMesh
-from ...predictors.asset import Asset, Part
+from ...predictors.asset import Asset
 from ..native.cache import Runner
 from ..native.child import Progress
-from ..surfaces.offset import hollowed, thickened
-from ..surfaces.repair import WELD_REL, RepairReport, repair
-from ..surfaces.solids import Solids, sheet_faces
 from .attempts import Attempts, Made, Problem, mesh_within
 from .conversion_report import (
     Attempt,
@@ -31,7 +27,8 @@ from .conversion_report import (
 )
 from .engine_run import EngineTarget, Filling, LatticeFit
 from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
-from .messages import likely_hollow, listed, no_mesh, no_volume, said
+from .messages import left_out, likely_hollow, listed, no_mesh, no_volume, said
+from .preparation import Preparation, Prepared
 from .quality import quality
 
 VOLUME_TOLD = 0.01  # relative error of a part's volume in a lattice
@@ -84,74 +81,55 @@ def tetrahedralize(
 
     Raises NoVolumeError where no part encloses a volume or no mesh keeps its guarantees.
     """
-    diagonal = float(np.linalg.norm(asset.size))
+    diagonal, rng = float(np.linalg.norm(asset.size)), np.random.default_rng(seed)
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
     held = _held(asset, _walls(asset, wall, part_wall or {}), target.epsilon, solid)
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
-    prepared = partial(_solids, _centred(asset), target.envelope, thicken, held)
-    problem, repaired = _problem(asset, target, prepared, runner, np.random.default_rng(seed))
+    preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)
+    problem, ready = _problem(asset, target, preparation, runner, rng, lossy=accept_broken)
     problem = problem._replace(mesher=chosen_mesher(mesher, sampled=asset.sampled))
     found = mesh_within(problem, max_tets)
     made = _kept(asset, found, accept_broken)
-    report = _report(asset, problem, made, found.record, repaired, held, seed)
+    report = _report(asset, problem, made, found.record, ready, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
     return mesh, replace(report, warnings=said(report, layers=layers))
-
-
-def _centred(asset: Asset) -> list[Part]:
-    """The bare parts near the origin: far from it, winding numbers and distances lose digits."""
-    from trimesh import Trimesh
-
-    centre = asset.bounds.mean(axis=0)
-    return [
-        replace(part, mesh=Trimesh(part.mesh.vertices - centre, part.mesh.faces, process=False))
-        for part in asset.parts
-    ]
-
-
-def _solids(
-    parts: Sequence[Part],
-    thinnest: float,
-    thicken: float | None,
-    walls: Mapping[int, float],
-    weld_rel: float,
-) -> tuple[Solids, RepairReport]:
-    """Repair the parts and sort them into solids, thickened and hollowed as asked [m]."""
-    surface, repaired = repair(parts, weld_rel=weld_rel)
-    if thicken is not None:
-        surface = thickened(surface, sheet_faces(surface, thinnest=thinnest), thicken)
-    solids = Solids.of(surface, len(parts), thinnest=thinnest)
-    return hollowed(solids, walls), repaired
 
 
 def _problem(
     asset: Asset,
     target: EngineTarget,
-    prepared: Callable[[float], tuple[Solids, RepairReport]],
+    preparation: Preparation,
     runner: Runner,
     rng: np.random.Generator,
-) -> tuple[Problem, RepairReport]:
-    """The solids that are to be meshed and who judges the result, and what repair changed."""
-    solids, repaired = prepared(WELD_REL)
-    if not solids.shells:
+    *,
+    lossy: bool,
+) -> tuple[Problem, Prepared]:
+    """The solids that are to be meshed and who judges the result, and how they were prepared."""
+    ready = preparation.prepared(epsilon=target.epsilon, rng=rng)
+    if not ready.solids.shells:
         raise NoVolumeError(no_volume(asset, target.envelope))
-    volume = input_volume(solids, len(asset.parts), rng=rng)
-    judge = _judged(asset, solids, volume, rng)
-    problem = Problem(solids, target, volume, lambda weld: prepared(weld)[0], runner, judge)
-    return problem, repaired
+    if not (ready.losses.bearable or lossy):
+        raise NoVolumeError(left_out(asset, ready.losses, target.envelope))
+    volume = input_volume(ready.solids, len(asset.parts), rng=rng)
+    judge = _judged(asset, ready, volume, rng)
+    return Problem(ready.solids, target, volume, ready.again, runner, judge), ready
 
 
 def _judged(
-    asset: Asset, solids: Solids, volume: InputVolume, rng: np.random.Generator
+    asset: Asset, ready: Prepared, volume: InputVolume, rng: np.random.Generator
 ) -> Callable[[Filling, float], Made]:
     """What measures a filling of the solids and holds it against epsilon [m]."""
 
     def judge(filling: Filling, epsilon: float) -> Made:
         mesh = _mesh(filling, asset.part_names)
         measured = quality(mesh)
-        gaps = measure_distances(mesh, solids, epsilon=epsilon, rng=rng)
+        gaps = measure_distances(
+            mesh, ready.solids, epsilon=epsilon, rng=rng, reference=ready.reference
+        )
+        if ready.preparation.walls:  # the inner side of a wall is far from the file too
+            gaps = replace(gaps, bridged_share=0.0)
         if filling.lattice is None:
             promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
         else:
@@ -207,8 +185,7 @@ def _report(
     problem: Problem,
     made: Made,
     attempts: tuple[Attempt, ...],
-    repaired: RepairReport,
-    walls: Mapping[int, float],
+    ready: Prepared,
     seed: int,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
@@ -216,9 +193,9 @@ def _report(
     missing = [name for name in names if name not in mesh.region_names]
     sheets = tuple(names[i] for i in solids.sheets)
     return ConversionReport(
-        repair=repaired,
+        repair=ready.repair,
         attempts=attempts,
-        guarantees=made.guarantees,
+        guarantees=(*made.guarantees, ready.kept_volume),
         quality=made.quality,
         regions=_regions(mesh, names, problem.volume),
         diagonal=filling.target.diagonal,
@@ -231,11 +208,12 @@ def _report(
         layers=filling.target.layers,
         mesher=FTETWILD if filling.lattice is None else STUFFING,
         **_fit(filling.lattice, names),
+        losses=ready.losses,
         sheets=sheets,
         thin=solids.thin,
         lost=tuple(name for name in missing if name not in sheets),
-        hollow=likely_hollow(asset, mesh, walls),
-        walls=tuple(names[part] for part in walls if names[part] in mesh.region_names),
+        hollow=likely_hollow(asset, mesh, ready.preparation.walls),
+        walls=tuple(names[p] for p in ready.preparation.walls if names[p] in mesh.region_names),
         seed=seed,
     )
 

@@ -24,6 +24,13 @@ class Sides(NamedTuple):
     above: np.ndarray
 
 
+class SeenShares(NamedTuple):
+    """Of each patch: the share of directions that points ``below`` and ``above`` it see out in."""
+
+    below: np.ndarray
+    above: np.ndarray
+
+
 def patch_sides(
     points: Float[np.ndarray, "points 3"],
     faces: Int[np.ndarray, "faces 3"],
@@ -33,6 +40,36 @@ def patch_sides(
 
     ``patch`` numbers, from 0, those of the first faces; the others only bound.
     """
+    below, above, patch = _probed(points, faces, patch)
+    inside = _inside_hull if _odd_edges(faces) else _inside
+    return Sides(inside(below, faces, patch), inside(above, faces, patch))
+
+
+def patch_views(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    patch: Int[np.ndarray, "asked"],
+) -> SeenShares:
+    """Share of all directions that each side of every patch sees out; ``patch`` as above.
+
+    After Takayama, Jacobson, Kavan and Sorkine-Hornung 2014, "A simple method for correcting facet
+    orientations in polygon meshes based on ray casting".
+    """
+    below, above, patch = _probed(points, faces, patch)
+    return SeenShares(
+        *(
+            np.bincount(patch, weights=np.mean(side == 0, axis=0)) / np.bincount(patch)
+            for side in (below, above)
+        )
+    )
+
+
+def _probed(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    patch: Int[np.ndarray, "asked"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Crossings below and above the largest faces of each patch, and the patch of each of them."""
     a, b, c = (points[faces[: len(patch), i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
@@ -43,8 +80,8 @@ def patch_sides(
     step *= DEPTH * np.ptp(points[faces].reshape(-1, 3), axis=0).max()
     middle = (a + b + c)[asked] / 3
     counts = crossings(points, faces, np.concatenate([middle - step, middle + step]))
-    inside = _inside_hull if _odd_edges(faces) else _inside
-    return Sides(*(inside(side, faces, patch[asked]) for side in np.split(counts, 2, axis=1)))
+    below, above = np.split(counts, 2, axis=1)
+    return below, above, patch[asked]
 
 
 def _odd_edges(faces: Int[np.ndarray, "faces 3"]) -> bool:

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...predictors.asset import Part
-from .orientation import patch_sides
+from .holes import HOLE_SHARE, close_holes
+from .orientation import patch_sides, patch_views
 from .surface import (
     Surface,
     boundary_edges,
+    bulky_components,
     component_areas,
     component_volumes,
     face_orientation,
@@ -28,13 +30,10 @@ from .surface import (
 from .triangles import Triangles, coherent_patches, crossing_pairs, edge_components, winding_numbers
 from .welding import WELD_REL, clean, weld
 
-# A boundary loop closed by a fan of more than this share of its component's area is the rim of a
-# sheet (1 for a flat one, 0.8 for a quilt on a bed, 0.71 for one folded by 90 degrees, 0.5 for a
-# half sphere, 0.2 for a lidless box).
-HOLE_SHARE = 0.69
-# Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
-FLAT = 1e-3
 MOST_CROSSED = 100_000  # triangles: crossings are told, not needed; foliage has millions of them
+# Open components of which each side's view is asked: foliage has thousands, and no inside.
+MOST_SEEN = 500
+CLEAR_VIEW = 0.2  # of all directions: sides that see out less differently are both in, or both out
 # Depth, relative to a component's size, of the point that decides whether it is a cavity.
 CAVITY_DEPTH = 1e-4
 
@@ -65,7 +64,23 @@ class RepairReport:
         return RepairReport(**total)
 
 
-def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surface, RepairReport]:
+class Closing(NamedTuple):
+    """How open components are closed: each by itself, or ``joint`` with the others.
+
+    Then the side of each that sees out is its outer one, and a rim from which others go on is no
+    hole. ``largest`` is the share of a component's area up to which a cap closes a hole.
+    """
+
+    joint: bool = False
+    largest: float = HOLE_SHARE
+
+
+def repair(
+    parts: Sequence[Part],
+    *,
+    weld_rel: float = WELD_REL,
+    closing: Closing = Closing(),  # noqa: B008 - a tuple does not change
+) -> tuple[Surface, RepairReport]:
     """Weld, clean, orient and close the surfaces of all parts.
 
     Components that stay open within their part are welded to those of the other parts: a closed
@@ -77,8 +92,21 @@ def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surfac
         The parts of an asset, in metres.
     weld_rel
         Vertices closer than this share of the diagonal are merged.
+    closing
+        How what stays open is closed.
     """
-    surface = _stacked(parts)
+    surface, changed = oriented(parts, weld_rel=weld_rel, joint=closing.joint)
+    rim, owner = unbalanced_edges(surface)
+    surface, closed_holes, added = close_holes(surface, rim, owner, **closing._asdict())
+    filled = RepairReport(closed_holes=closed_holes, added_faces=added)
+    return surface, changed + filled + _left_over(surface)
+
+
+def oriented(
+    parts: Sequence[Part], *, weld_rel: float = WELD_REL, joint: bool = False
+) -> tuple[Surface, RepairReport]:
+    """Weld, clean and orient the surfaces of all parts; nothing is added. Arguments as above."""
+    surface = stacked(parts)
     tolerance = weld_rel * float(np.linalg.norm(np.ptp(surface.points, axis=0)))
     surface, welded = weld(surface, tolerance, within_parts=True)
     surface, removed = clean(surface, within_parts=True)
@@ -86,18 +114,18 @@ def repair(parts: Sequence[Part], *, weld_rel: float = WELD_REL) -> tuple[Surfac
     closed, pool = subset(surface, ~is_open), subset(surface, is_open)
     pool, seams = weld(pool, tolerance, within_parts=False)
     pool, doubled = clean(pool, within_parts=False)
-    surface, turned = _orient(_concatenated(closed, pool))
-    surface, filled = _close_holes(surface, *unbalanced_edges(surface))
+    surface, turned = _orient(_concatenated(closed, pool), joint=joint)
     report = RepairReport(
         merged_vertices=welded + seams,
         null_faces=removed.null + doubled.null,
         duplicate_faces=removed.duplicate + doubled.duplicate,
         loose_faces=removed.walls,
     )
-    return surface, report + turned + filled + _left_over(surface)
+    return surface, report + turned
 
 
-def _stacked(parts: Sequence[Part]) -> Surface:
+def stacked(parts: Sequence[Part]) -> Surface:
+    """Return the triangles of all parts as they are [m], in one component."""
     offsets = np.cumsum([0, *(len(part.mesh.vertices) for part in parts)])
     faces = [np.asarray(p.mesh.faces, np.int64) + o for p, o in zip(parts, offsets, strict=False)]
     return Surface(
@@ -114,7 +142,7 @@ def _concatenated(a: Surface, b: Surface) -> Surface:
     return Surface(points, faces, np.concatenate([a.part, b.part]), edge_components(faces))
 
 
-def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
+def _orient(surface: Surface, *, joint: bool) -> tuple[Surface, RepairReport]:
     """Orient every component coherently, and outward unless it is a cavity of its part."""
     if not len(surface.faces):
         return surface, RepairReport()
@@ -126,6 +154,8 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
         faces = _majority(oriented.faces, *coherent_patches(oriented.faces))
         oriented = oriented._replace(faces=faces)
     oriented = _outward(oriented)
+    if joint:
+        oriented = _as_seen(oriented)
     flipped = face_orientation(oriented.faces) != face_orientation(given)
     return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
 
@@ -133,15 +163,34 @@ def _orient(surface: Surface) -> tuple[Surface, RepairReport]:
 def _outward(surface: Surface) -> Surface:
     """Turn the components whose volume is negative, unless they are cavities of their part."""
     volumes = component_volumes(surface)
+    bulky = bulky_components(surface)
     first = np.unique(surface.component, return_index=True)[1]
-    inside_out = np.bincount(surface.part[first], weights=volumes) < 0
+    inside_out = np.bincount(surface.part[first], weights=np.where(bulky, volumes, 0)) < 0
     turn = inside_out[surface.part[first]][surface.component]
     surface = surface._replace(faces=_turned(surface.faces, turn))
     volumes = component_volumes(surface)
-    bulky = np.abs(volumes) > FLAT * component_areas(surface) ** 1.5
-    inverted = (volumes < 0) & (bulky | ~open_components(surface))
+    is_open = open_components(surface)
+    inverted = (volumes < 0) & (bulky | ~is_open)
     inverted &= ~_cavities(surface, inverted)
     return surface._replace(faces=_turned(surface.faces, inverted[surface.component]))
+
+
+def _as_seen(surface: Surface) -> Surface:
+    """Turn the open components that are seen from behind.
+
+    A patch of a body has no volume of its own to tell: it may be concave. But one side of it sees
+    out, and the other does not.
+    """
+    is_open = open_components(surface)
+    if not 0 < is_open.sum() <= MOST_SEEN:
+        return surface
+    mine = is_open[surface.component]
+    asked = np.unique(surface.component[mine], return_inverse=True)[1].reshape(-1)
+    faces = np.concatenate([surface.faces[mine], surface.faces[~mine]])
+    seen = patch_views(surface.points, faces, asked)
+    turn = np.zeros_like(is_open)
+    turn[is_open] = seen.below - seen.above > CLEAR_VIEW
+    return surface._replace(faces=_turned(surface.faces, turn[surface.component]))
 
 
 def _outward_patches(
@@ -175,7 +224,7 @@ def _capped(points: np.ndarray, faces: Int[np.ndarray, "faces 3"]) -> Triangles:
     used, index = np.unique(faces, return_inverse=True)
     none = np.zeros(len(faces), np.int64)
     one = Surface(points[used], index.reshape(-1, 3), none, none)
-    closed, _ = _close_holes(one, *boundary_edges(one))
+    closed = close_holes(one, *boundary_edges(one)).surface
     return Triangles(closed.points, closed.faces)
 
 
@@ -225,52 +274,6 @@ def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
     best = length.argmax()
     size = np.ptp(points[faces].reshape(-1, 3), axis=0).max()
     return (a + b + c)[best] / 3 + CAVITY_DEPTH * size * normal[best] / length[best]
-
-
-def _close_holes(
-    surface: Surface, edges: Int[np.ndarray, "rim 2"], owner: Int[np.ndarray, "rim"]
-) -> tuple[Surface, RepairReport]:
-    """Close loops of rim edges with a fan around their centre, except the rims of sheets.
-
-    ``owner`` is the face that each directed edge is of.
-    """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(edges):
-        return surface, RepairReport()
-    size = len(surface.points)
-    # Loops of two components may touch: each closes its own.
-    node = surface.component[owner][:, None] * size + edges
-    node = np.unique(node, return_inverse=True)[1].reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(edges)), tuple(node.T)), shape=(node.max() + 1,) * 2)
-    loop = connected_components(graph, directed=False)[1][node[:, 0]]
-    count = np.bincount(loop)
-    centre = np.stack(
-        [np.bincount(loop, weights=surface.points[edges[:, 0], k]) / count for k in range(3)],
-        axis=1,
-    )
-    fill = _hole_share(surface, edges, owner, loop, centre) <= HOLE_SHARE
-    edge = fill[loop]
-    number = np.cumsum(fill) - 1
-    fan = np.column_stack([edges[edge][:, ::-1], size + number[loop[edge]]])
-    faces = np.concatenate([surface.faces, fan])
-    closed = Surface(
-        np.concatenate([surface.points, centre[fill]]),
-        faces,
-        np.concatenate([surface.part, surface.part[owner[edge]]]),
-        edge_components(faces),
-    )
-    return closed, RepairReport(closed_holes=int(fill.sum()), added_faces=len(fan))
-
-
-def _hole_share(surface: Surface, edges, owner, loop, centre) -> Float[np.ndarray, "loops"]:
-    """Area of the fan that would close each boundary loop, as a share of that of its component."""
-    a, b = (surface.points[edges[:, i]] - centre[loop] for i in (0, 1))
-    fan = np.bincount(loop, weights=np.linalg.norm(np.cross(a, b), axis=1) / 2)
-    mine = np.zeros(len(centre))
-    mine[loop] = component_areas(surface)[surface.component[owner]]
-    return fan / mine
 
 
 def _left_over(surface: Surface) -> RepairReport:

@@ -14,7 +14,7 @@ from .triangles import Triangles, closest, enclosed_volume, winding_numbers
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
 # A sheet has |winding number| 1/2 on both sides, foliage any number; open surfaces that enclose
-# something together have 0 and 1 but for this.
+# something together, or with closed ones, have whole numbers but for this.
 CRISP = 0.15
 SHEET_SHARE = 0.8  # of the area of an open component that must enclose something for a solid
 # Where on a face that is asked: its centre and half-way to its corners, as barycentric weights.
@@ -143,7 +143,7 @@ def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
     encloses = is_open | (component_volumes(surface) != 0)
     joint = is_open
     while joint.any():
-        held = joint & _bounds(_of_components(surface, joint), len(is_open))
+        held = joint & _bounds(_of_components(surface, joint | ~is_open), len(is_open))
         if (held == joint).all():
             break
         joint = held
@@ -168,7 +168,8 @@ def _bounds(surface: Surface, count: int) -> Bool[np.ndarray, "components"]:
     sides = np.stack([probes - step, probes + step])
     winding = winding_numbers(surface.points, surface.faces, sides.reshape(-1, 3))
     low, high = np.sort(np.abs(winding).reshape(sides.shape[:3]), axis=0)
-    crisp = ((low < CRISP) & (np.abs(high - 1) < CRISP)).all(axis=0)
+    whole = (np.abs(low - np.round(low)) < CRISP) & (np.abs(high - np.round(high)) < CRISP)
+    crisp = (whole & (np.round(high) >= 1)).all(axis=0)  # also of a wall between two insides
     total = np.bincount(surface.component, weights=area, minlength=count)
     share = np.bincount(surface.component, weights=area * crisp, minlength=count)
     return share >= SHEET_SHARE * np.where(total > 0, total, 1)

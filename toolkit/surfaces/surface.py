@@ -9,6 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from .triangles import edge_components
 
+# Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
+FLAT = 1e-3
+
 
 class Surface(NamedTuple):
     """Triangles with the part that each belongs to and their edge-connected component.
@@ -64,6 +67,17 @@ def unbalanced_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     return edges[rim], rim // 3
 
 
+def incoherence(surface: Surface) -> float:
+    """Share of the edges between two faces that both run the same way: one is wound wrongly."""
+    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, edge, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    way = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    net = np.bincount(edge.reshape(-1), weights=way)
+    return float((net[count == 2] != 0).mean()) if (count == 2).any() else 0.0
+
+
 def open_components(surface: Surface) -> Bool[np.ndarray, "components"]:
     """Whether each component has an edge on one face only."""
     is_open = np.zeros(surface.component.max(initial=-1) + 1, dtype=bool)
@@ -76,6 +90,11 @@ def component_areas(surface: Surface) -> Float[np.ndarray, "components"]:
     a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     return np.bincount(surface.component, weights=area).astype(np.float64)
+
+
+def bulky_components(surface: Surface) -> Bool[np.ndarray, "components"]:
+    """Whether the sign of each component's volume says anything, also of an open one."""
+    return np.abs(component_volumes(surface)) > FLAT * component_areas(surface) ** 1.5
 
 
 def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
