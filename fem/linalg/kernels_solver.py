@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from ..discrete.kernels_matrix import row_times
+from ..discrete.kernels_matrix import find_slot, row_times
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 6})
 
@@ -233,3 +233,60 @@ def dense_multiply(
     for k in range(lane, x.shape[0], wp.block_dim()):
         total += matrix[i, k] * x[k]
     wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)
+
+
+@wp.kernel
+def corner_transfers(
+    lower: wp.array(dtype=wp.mat33d),
+    free: wp.array(dtype=wp.vec3d),
+    transfer: wp.array(dtype=wp.mat33d),
+):
+    """Blocks B of P, whose row is B / 2 at both ends of a node (a corner ends in itself, twice)."""
+    i = wp.tid()
+    transfer[i] = wp.transpose(lower[i]) * wp.diag(wp.float64(0.5) * free[i])
+
+
+@wp.kernel
+def corner_matrix(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    ends: wp.array(dtype=wp.vec2i),
+    transfer: wp.array(dtype=wp.mat33d),
+    coarse_rows: wp.array(dtype=wp.int32),
+    coarse_columns: wp.array(dtype=wp.int32),
+    coarse: wp.array(dtype=wp.mat33d),
+):
+    """Add P^T A P, row by row of A."""
+    i = wp.tid()
+    for s in range(rows[i], rows[i + 1]):
+        j = columns[s]
+        block = wp.transpose(transfer[i]) * values[s] * transfer[j]
+        for a in range(2):
+            for b in range(2):
+                slot = find_slot(coarse_rows, coarse_columns, ends[i][a], ends[j][b])
+                wp.atomic_add(coarse, slot, block)
+
+
+@wp.kernel
+def restrict_to_corners(
+    ends: wp.array(dtype=wp.vec2i),
+    transfer: wp.array(dtype=wp.mat33d),
+    r: wp.array(dtype=wp.vec3d),
+    coarse: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    part = wp.transpose(transfer[i]) * r[i]
+    wp.atomic_add(coarse, ends[i][0], part)
+    wp.atomic_add(coarse, ends[i][1], part)
+
+
+@wp.kernel
+def prolong_from_corners(
+    ends: wp.array(dtype=wp.vec2i),
+    transfer: wp.array(dtype=wp.mat33d),
+    coarse: wp.array(dtype=wp.vec3d),
+    x: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    x[i] = x[i] + transfer[i] * (coarse[ends[i][0]] + coarse[ends[i][1]])

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..device import start_warp
 from ..discrete.block_matrix import BlockMatrix
+from .corners import corner_pattern
 from .elimination import Elimination, planned_elimination
 from .factor import NotPositive, known_factor
 from .krylov import ConjugateGradients, Recorder
@@ -20,8 +21,8 @@ logger = logging.getLogger(__name__)
 FACTOR_RATE = 12e9  # operations of a factorisation
 FACTOR_ENTRIES = 1.2e8  # entries of a factor made, and read twice by each solve
 CG_RATE = 1.6e7  # blocks of the matrix in one iteration of two-level CG, set-up included
-# Iterations that two-level CG takes on a compact body of good tets; slivers and thin parts take any
-# number, so that CG is given as long as the factor would have taken, and the factor comes then.
+# Iterations that CG takes on bodies of good tets, or over linear elements; slivers and thin parts
+# take more. CG is given as long as the factor would have taken, and the factor comes then.
 USUAL = 60
 # Below this many unknowns a factor is made before anything is estimated.
 DIRECT = 6_000
@@ -32,7 +33,8 @@ MAX_ITERATIONS = 1000
 # A pivot this small a share of its diagonal entry may be round-off of a zero: a body that is not
 # held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
-CHOLESKY, CG = "sparse Cholesky", "CG with two levels"
+CHOLESKY = "sparse Cholesky"
+CG_AGGREGATES, CG_LINEAR = "CG over rigid aggregates", "CG over linear elements"
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
@@ -78,7 +80,7 @@ def solve_system(
     """Solve A x = b for ``b`` (nodes, 3) to a relative residual; ``matrix`` is used up.
 
     ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space,
-    ``edges`` (nodes - corners, 2) those of a P2 space to the elimination.
+    ``edges`` (nodes - corners, 2) those of a P2 space to the elimination and the coarse level.
     """
     if b.size <= DIRECT:
         return solve_direct(matrix, b, planned_elimination(matrix, edges), tolerance)
@@ -94,7 +96,11 @@ def solve_system(
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     held = {"points": points, "fixed": fixed}
     limit = min(patience, MAX_ITERATIONS)
-    solution = solve_iterative(system, b, **held, tolerance=tolerance, limit=limit)
+    below = _level_edges(matrix, edges)
+    try:
+        solution = solve_iterative(system, b, **held, tolerance=tolerance, limit=limit, edges=below)
+    except NotPositive:
+        return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     if solution.reached(tolerance):
         return solution
     plan = planned_elimination(matrix, edges)
@@ -102,6 +108,15 @@ def solve_system(
         return solution._replace(suspect=True)
     logger.info("CG stopped at %.3g: factoring the matrix instead", solution.residual)
     return _rescue(system, b, plan, solution)
+
+
+def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | None:
+    """``edges`` where the linear functions of the corners make an affordable coarse level."""
+    if edges is None or not len(edges) or matrix.values.device.is_cuda:
+        return None
+    plan = planned_elimination(corner_pattern(edges, matrix.nodes))
+    affordable = plan.entries <= MOST_ENTRIES and _worth(plan, matrix) <= USUAL
+    return edges if affordable else None
 
 
 def _worth(plan: Elimination, matrix: BlockMatrix) -> int:
@@ -160,12 +175,17 @@ def solve_iterative(
     fixed: np.ndarray,
     tolerance: float,
     limit: int,
+    edges: np.ndarray | None = None,
 ) -> Solution:
-    """Conjugate gradients on the scaled system with the two-level preconditioner."""
+    """Conjugate gradients on the scaled system with the two-level preconditioner.
+
+    ``edges`` of a P2 space: linear elements are its coarse level; else aggregates are.
+    """
     from . import kernels_solver as k
 
     wp = start_warp()
-    cycle = TwoLevel(system, points, fixed)
+    cycle = TwoLevel(system, points, fixed, edges=edges)
+    name = CG_AGGREGATES if edges is None else CG_LINEAR
     cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
     launch = Recorder(system.matrix.nodes, cycle.device)
     given = wp.array(b, dtype=wp.vec3d, device=cycle.device)
@@ -180,16 +200,16 @@ def solve_iterative(
     error = _length(b - residual.numpy()) / size
     x = solution.numpy().copy()
     if error <= tolerance:
-        return Solution(x, error, iterations, 0.0, solver=CG)
+        return Solution(x, error, iterations, 0.0, solver=name)
     floor = _scaled_round_off(system, cg.x.numpy()) / size
     if error > floor:
-        return Solution(x, error, iterations, floor, solver=CG)
+        return Solution(x, error, iterations, floor, solver=name)
     rest = wp.array(b - residual.numpy(), dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, rest, False, cycle.r]).launch()
     iterations += cg.run(CORRECTED * error * size, limit)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     change = _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
-    return Solution(x, error, iterations, floor, change=change, solver=CG)
+    return Solution(x, error, iterations, floor, change=change, solver=name)
 
 
 def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from ..device import start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .coarse import coarsen
+from .corners import CornerLevel
 from .krylov import BLOCK, Recorder, largest_eigenvalue
 
 # Chebyshev polynomials of degree 3 damp the upper part [largest / SPREAD, largest] of the spectrum.
@@ -79,44 +80,26 @@ class Rows:
         return [first, self.record(kernel, [*self.diagonal, *before, self.ones, *after])]
 
 
-class TwoLevel:
-    """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed.
+class AggregateLevel:
+    """Adds P A_c^-1 P^T r to z, both of scaled unknowns; P has the rigid motions of aggregates.
 
-    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse space;
-    ``degree`` is that of the smoother.
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes.
     """
 
     def __init__(
-        self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray, degree: int = DEGREE
+        self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray, r: Any, z: Any
     ) -> None:
         from . import kernels_solver as k
 
-        wp = start_warp()
-        matrix = scaled.matrix
+        wp, matrix = start_warp(), scaled.matrix
         self.device = matrix.values.device
-        largest = scaled.largest
-        self.coarse = coarsen(matrix, scaled.lower, points, fixed, largest)
+        self.coarse = coarsen(matrix, scaled.lower, points, fixed, scaled.largest)
         self.residual, self.correction = (
             wp.zeros(self.coarse.count, dtype=k.vec6d, device=self.device) for _ in range(2)
         )
-        r, z, res, *d = (
-            wp.zeros(matrix.nodes, dtype=wp.vec3d, device=self.device) for _ in range(5)
-        )
-        self.r, self.z = r, z
-        self.rows = rows = Rows(matrix)  # its arrays live as long as the launches
         P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
-        theta, steps = chebyshev(largest, degree)
-        launch = Recorder(matrix.nodes, self.device)
-        smooth = []
-        for i, (keep, gain) in enumerate(steps):
-            old, new = d[i % 2], d[1 - i % 2]
-            smooth += rows.launch(k.chebyshev_step, old, [old, keep, gain, res, new, z])
-        last = d[len(steps) % 2]
-        self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z]), *smooth]
-        self.before += [*rows.launch(k.subtract, last, [res]), self._restriction(res, P)]
-        self.after = [launch(k.prolong, [*P, self.correction, z])]
-        self.after += rows.launch(k.chebyshev_restart, z, [1 / theta, res, d[0]], [r])
-        self.after += [launch(k.add, [z, d[0]]), *smooth]
+        self.restrict = self._restriction(r, P)
+        self.prolong = Recorder(matrix.nodes, self.device)(k.prolong, [*P, self.correction, z])
 
     def _restriction(self, fine: Any, P: list) -> Any:
         """Command that adds P^T ``fine`` to the coarse residual (CPU), or writes it there (GPU)."""
@@ -136,16 +119,14 @@ class TwoLevel:
         )
 
     def apply(self) -> None:
-        """Compute ``z`` from ``r``."""
+        """Correct z by what the motions can of r."""
         if self.coarse.members is None:
             self.residual.zero_()
-        for command in self.before:
-            command.launch()
-        self._solve_coarse()
-        for command in self.after:
-            command.launch()
+        self.restrict.launch()
+        self._solve()
+        self.prolong.launch()
 
-    def _solve_coarse(self) -> None:
+    def _solve(self) -> None:
         from . import kernels_solver as k
 
         wp = start_warp()
@@ -164,6 +145,56 @@ class TwoLevel:
             block_dim=BLOCK,
             device=self.device,
         )
+
+
+class TwoLevel:
+    """V-cycle ``z = M r`` on scaled vectors, recorded once and replayed.
+
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes to the coarse level;
+    ``degree`` is that of the smoother. With the ``edges`` of a P2 space (nodes - corners, 2) the
+    linear functions of its corners are that level, else the rigid motions of aggregates.
+    """
+
+    def __init__(
+        self,
+        scaled: Scaled,
+        points: np.ndarray,
+        fixed: np.ndarray,
+        degree: int = DEGREE,
+        edges: np.ndarray | None = None,
+    ) -> None:
+        from . import kernels_solver as k
+
+        wp, matrix = start_warp(), scaled.matrix
+        self.device = matrix.values.device
+        r, z, res, *d = (
+            wp.zeros(matrix.nodes, dtype=wp.vec3d, device=self.device) for _ in range(5)
+        )
+        self.r, self.z = r, z
+        if edges is None:
+            self.level = AggregateLevel(scaled, points, fixed, res, z)
+        else:
+            self.level = CornerLevel(matrix, scaled.lower, edges, fixed, res, z)
+        self.rows = rows = Rows(matrix)  # its arrays live as long as the launches
+        theta, steps = chebyshev(scaled.largest, degree)
+        launch = Recorder(matrix.nodes, self.device)
+        smooth = []
+        for i, (keep, gain) in enumerate(steps):
+            old, new = d[i % 2], d[1 - i % 2]
+            smooth += rows.launch(k.chebyshev_step, old, [old, keep, gain, res, new, z])
+        last = d[len(steps) % 2]
+        self.before = [launch(k.chebyshev_start, [r, 1 / theta, res, d[0], z]), *smooth]
+        self.before += rows.launch(k.subtract, last, [res])
+        self.after = rows.launch(k.chebyshev_restart, z, [1 / theta, res, d[0]], [r])
+        self.after += [launch(k.add, [z, d[0]]), *smooth]
+
+    def apply(self) -> None:
+        """Compute ``z`` from ``r``."""
+        for command in self.before:
+            command.launch()
+        self.level.apply()
+        for command in self.after:
+            command.launch()
 
 
 def chebyshev(largest: float, degree: int) -> tuple[float, list[tuple[float, float]]]:

@@ -5,8 +5,7 @@ import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.linalg import kernels_solver, solver
-from autophyx_tet.fem.linalg.aggregation import boxes
-from autophyx_tet.fem.linalg.coarse import _cholesky, _members, _motions, invert, make_groups
+from autophyx_tet.fem.linalg.coarse import _cholesky, _members, _motions, boxes, invert, make_groups
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.components import rigid_motions
 from autophyx_tet.fem.scene.material import ElementMaterial
