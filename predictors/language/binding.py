@@ -121,7 +121,8 @@ def _general(
 
 def _is_object(clause: Clause, *, alone: bool) -> bool:
     heads = {name[-1] for name in clause.subject.names}
-    return (clause.subject.holds or alone) and not heads & known_parts()
+    thing = clause.subject.holds or alone or heads <= set(part_words()["objects"])
+    return thing and not heads & known_parts()
 
 
 def _how(tier: int) -> How:

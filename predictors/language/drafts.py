@@ -35,6 +35,7 @@ class Draft:
     character: list[str] = field(default_factory=list)
     numbers: list[Quantity] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
+    becomes: bool = False  # what comes next takes the place of what was said
     coating: str | None = None
     filling: str | None = None
     blend: Blend | None = None
@@ -98,7 +99,10 @@ class Draft:
             self.filling = row.name
         elif negated:
             self.excluded.append(kind or row.name)
-        elif self.material is None:
+        elif self.material is None or self.kind or self.becomes:
+            if self.becomes and self.material is not None:
+                self.excluded.append(self.kind or self.material.name)
+            self.becomes = False
             self.material, self.kind, self.phrase = row, kind, mention.lexeme.text
 
     def _take_level(self, role: str, level: Any, *, negated: bool) -> None:

@@ -77,6 +77,10 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             degree = lexeme.value
         elif role == "fake":
             fake = True
+        elif role == "material" and lexeme.part and len(lexeme.words) > 1 and not fake:
+            # "cardboard box" of a part "box": the phrase names the matter, its last word the part.
+            out.append(Mention("material", replace(lexeme, part=False), lexeme.value))
+            out.append(Mention("part", replace(lexeme, words=lexeme.words[-1:])))
         elif role == "material":
             out.append(_material(lexeme, run, i, owes=owes, fake=fake))
             fake = False
@@ -159,6 +163,8 @@ def _repeats_family(later: Mention, earlier: Mention, lexicon: ReaderLexicon) ->
     row, other = later.value, earlier.value
     if not isinstance(row, Material) or not isinstance(other, Material):
         return False
+    if set(later.lexeme.words) < lexicon.row_words(other):
+        return True  # "6061-T6 aluminium"
     generic = later.lexeme.words[-1] in lexicon.kinds or "(generic)" in row.name
     kin = row.category.split()[-1] == other.category.split()[-1]
     laminate = other.category == "composite" and row.category in ("plastic", "wood")

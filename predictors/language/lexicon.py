@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...fem.errors import InputError
-from ...fem.scene.materials import Material, MaterialTable
+from ...fem.scene.materials import Material, MaterialTable, load_contents
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -164,6 +164,12 @@ class ReaderLexicon:
             for name in (re.sub(r"\s*\(.*?\)", "", row.name), row.name, *row.aliases):
                 self._add(name, row)
 
+        trade = tomllib.loads((DATA / "designations.toml").read_text(encoding="utf-8"))["trade"]
+        for means, names in trade.items():
+            row = self.rows.get(self.phrase(means))
+            for name in names if row else ():
+                self.rows.setdefault(self.phrase(name), row)
+
     def _add(self, name: str, row: Material) -> None:
         phrase = self.phrase(name)
         if not phrase or "(contents)" in name:
@@ -186,6 +192,15 @@ class ReaderLexicon:
         return (
             not more and phrase in self._acronyms and (len(word) <= 2 or self.model.is_word(word))
         )
+
+    @cached_property
+    def contents(self) -> dict[Phrase, str]:
+        """Phrase -> row of what fills a thing: "coffee", "books"."""
+        return {self.phrase(name): row.name for name, row in load_contents().phrases.items()}
+
+    def row_words(self, row: Material) -> set[str]:
+        """All words by which a row is called."""
+        return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}
 
     def first_row(self, names: Iterable[str]) -> Material | None:
         """Return the row of the first name that the table has."""

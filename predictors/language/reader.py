@@ -147,7 +147,7 @@ def _on_of(state: Statements, _: Lexeme) -> None:
 
 def _on_off(state: Statements, lexeme: Lexeme) -> None:
     text = lexeme.text.lower()
-    if text in ("to", "for", "into") and state.negated:  # "changed from brass to steel"
+    if text in ("to", "for", "into", "by") and state.negated:  # "changed from brass to steel"
         state.negated, state.link = False, "but"
     else:
         state.link = "for" if text == "for" else "off"
@@ -155,6 +155,9 @@ def _on_off(state: Statements, lexeme: Lexeme) -> None:
 
 def _on_with(state: Statements, _: Lexeme) -> None:
     if state.mode in ("coat", "fill"):
+        return
+    if state.swaps:  # "replace the wood with foam"
+        state.negated, state.swaps, state.link = False, False, "but"
         return
     for draft in (state.pending, state.current):
         if draft is not None:
@@ -164,6 +167,17 @@ def _on_with(state: Statements, _: Lexeme) -> None:
 
 def _on_not(state: Statements, lexeme: Lexeme) -> None:
     state.negated, state.neither = True, lexeme.text.lower() == "neither"
+
+
+def _on_swap(state: Statements, _: Lexeme) -> None:
+    state.negated = state.swaps = True
+
+
+def _on_becomes(state: Statements, _: Lexeme) -> None:
+    """An arrow is a colon after a part, and a change after its material."""
+    state.link = "is"
+    if state.pending is None and state.current is not None:
+        state.current.becomes = True
 
 
 def _on_same(state: Statements, lexeme: Lexeme) -> None:
@@ -226,7 +240,7 @@ def _mode(name: str) -> Callable[[Statements, Lexeme], None]:
 _CONNECTORS: dict[str, Callable[[Statements, Lexeme], None]] = {
     "stop": lambda state, _: state.stop(),
     "but": _on_but, "comma": _on_comma, "and": _on_and, "is": _on_is, "of": _on_of, "off": _on_off,
-    "with": _on_with, "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
+    "with": _on_with, "swap": _on_swap, "becomes": _on_becomes, "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
     "it": _on_it, "whole": _on_general, "rest": _on_general, "other": _on_general,
     "except": _mode("except"), "coat": _mode("coat"), "fill": _mode("fill"),
     "looks": _mode("look"), "than": _mode("than"),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .drafts import Draft
 from .groups import Group, Mention, groups_of
-from .lexicon import Phrase, ReaderLexicon, known_parts, positions
+from .lexicon import Phrase, ReaderLexicon, known_parts, positions, words
 from .lexing import Lexeme
 
 _VALUED = ("is", "of", "but")  # links after which a subject's material comes
@@ -24,7 +24,8 @@ class Statements:
         self.held: Draft | None = None  # a subject that waits while a bracket speaks of another
         self.last_part: Phrase = ()
         self.link = self.mode = self.coming = ""  # the connector before, what it wants, the next
-        self.negated = self.neither = self.verb = self.made = False
+        self.negated = self.neither = self.swaps = self.verb = self.made = False
+        self.matter = frozenset(words()["attributes"]["matter"])
 
     def run(self, lexemes: list[Lexeme], after: Lexeme | None) -> None:
         """Take the words between two connectors."""
@@ -48,7 +49,7 @@ class Statements:
         """End a sentence."""
         self.flush()
         self.link = self.mode = ""
-        self.negated = self.verb = False
+        self.negated = self.swaps = self.verb = False
         self.excepted = None
 
     def flush(self) -> None:
@@ -98,7 +99,7 @@ class Statements:
     def _is_late(self, group: Group) -> bool:
         """Whether what was said before without a subject gets it now: "2 GPa for the bracket"."""
         current = self.current
-        if self.link != "for" or current is None or current.scope != "none":
+        if self.link not in ("for", "of") or current is None or current.scope != "none":
             return False
         current.scope, current.names, current.named = "parts", [group.part], group.named
         return True
@@ -116,8 +117,19 @@ class Statements:
             self.compare_with(group.part)
         elif self.mode == "same":
             self._same_as(group.part)
+        elif self.mode == "fill" or (self.current and self._is_content(self.current, group)):
+            draft = pending or self.current
+            if draft is not None:
+                self.settle(draft)
+                draft.filling = self._contents(group) or draft.filling
+                draft.see(group.lexemes)
+            self.mode = self.link = ""
         elif self.mode:
             self.mode = ""
+        elif self.coming == "is" and group.part[-1:] and group.part[-1] in self.matter:
+            self.pending = pending or Draft("whole")
+            if group.part[:-1]:
+                self.pending = Draft("parts", [group.part[:-1]], named=group.named)
         elif pending is not None and (pending.scope != "parts" and self.link in ("swallow", "of")):
             self.link = "" if not self._object(group) else self.link
         elif pending is not None and self.link in ("is", "of"):
@@ -178,14 +190,34 @@ class Statements:
         if mode == "look":
             return
         self.settle(draft)
-        if mode in ("coat", "fill"):
-            name = group.material.name if group.material else None
-            setattr(draft, "coating" if mode == "coat" else "filling", name)
+        if mode == "fill" or self._is_content(draft, group):
+            draft.filling = self._contents(group) or draft.filling
+            draft.see(group.lexemes)
+            return
+        if mode == "coat":
+            draft.coating = group.material.name if group.material else None
             draft.see(group.lexemes)
             return
         if self.link == "on" and draft.material is not None and group.material:
             draft.coating, draft.material = draft.material.name, None
         self._fill(draft, group.values, group.lexemes)
+
+    def _contents(self, group: Group) -> str | None:
+        """Row of what a thing is full of: of loose matter and liquids, else of the table."""
+        said = [word for lexeme in group.lexemes for word in lexeme.words]
+        tails = (tuple(said[i:]) for i in range(len(said)))
+        loose = (self.lexicon.contents[tail] for tail in tails if tail in self.lexicon.contents)
+        return next(loose, group.material.name if group.material else None)
+
+    def _is_content(self, draft: Draft, group: Group) -> bool:
+        """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
+        containers, heads = words()["containers"], {name[-1] for name in draft.names if name}
+        if self.link != "of" or self.verb or not heads & set(containers["words"]):
+            return False
+        loose = self._contents(group) != (group.material.name if group.material else None)
+        several = group.lexemes[-1].text.lower().endswith("s")
+        matter = group.material is None or group.material.category in containers["matter"]
+        return loose and (matter or several)
 
     def _resumed(self, group: Group) -> Draft:
         """Return the draft that goes on, or a new one of nothing that is said."""
