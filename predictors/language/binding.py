@@ -111,9 +111,9 @@ def _general(
     saying = [k for k, c in enumerate(clauses) if c.says_matter]
     things = [k for k in lost if _is_object(clauses[k], alone=len(saying) == 1)]
     only = [k for k in saying if len(saying) == 1 and clauses[k].subject.holds and k not in lost]
-    whole += things[:1] + only
+    whole += [k for k in things[:1] + only if k not in whole]
     if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
-        whole += unnamed
+        whole += [k for k in unnamed if k not in whole]
     else:
         lost = lost + unnamed
     return whole, rest, [k for k in lost if k not in whole]
@@ -178,13 +178,21 @@ def _fits(name: Phrase, parts: Sequence[_Part], clause: int) -> list[tuple[int, 
     if not found:
         return []
     best = max(match.tier for _, match in found)
-    found = [(i, match) for i, match in found if match.tier == best]
+    siblings = _siblings(name, found, parts)
+    found = [(i, match) for i, match in found if match.tier == best or i in siblings]
     most = max(match.words for _, match in found)
     found = [(i, match) for i, match in found if match.words == most]
     strict = {axis: side for axis, side in sides.items() if axis < len(part_words()["places"])}
     told = any(parts[i].sides.get(axis) == side for i, _ in found for axis, side in strict.items())
     # "front legs" of a chair whose legs bear numbers: nobody knows which those are.
     return [] if strict and not told and len(found) > 1 else found
+
+
+def _siblings(name: Phrase, found: list[tuple[int, _Match]], parts: Sequence[_Part]) -> set[int]:
+    """Parts that a noun names with their first word as others with their last: "sail_jib"."""
+    counted = any(word.isdigit() for part in parts for word in part.own)
+    first = {i for i, _ in found if parts[i].own[:1] == name[-1:] and len(parts[i].own) == 2}
+    return first if not counted and any(m.tier == HEAD for i, m in found if i in first) else set()
 
 
 def _is_excepted(part: _Part, clause: Clause) -> bool:

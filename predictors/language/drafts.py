@@ -128,10 +128,11 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
         else:
             draft.like(found)
     clauses = tuple(_clause(text, draft, lexicon, mended=lexed.mended) for draft in drafts)
-    taken = {x.start for draft in drafts for x in draft.lexemes}
+    taken = [(x.start, x.end) for draft in drafts for x in draft.lexemes]
     unread = tuple(
         x.text for x in lexed.lexemes
-        if x.start not in taken and (x.role in ("number", "told", "material") or not x.known)
+        if (x.role in ("number", "told", "material") or not x.known)
+        and not any(start <= x.start < end for start, end in taken)
     )  # fmt: skip
     return Sentence(text, clauses, unread, tuple(dict.fromkeys(lexed.notes)))
 

@@ -86,6 +86,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             fake = False
         elif role in ("coat", "coating", "look", "attributes", "fill"):
             _dress(out, lexeme, role, last=i + 1 == len(run))
+        elif role == "density" and lexeme.text.lower() == "light" and _is_hue(run[i + 1 : i + 2]):
+            continue  # "light oak", "light grey"
         elif role in ("stiffness", "density", "character"):
             out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
             degree = ""
@@ -99,6 +101,14 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
+
+
+def _is_hue(after: Sequence[Lexeme]) -> bool:
+    """Whether "light" is told of a colour: before another adjective, or a wood."""
+    return any(
+        x.value.category == "wood" if isinstance(x.value, Material) else x.tag == "JJ"
+        for x in after
+    )
 
 
 def _scaled(level: int | str, degree: str) -> int | str:

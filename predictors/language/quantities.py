@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from .clauses import Blend, Quantity
 
-_NUMBER = r"\d(?:[\d.,']*\d)?(?:\s?[x×*·]\s?10\s?\^?\s?[-+−]?\d+|[eE][-+−]?\d+)?"
+_NUMBER = r"(?<![\d.])\.?\d(?:[\d.,']*\d)?(?:\s?[x×*·]\s?10\s?\^?\s?[-+−]?\d+|[eE][-+−]?\d+)?"
 _SPREAD = r"(?:\s?(?:-|–|to|\.\.+|and|bis)\s?(?P<high>{n})|\s?(?:±|\+/-)\s?[\d.,]+\s?%?)?"
 _ABOUT = (
     r"\s*(?:(?:of|is|was|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"

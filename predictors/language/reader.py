@@ -205,12 +205,14 @@ def _on_close(state: Statements, _: Lexeme) -> None:
         state.pending, state.held = state.held, None
 
 
-def _on_it(state: Statements, _: Lexeme) -> None:
+def _on_it(state: Statements, lexeme: Lexeme) -> None:
     """A pronoun takes up the last subject; after a preposition it says nothing."""
     if state.mode == "than":
         state.compare_with(state.last_part)
     elif state.excepted is not None:
         state.pending, state.excepted, state.mode = state.excepted, None, ""
+    elif lexeme.text.lower() == "which" and state.pending is None and state.is_other():
+        state.pending, state.link = Draft("parts", [state.last_part], named=True), ""
     elif state.pending is None and state.link not in ("of", "on", "off"):
         state.link = "but" if state.current is not None else ""
         state.pending = None if state.current is not None else Draft("whole")
@@ -240,7 +242,8 @@ def _mode(name: str) -> Callable[[Statements, Lexeme], None]:
 _CONNECTORS: dict[str, Callable[[Statements, Lexeme], None]] = {
     "stop": lambda state, _: state.stop(),
     "but": _on_but, "comma": _on_comma, "and": _on_and, "is": _on_is, "of": _on_of, "off": _on_off,
-    "with": _on_with, "swap": _on_swap, "becomes": _on_becomes, "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
+    "with": _on_with, "swap": _on_swap, "becomes": _on_becomes,
+    "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
     "it": _on_it, "whole": _on_general, "rest": _on_general, "other": _on_general,
     "except": _mode("except"), "coat": _mode("coat"), "fill": _mode("fill"),
     "looks": _mode("look"), "than": _mode("than"),

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+import runpy
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
 
 from .lexicon import Atom, ReaderLexicon
 
 SHORTEST_MENDED = 4  # letters: a shorter word has too many neighbours
 # A text is not English where this share of its words is in no dictionary and no table.
-FOREIGN_SHARE = 0.4
+FOREIGN_SHARE = 0.5
+LANGUAGES = ("en", "de", "fr", "es", "it", "nl", "pt", "sv", "pl")
 
 
 def mended_spelling(
@@ -16,7 +21,6 @@ def mended_spelling(
 ) -> tuple[list[Atom], list[str], set[int]]:
     """Mend what is misspelt; tell what is in no dictionary, and a text that is not English."""
     odd = [i for i, atom in enumerate(cut) if not _is_known(atom, lexicon, known)]
-    letters = [atom for atom in cut if atom.text.isalpha() and len(atom.text) > 1]
     mended, notes = list(cut), []
     for i in odd:
         near = _nearest(cut[i], lexicon, known)
@@ -25,11 +29,28 @@ def mended_spelling(
             notes.append(f"read {cut[i].text!r} as {near!r}")
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
-    if len(left) >= 3 and len(left) >= FOREIGN_SHARE * len(letters):
-        share = len(left) / len(letters)
-        note = f"{share:.0%} of the words are not English: only English is understood"
+    long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
+    if odd and (_is_foreign(cut) or (len(left) >= 3 and len(left) >= FOREIGN_SHARE * long)):
+        note = f"{len(odd)} of {long} words are not English: only English is understood"
         return cut, [note], {cut[i].start for i in odd}
     return mended, notes, strange
+
+
+def _is_foreign(cut: list[Atom]) -> bool:
+    """Whether another language has more of a text's small words than English has."""
+    said = {atom.text.lower() for atom in cut if atom.text.isalpha()}
+    small = {code: _small_words(code) for code in LANGUAGES}
+    english = len(said & small["en"])
+    return any(len(said & small[code] - small["en"]) > english for code in LANGUAGES)
+
+
+@lru_cache(maxsize=len(LANGUAGES))
+def _small_words(code: str) -> frozenset[str]:
+    """Articles, prepositions and the like of a language, from spaCy's list of it."""
+    spec = find_spec("spacy")
+    home = Path(str(spec.origin)).parent if spec else Path()
+    # Its file by itself: the language's package brings seconds of rules for tokens.
+    return frozenset(runpy.run_path(str(home / "lang" / code / "stop_words.py"))["STOP_WORDS"])
 
 
 def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
@@ -58,15 +79,16 @@ def _in_designation(cut: list[Atom], i: int) -> bool:
 def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
     """Return the one word that a misspelt one is near to, or None."""
     from rapidfuzz.distance import OSA
+    from rapidfuzz.process import extract_iter
 
     if atom.text.isupper() and len(atom.text) <= SHORTEST_MENDED + 1:
         return None  # an acronym
+    words = [*lexicon.spellings, *(w for w in known if len(w) >= SHORTEST_MENDED and w.isalpha())]
     best: dict[str, float] = {}
-    for word in {*lexicon.spellings, *(w for w in known if len(w) > 3 and w.isalpha())}:
-        for said in {atom.text.lower(), atom.stem}:
+    for said in {atom.text.lower(), atom.stem}:
+        for word, off, _ in extract_iter(said, words, scorer=OSA.distance, score_cutoff=2):
             skeleton = _skeleton(said) == _skeleton(word)
             limit = 2 if skeleton or len(said) >= 7 else 1
-            off = OSA.distance(said, word, score_cutoff=limit)
             if off <= limit and said[0] == word[0] and off <= len(said) / 2:
                 best[word] = min(best.get(word, 9.0), off - 0.5 * skeleton)
     ranked = sorted(best.items(), key=lambda item: (item[1], item[0] not in known))

@@ -36,7 +36,10 @@ class Statements:
         owes = owes or self.mode != "" or self.link == "but"
         self.coming = after.role if after is not None else ""
         opens = self.coming in ("is", "of") or self.mode == "except"
-        for group in groups_of(lexemes, self.lexicon, owes=owes and not opens, opens=opens):
+        groups = groups_of(lexemes, self.lexicon, owes=owes and not opens, opens=opens)
+        if not groups and self.link == "is" and self.pending is not None:
+            self.settle(self.pending)  # "the handle is ergonomic and the head is steel"
+        for group in groups:
             if group.part and group.values:
                 self._both(group)
             elif group.part:
@@ -70,9 +73,21 @@ class Statements:
             self.current.compare_with(part)
         self.mode = self.link = ""
 
+    def is_other(self) -> bool:
+        """Whether the last part that was named is not what the last statement is about."""
+        return self.current is None or self.last_part not in self.current.names
+
     def _both(self, group: Group) -> None:
         """A part with its matter; after "is" and "of" the noun only says its form."""
         pending = self.pending
+        if self.mode == "than":  # "softer than the rubber foot"
+            self.compare_with(group.part)
+            self._new(group)
+            return
+        only_number = all(m.kind in ("number", "comparison") for m in group.values)
+        if only_number and not group.named and self.link in ("comma", "is") and self.current:
+            self._values(group)  # "15 % gyroid"
+            return
         if self.mode == "except":
             self._except(group)
             self._new(group)
@@ -117,7 +132,7 @@ class Statements:
             self.compare_with(group.part)
         elif self.mode == "same":
             self._same_as(group.part)
-        elif self.mode == "fill" or (self.current and self._is_content(self.current, group)):
+        elif self.mode == "fill" or self._is_content(pending or self.current, group):
             draft = pending or self.current
             if draft is not None:
                 self.settle(draft)
@@ -183,7 +198,13 @@ class Statements:
 
     def _values(self, group: Group) -> None:
         """What is said without a part: of the subject that waits for it, or of the last."""
+        if self.mode in ("than", "same") and group.material:  # "softer than foam"
+            said = tuple(word for x in group.lexemes for word in x.words)
+            self.compare_with(said) if self.mode == "than" else None
+            self.mode = self.link = ""
+            return
         mode = "" if self.mode in ("than", "same") else self.mode
+        again = self.pending is None and self.link in ("of", "is") and group.material is not None
         draft = self.pending or self.excepted or self._resumed(group)
         self.mode = self.mode if self.mode in ("than", "same", "fill") else ""
         self.excepted = None
@@ -198,6 +219,8 @@ class Statements:
             draft.coating = group.material.name if group.material else None
             draft.see(group.lexemes)
             return
+        if again and draft is self.current and draft.material is not None and not self.negated:
+            draft.material = None  # "a paper towel holder in brass"
         if self.link == "on" and draft.material is not None and group.material:
             draft.coating, draft.material = draft.material.name, None
         self._fill(draft, group.values, group.lexemes)
@@ -209,9 +232,10 @@ class Statements:
         loose = (self.lexicon.contents[tail] for tail in tails if tail in self.lexicon.contents)
         return next(loose, group.material.name if group.material else None)
 
-    def _is_content(self, draft: Draft, group: Group) -> bool:
+    def _is_content(self, draft: Draft | None, group: Group) -> bool:
         """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
-        containers, heads = words()["containers"], {name[-1] for name in draft.names if name}
+        names = draft.names if draft is not None else []
+        containers, heads = words()["containers"], {name[-1] for name in names if name}
         if self.link != "of" or self.verb or not heads & set(containers["words"]):
             return False
         loose = self._contents(group) != (group.material.name if group.material else None)
