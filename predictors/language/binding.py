@@ -66,7 +66,8 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             continue
         found = {i: m for name in clause.subject.names for i, m in _fits(name, parts, k)}
         for i, match in found.items():
-            matches[i].append(match)
+            if not _is_excepted(parts[i], clause):
+                matches[i].append(match)
         lost += [] if found else [k]
     for k, clause in enumerate(clauses):
         if _is_other(clause):

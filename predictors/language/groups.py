@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...fem.scene.materials import Material
 from .clauses import Blend, Comparison, Quantity
-from .lexicon import Phrase, ReaderLexicon, words
+from .lexicon import Phrase, ReaderLexicon, places, words
 from .lexing import Lexeme
 from .quantities import number
 
@@ -98,6 +98,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             out.append(Mention(kind, lexeme, lexeme.value))
         elif role in ("word", "part"):
             out.append(_word(lexeme, run, i))
+        elif role == "digits" and lexeme.part and (not out or out[-1].kind == "part"):
+            out.append(Mention("part", lexeme))  # "wheel 2"
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
@@ -194,8 +196,10 @@ def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
         else:
             blocks.append([*waiting, mention])
         waiting = []
-    if waiting and waiting[-1].lexeme.part and not (blocks and not blocks[-1][-1].says):
-        blocks.append(waiting)
+    placed = not blocks and any(word in places() for m in waiting for word in m.lexeme.words)
+    own = waiting and waiting[-1].lexeme.part and not (blocks and not blocks[-1][-1].says)
+    if placed or own:
+        blocks.append(waiting)  # "the second is pine"
     return blocks
 
 

@@ -196,6 +196,13 @@ def known_parts() -> frozenset[str]:
     return frozenset(w for group in data["synonyms"] for w in group) - {*data["things"]}
 
 
+@lru_cache(maxsize=1)
+def places() -> frozenset[str]:
+    """Words that say where a part is: left, rear, upper, second."""
+    data = part_words()
+    return frozenset(w for group in data["places"] for w in group) | set(data["same"])
+
+
 def positions(phrase: Sequence[str]) -> dict[int, str]:
     """Sets of opposites that a phrase speaks of -> its side in each: front leg -> {1: "front"}."""
     data = part_words()

@@ -198,38 +198,31 @@ def _fill(
 
 
 def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
-    """Put the parts of a range where it is said: "leg_1 to leg_4", "blade_1..blade_3"."""
+    """Put the parts of a range where it is said: "leg_1 to leg_4", "blade_1..3", "bodies 1-3"."""
     out: list[Lexeme] = []
-    first: Lexeme | None = None  # a part's name and nothing but "to" or dots since
+    first: Lexeme | None = None  # a part or its number, and nothing but "to" or dots since
     for lexeme in lexemes:
-        if lexeme.role == "part":
-            if first is not None and out[-1] is not first:
-                while out[-1] is not first:
-                    out.pop()
-                between = _between(str(first.value), str(lexeme.value), names)
-                for name in between:
-                    out.append(replace(first, role="and", words=(), part=False))
-                    out.append(replace(first, value=name, words=part_name_words(name)))
-                out.append(replace(first, role="and", words=(), part=False))
-            first = lexeme
-        elif first is not None and lexeme.text.lower() not in _THROUGH:
-            first = None
+        ends = lexeme.role == "part" or (lexeme.role == "digits" and lexeme.part)
+        if ends and first is not None and first.role == lexeme.role and out[-1] is not first:
+            while out[-1] is not first:
+                out.pop()
+            both = replace(first, role="and", words=(), part=False)
+            for words in _between(first.words, lexeme.words, names):
+                out += [both, replace(first, words=words)]
+            out.append(both)
+        if ends or (first is not None and lexeme.text.lower() not in _THROUGH):
+            first = lexeme if ends else None
         out.append(lexeme)
     return out
 
 
-def _between(first: str, last: str, names: Sequence[str]) -> list[str]:
-    """Names between two that count on: the same words with numbers between theirs."""
-
-    def parted(name: str) -> tuple[str, int | None]:
-        match = re.fullmatch(r"(.*?)(\d+)", name)
-        return (match[1], int(match[2])) if match else (name, None)
-
-    (stem, low), (other, high) = parted(first), parted(last)
-    inside = [n for n in names if parted(n)[0] == stem and low is not None and high is not None]
-    if stem != other:
+def _between(first: Phrase, last: Phrase, names: Sequence[str]) -> list[Phrase]:
+    """Words of the names between two that count on: the same words, with numbers between theirs."""
+    if first[:-1] != last[:-1] or not (first[-1].isdigit() and last[-1].isdigit()):
         return []
-    return [n for n in inside if (low or 0) < (parted(n)[1] or 0) < (high or 0)]
+    told = {int(part_name_words(name)[-1]) for name in names if name[-1:].isdigit()}
+    inside = sorted(n for n in told if int(first[-1]) < n < int(last[-1]))
+    return [(*first[:-1], str(n).zfill(len(first[-1]))) for n in inside]
 
 
 def _tag(lexemes: list[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:

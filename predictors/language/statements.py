@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from .drafts import Draft
 from .groups import Group, Mention, groups_of
-from .lexicon import Phrase, ReaderLexicon, known_parts, positions, words
+from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexeme
 
 _VALUED = ("is", "of", "but")  # links after which a subject's material comes
@@ -40,13 +41,31 @@ class Statements:
         if not groups and self.link == "is" and self.pending is not None:
             self.settle(self.pending)  # "the handle is ergonomic and the head is steel"
         for group in groups:
-            if group.part and group.values:
+            group.part = self._full_name(group)
+            if group.part and group.values and self._is_next(group):
+                self._values(replace(group, part=()))
+                self._part(replace(group, values=[]))
+            elif group.part and group.values:
                 self._both(group)
             elif group.part:
                 self._part(group)
             elif group.values:
                 self._values(group)
             self.last_part = group.part or self.last_part
+
+    def _full_name(self, group: Group) -> Phrase:
+        """A number or a side alone has the noun that came before it: "leg 1, 2", "the second"."""
+        before = self.pending.names[-1] if self.pending and self.pending.names else self.last_part
+        if before and group.part and all(word.isdigit() for word in group.part):
+            return (*(word for word in before if not word.isdigit()), *group.part)
+        if before and group.part[-1:] and group.part[-1] in places() and not group.named:
+            return (*group.part, before[-1])
+        return group.part
+
+    def _is_next(self, group: Group) -> bool:
+        """Whether a noun after a material is the next subject: "wheels=rubber body=steel"."""
+        waits = self.pending is not None and self.link == "is" and self.coming == "is"
+        return waits and group.named and not group.part_first
 
     def stop(self) -> None:
         """End a sentence."""
@@ -185,6 +204,8 @@ class Statements:
         elif group.named and not pending.named:  # "A park bench: frames ..."
             self.flush()
             self.pending = Draft("parts", [group.part], named=True)
+        elif not strange and self.lexicon.model.is_word(group.part[-1], ("adj",)):
+            self.settle(pending)  # "the seat is red"
         elif strange or not (article or group.named):
             self.settle(pending)
             pending.unknown = " ".join(x.text for x in group.lexemes if x.words)
@@ -193,7 +214,7 @@ class Statements:
 
     def _place(self, group: Group, pending: Draft) -> None:
         """Where a part is, is part of its name: "the cushion on the left is ..."."""
-        if positions((*group.part, "")):
+        if set(group.part) & places():
             pending.names[-1:] = [(*group.part, *name) for name in pending.names[-1:]]
 
     def _values(self, group: Group) -> None:
