@@ -21,7 +21,8 @@ INTRODUCTION = """\
 
 Every input and tool in a fresh process; made by `benchmarks/convert_table.py` from the rows of
 `benchmarks/convert_corpus.py`. *All guarantees*: positive tets, every boundary edge on two faces,
-both sampled distances to the repaired input within epsilon, volume within what the envelope allows.
+sampled distances to the file as read within epsilon both ways, volume within what the envelope
+allows, and at most 5 % of the volume that the file encloses left out.
 Exit 3 is unreadable input, exit 4 input without a volume, each with a sentence. The engine of
 pytetwild gets the same envelope (half of epsilon), edge and stop energy as ours. Dihedral angle,
 seconds and memory are medians over the inputs that a tool converted with all guarantees, ratios

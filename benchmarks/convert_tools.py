@@ -50,6 +50,9 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
         "min_dihedral_deg": round(report.quality.dihedral_min, 2),
         "hausdorff_to_rel": report.distances.to_input / report.diagonal,
         "hausdorff_from_rel": report.distances.from_input / report.diagonal,
+        "lost_volume": report.losses.lost,  # of the file as read, as the next two
+        "lost_area": report.losses.lost_area,
+        "gained_volume": report.losses.gained,
         "attempts": len(report.attempts),
         "reason": "; ".join(report.failed),
     }
@@ -62,22 +65,26 @@ def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     from autophyx_tet.fem.scene.mesh import TetMesh
     from autophyx_tet.toolkit.io.load import load_asset
     from autophyx_tet.toolkit.meshing import conversion_report as conversion
+    from autophyx_tet.toolkit.meshing.preparation import Preparation
     from autophyx_tet.toolkit.meshing.quality import quality
-    from autophyx_tet.toolkit.surfaces.repair import repair
-    from autophyx_tet.toolkit.surfaces.solids import Solids
 
     mesh = load_npz(out / "mesh.npz")
     asset = load_asset(path)
     diagonal = float(np.linalg.norm(asset.size))
     epsilon = args.epsilon_rel * diagonal
     rng = np.random.default_rng(0)
-    surface, _ = repair(asset.parts)
-    solids = Solids.of(surface, len(asset.parts), thinnest=epsilon)
-    volume = conversion.input_volume(solids, len(asset.parts), rng=rng)
+    way = Preparation.of(asset, thinnest=epsilon, thicken=None, walls={})
+    ready = way.prepared(epsilon=epsilon, rng=rng)
+    volume = conversion.input_volume(ready.solids, len(asset.parts), rng=rng)
     body = TetMesh.oriented(mesh["points"], mesh["tets"])
-    gaps = conversion.measure_distances(body, solids, epsilon=epsilon, rng=rng)
+    # The bodies are centred as ours are; distances are taken from all triangles as read.
+    body = TetMesh(body.points - asset.bounds.mean(axis=0), body.tets, body.region)
+    gaps = conversion.measure_distances(
+        body, ready.solids, epsilon=epsilon, rng=rng, reference=ready.reference
+    )
     measured = quality(body)
     kept = conversion.guarantees(body, measured, volume, gaps, epsilon)
+    kept = (*kept, ready.kept_volume)
     row = {
         "guarantees": all(g.ok for g in kept),
         "tets": len(body.tets),

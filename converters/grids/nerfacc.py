@@ -28,7 +28,11 @@ def read_nerfacc(path: str | os.PathLike) -> DensityGrid:
         for want in ("occs", "aabbs", "resolution"):
             names = [name for name in state if name.split(".")[-1] == want]
             if len(names) != 1:
-                raise InputError(f"{path}: one tensor named {want} wanted, got {names}")
+                raise InputError(
+                    f"{path}: one tensor named {want} wanted, got {names}: of a network's weights "
+                    "only nerfacc's occupancy is read; export the density of others as .npz "
+                    "(density, aabb_min, aabb_max)"
+                )
             found[want] = state[names[0]].numpy()
         shape = tuple(int(n) for n in found["resolution"].ravel())
         finest = found["occs"].reshape(-1, int(np.prod(shape)))[0].reshape(shape)

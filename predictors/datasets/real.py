@@ -17,14 +17,12 @@ from ..asset import Asset, Part
 from ..hearing.kinds import KINDS, kind_of
 from ..hearing.vocabulary import Vocabulary
 from ..images.surface_colour import material_name, skin_of
-from ..images.surface_voxels import random_points
+from ..images.surface_voxels import SPACING, random_points, surface_samples
 from .shapes import EMPTY, MAX_PARTS
 
 CELLS = 64
 _PAD = 1
-# Samples a cell face on the surface: a hole of one cell is left with probability exp(-6).
-_SAMPLES_PER_CELL = 6
-_MAX_SAMPLES = 400_000
+_COLOUR_SAMPLES = 4_000  # of each part, for its mean colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +81,13 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
         index = len(slots)
         if index == MAX_PARTS:
             break
-        points, colour = _surface(parts, h)
-        cells = np.floor((upright(points, asset.up) - lo) / h).astype(int).clip(0, CELLS - 1)
-        label[tuple(cells.T)] = index
+        for part in parts:
+            # Closer than half a cell: two neighbours on either side of a face are not both missed.
+            for points in surface_samples(part.mesh, SPACING * h):
+                cells = np.floor((upright(points, asset.up) - lo) / h).astype(int)
+                label[tuple(cells.clip(0, CELLS - 1).T)] = index
         slots.append(slot)
-        colours.append(colour)
+        colours.append(_mean_colour(parts))
     shell = label != EMPTY
     inside = np.asarray(binary_fill_holes(shell))
     nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
@@ -124,17 +124,13 @@ def _slots(parts: Sequence[Part]) -> dict[str, list[Part]]:
     return dict(sorted(groups.items(), key=lambda item: area(item[1])))
 
 
-def _surface(parts: Sequence[Part], h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points on a slot's surface, dense enough for cells of ``h`` [m], and its mean colour."""
-    points, colours = [], []
-    rng = np.random.default_rng(0)
+def _mean_colour(parts: Sequence[Part]) -> np.ndarray:
+    """Mean colour (3,) of a slot, in 0 ... 1, by area."""
+    rng, total = np.random.default_rng(0), np.zeros(3)
     for part in parts:
-        mesh = part.mesh
-        count = int(np.clip(_SAMPLES_PER_CELL * mesh.area / h**2, 50, _MAX_SAMPLES))
-        faces, weights = random_points(mesh, count, rng)
-        points.append(np.einsum("nc,nck->nk", weights, mesh.triangles[faces]))
-        colours.append(skin_of(mesh)(faces, weights)[:, :3])
-    return np.concatenate(points), np.concatenate(colours).mean(axis=0)
+        colours = skin_of(part.mesh)(*random_points(part.mesh, _COLOUR_SAMPLES, rng)[:2])
+        total += float(part.mesh.area) * colours[:, :3].mean(axis=0)
+    return total / sum(float(part.mesh.area) for part in parts)
 
 
 def save_real(path: Path, objects: Iterable[RealObject]) -> None:

@@ -122,6 +122,11 @@ def _check_path(path: Path) -> None:
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file")
+    if path.name.startswith("transforms") or (path.is_dir() and any(path.glob("transforms*.json"))):
+        raise InputError(
+            f"{path}: is a capture, photographs and cameras without a shape: train it, and give "
+            "the snapshot (.ingp, .msgpack) or its density (.npz); `features` sees the photographs"
+        )
     if path.is_dir():
         raise InputError(f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}")
     if suffix not in ASSET_FORMATS:

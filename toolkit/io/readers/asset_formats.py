@@ -34,6 +34,7 @@ ASSET_FORMATS: Registry[Format] = Registry(
         ".xyz": "plain:TEXT_CLOUD",
         **dict.fromkeys((".splat", ".spz", ".ksplat"), "carrier:CARRIER"),
         **dict.fromkeys((".npz", ".nvdb", ".ingp", ".msgpack"), "carrier:CARRIER"),
+        **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "carrier:CARRIER"),
         **dict.fromkeys((".pcd", ".las", ".laz"), "carrier:CARRIER"),
     },
 )

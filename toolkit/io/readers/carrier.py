@@ -33,5 +33,5 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
 
 
 _SPLATS, _CLOUDS = (".splat", ".spz", ".ksplat"), (".pcd", ".las", ".laz")
-_GRIDS = (".npz", ".nvdb", ".ingp", ".msgpack")
+_GRIDS = (".npz", ".nvdb", ".ingp", ".msgpack", ".pt", ".pth", ".ckpt", ".safetensors")
 CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS), read=read_carrier)
