@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 _HOME = {
     "convert": ".toolkit.pipeline",
     "assign": ".toolkit.pipeline",
-    "simulate": ".toolkit.pipeline",
+    "simulate": ".toolkit.simulation.simulate",
     "run": ".toolkit.pipeline",
     "transfer": ".toolkit.transfer",
     "export": ".toolkit.transfer",

@@ -18,13 +18,13 @@ FLOORS = {
         "retrieval", "film", "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (
-        "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "voxelisation",
-        "material_sampling", "field_sources", "carriers", "programs",
+        "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "embedding",
+        "driving", "voxelisation", "material_sampling", "field_sources", "carriers", "programs",
     ),
     "toolkit": (
-        "surfaces", "native", "io", "meshing", "options", "walls", "config", "conditions",
-        "results", "scenario", "report", "features", "appearance", "image_features",
-        "pipeline", "transfer", "learning", "listing", "doctor", "estimate", "batch", "cli",
+        "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",
+        "report", "simulation", "features", "appearance", "image_features", "pipeline",
+        "transfer", "learning", "listing", "doctor", "estimate", "batch", "cli",
     ),
 }  # fmt: skip
 # Rooms that only training and evaluation enter: what a user runs needs neither data nor trainer.

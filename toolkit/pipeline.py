@@ -6,19 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ..fem.errors import InputError
 from ..fem.scene.mesh import TetMesh
-from ..predictors.asset import Asset, UpAxis
-from .conditions import changed_options
+from ..predictors.asset import Asset
 from .io.outputs import check_file, check_mesh, check_run
 from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
 from .results.conversion import Conversion
 from .results.run import RunCase, RunResult, Stopwatch
-from .results.simulation import Simulation
+from .simulation.simulate import simulate
 from .walls.wall_options import WallOptions
 
 if TYPE_CHECKING:
@@ -173,62 +171,6 @@ def _written(result: Assignment, output: Path | None, field_output: Path | None)
         npz.save(field_output, result.field)
         files = (*files, field_output)
     return replace(result, files=files)
-
-
-def simulate(
-    mesh: str | Path | TetMesh,
-    *,
-    up: UpAxis | None = None,
-    output: Path | None = None,
-    report: Path | None = None,
-    picture: Path | None = None,
-    options: SimulateOptions | None = None,
-    progress: Callable[[str, float], None] | None = None,
-    **given: Any,
-) -> Simulation:
-    """Load a mesh with materials and solve its scenario: it settles, moves or rings.
-
-    Options may be ``given`` by name too: ``simulate(mesh, fix=["part:handle"],
-    load={"part:head": (0, 0, -10)})``. ``output`` takes the last state as .vtu or .vtk, or the
-    whole motion as .pvd; ``report`` the page, .html; ``picture`` the last state as .png, or the
-    motion as .gif or .webp.
-
-    Raises
-    ------
-    InputError
-        Where the mesh has no material.
-    UsageError
-        Where a place of the mesh is stated that is not there.
-    ConvergenceError
-        Where the solver does not reach its tolerance.
-    """
-    from .report.pages import simulation_page
-    from .report.report import write_report
-    from .report.snapshot import SUFFIXES, write_picture
-    from .scenario import run_scenario
-
-    options = changed_options(options or SimulateOptions(), given)
-    if output is not None:
-        check_file(output, (".vtu", ".vtk", ".pvd"))
-    if report is not None:
-        check_file(report, (".html",))
-    if picture is not None:
-        check_file(picture, SUFFIXES)
-    name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
-    mesh, sidecar, *_ = read_known(mesh, None)
-    sidecar = replace(sidecar, up=up or sidecar.up)
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
-    if output is not None:
-        result = replace(result, files=tuple(result.write(output)))
-    if report is not None:
-        written = write_report(report, simulation_page(name, result, sidecar))
-        result = replace(result, files=(*result.files, written))
-    if picture is not None:
-        drawn = write_picture(picture, result, up=sidecar.up)
-        result = replace(result, files=(*result.files, drawn))
-    return result
 
 
 def run(

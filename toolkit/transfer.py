@@ -14,9 +14,9 @@ from ..fem.errors import InputError, UsageError
 from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
+from .driving import checked_scale
 from .io.document import mesh_document
-from .io.outputs import check_file, mesh_suffixes
-from .io.references import References
+from .io.outputs import check_file
 from .io.sidecar import Sidecar
 from .options import ExportOptions, TransferOptions
 
@@ -115,9 +115,7 @@ def transfer(
 
     options, target = options or TransferOptions(), Path(target)
     check_file(output, _room(target))
-    scale = options.scale if options.scale is not None else _known_scale(source, target)
-    if not (np.isfinite(scale) and scale > 0):
-        raise UsageError(f"--scale must be a number > 0 of metres per unit, got {scale:g}")
+    scale = checked_scale(options.scale, source, target)
     given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
     if isinstance(given, TetMesh):
         given = field_from_tets(given, cells=options.cells)
@@ -209,18 +207,6 @@ def _room(target: Path) -> tuple[str, ...]:
     if is_density(target):
         return written(GRID_FORMATS)
     return tuple(dict.fromkeys([target.suffix.lower(), *written(POINT_FORMATS)]))
-
-
-def _known_scale(source: str | Path | MaterialField | TetMesh, target: Path) -> float:
-    """Metres per unit of the target where it is the asset that the mesh was made of, else 1."""
-    if isinstance(source, MaterialField | TetMesh):
-        return 1.0
-    is_mesh = Path(source).suffix.lower() in mesh_suffixes()
-    sidecar = Sidecar.read(Path(source)) if is_mesh else None
-    if sidecar is None or not target.is_file():
-        return 1.0
-    same = References(target.parent).digest(target.read_bytes()) == sidecar.source.get("sha256")
-    return float(sidecar.source.get("metres_per_unit", 1.0)) if same else 1.0
 
 
 def _publish(written: Sequence[Path], folder: Path, source: object) -> tuple[Path, ...]:

@@ -110,7 +110,11 @@ class SimulateCommand:
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`."""
     output: Output
-    """Result to write: .vtu or .vtk (the last state), or .pvd (the whole motion)."""
+    """Result to write: .vtu or .vtk (the last state), .pvd (the motion), or a folder of --drive."""
+    drive: Path | None = None
+    """Gaussian splats or points that move with the mesh: written a file a frame into -o."""
+    drive_scale: float | None = None
+    """Metres per unit of the file of --drive; by default the mesh's own where it is its asset."""
     report: Path | None = None
     """Page to write too: .html."""
     picture: Path | None = None
@@ -132,6 +136,8 @@ class SimulateCommand:
                 output=self.output,
                 report=self.report,
                 picture=self.picture,
+                drive=self.drive,
+                drive_scale=self.drive_scale,
                 options=self.options,
                 progress=tell,
             ).document()

@@ -17,7 +17,7 @@ PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho
 }
 REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
 MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
-_FRAME = re.compile(r"_(\d{5})(\.vtu)$")  # what a .pvd calls its frames
+_FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
 _FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold
 
 
@@ -62,6 +62,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield from _batch(document)
     yield from _plan(document)
     yield from _learning(document)
+    yield from _driven(document.get("drive", document))
 
 
 def _told_once(files: Iterable[Any]) -> Iterator[str]:
@@ -90,6 +91,15 @@ def _learning(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"{sample['object']}: {'; '.join(sample['clauses'])}"
     if "history" in document:
         yield f"trained for {document['steps']:,} steps"
+
+
+def _driven(document: Mapping[str, Any]) -> Iterator[str]:
+    """What moved with the mesh."""
+    if "moved" in document:
+        yield (
+            f"{document['moved']:,} moved over {document['frames']} frames; "
+            f"{document['outside']:,} outside the mesh follow its nearest tet"
+        )
 
 
 def _plan(document: Mapping[str, Any]) -> Iterator[str]:

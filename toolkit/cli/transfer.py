@@ -14,9 +14,10 @@ from ..options import Common, ExportOptions, Flat, Output, TransferOptions, choi
 
 @dataclass(frozen=True)
 class TransferCommand:
-    """Carry E, nu and rho over to Gaussian splats, a point cloud or a NeRF density grid.
+    """Carry E, nu and rho, or a motion, over to Gaussian splats, points or a density grid.
 
-    Example: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply
+    Examples: autophyx-tet transfer chair.msh chair_splats.ply -o chair_physics.ply;
+    autophyx-tet transfer chair.msh chair_splats.ply --motion drop.pvd -o frames
     """
 
     source: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="SOURCE")]]
@@ -25,13 +26,24 @@ class TransferCommand:
     """Carrier to write again: ply, splat, spz, ksplat, pcd, las, xyz, npz, nvdb ..."""
     output: Output
     """File to write, every property of TARGET kept; STEM.npz beside it where it has no room."""
+    motion: Path | None = None
+    """Motion of the mesh SOURCE (.pvd): TARGET moves with it, a file a frame in the folder -o."""
     options: Flat[TransferOptions] = field(default_factory=TransferOptions)
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
+        from ..driving import transfer_motion
         from ..transfer import transfer
 
+        if self.motion is not None:
+            return transfer_motion(
+                self.source,
+                self.target,
+                motion=self.motion,
+                output=self.output,
+                scale=self.options.scale,
+            ).document()
         result = transfer(self.source, self.target, output=self.output, options=self.options)
         return result.document()
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
+from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
 from .verdict import Verdict
@@ -30,13 +31,15 @@ class Animation(NamedTuple):
 class Simulation(ABC):
     """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
 
-    ``stated`` says whether a user changed what the scenario holds or loads.
+    ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
+    moved with the mesh.
     """
 
     scene: Scene
     scenario: str
     stated: bool = False
     seconds: float = 0.0
+    driven: DriveRecord | None = None
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.
@@ -117,5 +120,6 @@ class Simulation(ABC):
             "scene": [acting._asdict() for acting in describe(self.scene)],
             self.kind: {**self.numbers, "verdicts": self.verdicts()},
             "seconds": self.seconds,
-            "warnings": self.warnings,
+            **({} if self.driven is None else {"drive": self.driven.document()}),
+            "warnings": (*self.warnings, *(self.driven.warnings if self.driven else ())),
         }

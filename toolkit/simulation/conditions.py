@@ -8,11 +8,11 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from ..fem.conditions.boundary_conditions import KINDS, BoundaryConditions, entries
-from ..fem.conditions.conditions_file import ConditionsFile, read_conditions
-from ..fem.conditions.selection import numbers
-from ..fem.errors import UsageError
-from .options import SimulateOptions
+from ...fem.conditions.boundary_conditions import KINDS, BoundaryConditions, entries
+from ...fem.conditions.conditions_file import ConditionsFile, read_conditions
+from ...fem.conditions.selection import numbers
+from ...fem.errors import UsageError
+from ..options import SimulateOptions
 
 
 def stated_conditions(options: SimulateOptions) -> ConditionsFile:

@@ -7,20 +7,20 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
-from ..fem.conditions.boundary_conditions import LOADS, BoundaryConditions
-from ..fem.errors import ConvergenceError, InputError, UsageError
-from ..fem.result import Modes, MotionResult, SagResult
-from ..fem.scenarios.scenario import SCENARIOS, Scenario
-from ..fem.scene.mesh import TetMesh
-from ..fem.scene.scene import Scene
-from ..fem.solve.method import METHODS, Method
-from ..predictors.asset import UpAxis
+from ...fem.conditions.boundary_conditions import LOADS, BoundaryConditions
+from ...fem.errors import ConvergenceError, InputError, UsageError
+from ...fem.result import Modes, MotionResult, SagResult
+from ...fem.scenarios.scenario import SCENARIOS, Scenario
+from ...fem.scene.mesh import TetMesh
+from ...fem.scene.scene import Scene
+from ...fem.solve.method import METHODS, Method
+from ...predictors.asset import UpAxis
+from ..options import SimulateOptions
+from ..results.moving import Moving
+from ..results.ringing import Ringing
+from ..results.settled import Settled
+from ..results.simulation import Simulation
 from .conditions import stated_conditions
-from .options import SimulateOptions
-from .results.moving import Moving
-from .results.ringing import Ringing
-from .results.settled import Settled
-from .results.simulation import Simulation
 
 STANDING_MODES = 3
 
@@ -128,8 +128,8 @@ def _frames(scenario: str, progress: Progress | None, started: float) -> Any:
 
 def _standing_modes(scene: Scene, device: str) -> Any:
     """First vibrations of a body as it is held, where a direct factor finds them; else None."""
-    from ..fem.scenarios.vibration import Vibration
-    from ..fem.solve.modal import quick_order
+    from ...fem.scenarios.vibration import Vibration
+    from ...fem.solve.modal import quick_order
 
     order = quick_order(scene.mesh)
     if order is None:

@@ -1,0 +1,177 @@
+"""Motion onto carriers: splats and points that follow a simulated mesh, a file a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..fem.errors import InputError, UsageError
+from ..fem.scene.mesh import TetMesh
+from .io.outputs import check_folder, mesh_suffixes
+from .io.references import References
+from .io.sidecar import Sidecar
+
+if TYPE_CHECKING:
+    from ..converters.driving import Driven
+
+# A carrier of which more than this share lies outside is likely in other axes or units.
+STRAY = 0.2
+# Frames of a motion are of the mesh where no point of it differs by more, as a share of its size.
+SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class DriveRecord:
+    """What was driven: ``moved`` points or splats over ``frames`` files.
+
+    ``outside`` of them lie in no tet and follow the nearest one, at most ``farthest`` [m] away;
+    ``invalid`` have no finite position and stay as they are.
+    """
+
+    files: tuple[Path, ...]
+    frames: int
+    moved: int
+    outside: int
+    farthest: float
+    invalid: int
+    metres_per_unit: float
+    warnings: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``transfer --motion --json`` prints."""
+        return dict(self.__dict__)
+
+
+def drive(
+    mesh: TetMesh,
+    displacements: Sequence[np.ndarray] | Iterable[np.ndarray],
+    carrier: Path,
+    *,
+    folder: Path,
+    scale: float = 1.0,
+) -> DriveRecord:
+    """Write ``carrier`` into ``folder`` once a frame, moved with ``mesh``.
+
+    Parameters
+    ----------
+    mesh
+        The mesh at rest.
+    displacements
+        Displacement (points, 3) [m] of its points in every frame.
+    carrier
+        Gaussian splats or points. A format that is only read is written as .ply.
+    scale
+        Metres per unit of the carrier.
+
+    Raises
+    ------
+    InputError
+        Where the carrier cannot be read, or has no points.
+    """
+    from ..converters.driving import Driven
+    from ..converters.files import writing_folder
+    from ..converters.points.point_file import read_points, write_points
+
+    suffix, warnings = _suffix(carrier)
+    driven = Driven.of(read_points(carrier), mesh, scale=scale)
+    with writing_folder(folder) as scratch:
+        names = []
+        for i, table in enumerate(driven.frames(displacements)):
+            names.append(f"{carrier.stem}_{i:05d}{suffix}")
+            write_points(scratch / names[-1], table)
+    warnings += _doubts(driven)
+    return DriveRecord(
+        files=tuple(folder / name for name in names),
+        frames=len(names),
+        moved=len(driven.table),
+        outside=driven.outside,
+        farthest=driven.embedding.distance,
+        invalid=int((~driven.valid).sum()),
+        metres_per_unit=scale,
+        warnings=tuple(warnings),
+    )
+
+
+def transfer_motion(
+    source: str | Path | TetMesh,
+    target: str | Path,
+    *,
+    motion: Path,
+    output: Path,
+    scale: float | None = None,
+) -> DriveRecord:
+    """Write splats or points once a frame of ``motion`` (.pvd), moved with the mesh ``source``.
+
+    ``scale`` is metres per unit of ``target``; by default the mesh's own where it is its asset.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read or the motion is not of the mesh.
+    """
+    from ..converters.mesh.mesh_file import read_mesh
+
+    check_folder(output)
+    mesh = source if isinstance(source, TetMesh) else read_mesh(source)
+    target = Path(target)
+    found = checked_scale(scale, source, target)
+    return drive(mesh, _displacements(motion, mesh), target, folder=output, scale=found)
+
+
+def checked_scale(scale: float | None, source: object, target: Path) -> float:
+    """Metres per unit of a target as given, or as known; ``UsageError`` where it is no size."""
+    found = metres_per_unit(source, target) if scale is None else scale
+    if not (np.isfinite(found) and found > 0):
+        raise UsageError(f"--scale must be a number > 0 of metres per unit, got {found:g}")
+    return found
+
+
+def metres_per_unit(source: object, target: Path) -> float:
+    """Metres per unit of the target where it is the asset that the mesh was made of, else 1."""
+    if not isinstance(source, str | Path):
+        return 1.0
+    is_mesh = Path(source).suffix.lower() in mesh_suffixes()
+    sidecar = Sidecar.read(Path(source)) if is_mesh else None
+    if sidecar is None or not target.is_file():
+        return 1.0
+    same = References(target.parent).digest(target.read_bytes()) == sidecar.source.get("sha256")
+    return float(sidecar.source.get("metres_per_unit", 1.0)) if same else 1.0
+
+
+def _suffix(carrier: Path) -> tuple[str, list[str]]:
+    """Suffix of the frames, and what to know about it."""
+    from ..converters.registry import POINT_FORMATS, format_of
+
+    form = format_of(carrier, POINT_FORMATS)
+    if form.write is not None:
+        return carrier.suffix, []
+    return ".ply", [f"{form.title} ({carrier.suffix}) are read only here: the frames are .ply"]
+
+
+def _doubts(driven: Driven) -> list[str]:
+    count, outside = int(driven.valid.sum()), driven.outside
+    if outside <= STRAY * count:
+        return []
+    return [
+        f"{outside:,} of {count:,} lie outside the mesh, up to {driven.embedding.distance:.3g} m: "
+        "they follow the nearest tet; has the carrier the axes and metres of the mesh? --scale "
+        "sets its metres per unit"
+    ]
+
+
+def _displacements(motion: Path, mesh: TetMesh) -> Iterator[np.ndarray]:
+    """Displacement [m] of every frame of a .pvd of this very mesh."""
+    from ..converters.mesh.pvd import read_pvd
+
+    room = SAME * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    for time, frame in read_pvd(motion):
+        shape = frame.mesh.points.shape
+        if shape != mesh.points.shape or np.abs(frame.mesh.points - mesh.points).max() > room:
+            raise InputError(f"{motion}: its mesh of {shape[0]} points at rest is not the source")
+        if "displacement" not in frame.point_data:
+            raise InputError(f"{motion}: the frame at {time:g} s has no array 'displacement'")
+        yield np.asarray(frame.point_data["displacement"], dtype=np.float64)

@@ -1,0 +1,113 @@
+"""The verb simulate: load a mesh, solve, and write what was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...fem.errors import InputError, UsageError
+from ...fem.scene.mesh import TetMesh
+from ...predictors.asset import UpAxis
+from ..driving import checked_scale
+from ..driving import drive as move_carrier
+from ..io.outputs import check_file, check_folder
+from ..io.sidecar import Sidecar, read_known
+from ..options import SimulateOptions
+from ..results.simulation import Simulation
+from .conditions import changed_options
+
+
+def simulate(
+    mesh: str | Path | TetMesh,
+    *,
+    up: UpAxis | None = None,
+    output: Path | None = None,
+    report: Path | None = None,
+    picture: Path | None = None,
+    drive: Path | None = None,
+    drive_scale: float | None = None,
+    options: SimulateOptions | None = None,
+    progress: Callable[[str, float], None] | None = None,
+    **given: Any,
+) -> Simulation:
+    """Load a mesh with materials and solve its scenario: it settles, moves or rings.
+
+    Options may be ``given`` by name too: ``simulate(mesh, fix=["part:handle"],
+    load={"part:head": (0, 0, -10)})``. ``output`` takes the last state as .vtu or .vtk, or the
+    whole motion as .pvd; ``report`` the page, .html; ``picture`` the last state as .png, or the
+    motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
+    ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material.
+    UsageError
+        Where a place of the mesh is stated that is not there.
+    ConvergenceError
+        Where the solver does not reach its tolerance.
+    """
+    from ..report.snapshot import SUFFIXES
+    from .scenario import run_scenario
+
+    options = changed_options(options or SimulateOptions(), given)
+    if drive is not None:
+        output = _driven_output(drive, output)
+    elif output is not None:
+        check_file(output, (".vtu", ".vtk", ".pvd"))
+    if report is not None:
+        check_file(report, (".html",))
+    if picture is not None:
+        check_file(picture, SUFFIXES)
+    name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
+    scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
+    mesh, sidecar, *_ = read_known(mesh, None)
+    sidecar = replace(sidecar, up=up or sidecar.up)
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
+    if drive is not None and output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        moved = result.animation.displacement
+        driven = move_carrier(mesh, moved, drive, folder=output.parent, scale=scale)
+        result = replace(result, driven=driven, files=driven.files)
+    return _shown(result, name, sidecar, output=output, report=report, picture=picture)
+
+
+def _shown(
+    result: Simulation,
+    name: str,
+    sidecar: Sidecar,
+    *,
+    output: Path | None,
+    report: Path | None,
+    picture: Path | None,
+) -> Simulation:
+    """Write a result, its page and its picture; the files are on record."""
+    from ..report.pages import simulation_page
+    from ..report.report import write_report
+    from ..report.snapshot import write_picture
+
+    if output is not None:
+        result = replace(result, files=(*result.write(output), *result.files))
+    if report is not None:
+        written = write_report(report, simulation_page(name, result, sidecar))
+        result = replace(result, files=(*result.files, written))
+    if picture is not None:
+        drawn = write_picture(picture, result, up=sidecar.up)
+        result = replace(result, files=(*result.files, drawn))
+    return result
+
+
+def _driven_output(drive: Path, output: Path | None) -> Path:
+    """The .pvd in the folder of a driven carrier."""
+    if output is None:
+        raise UsageError("--drive writes files: give a folder by -o")
+    if output.suffix:
+        raise UsageError(f"--drive: output {output} is a file, wanted a folder")
+    if not drive.is_file():
+        raise InputError(f"no such file: {drive}")
+    check_folder(output)
+    return output / "motion.pvd"
