@@ -115,7 +115,7 @@ def matrices_of(rotations: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3
 
 
 def quaternions_of(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 4"]:
-    """Unit quaternions wxyz of rotation matrices, by their largest component (Shepperd 1978)."""
+    """Unit quaternions wxyz of rotation matrices, by their largest component."""
     m = matrices
     trace = np.einsum("nii->n", m)
     squares = np.column_stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]])
