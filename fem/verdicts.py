@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .result import LoadFactor, Modes, MotionResult, SagResult
+from .safety import Safety
 from .scene.material import wave_speed
 from .scene.mesh import TetMesh, altitudes, material_of
 
@@ -28,6 +29,12 @@ DIFFERENT = 2.0
 VISIBLE = 0.005
 
 
+# Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
+USUAL_SIZE = (0.002, 30.0)
+# A part gives way below this safety factor.
+SAFE = 1.0
+
+
 @dataclass(frozen=True)
 class Check:
     """One verdict: ``passed`` compares ``value`` with ``threshold``; ``sentence`` says it."""
@@ -37,6 +44,13 @@ class Check:
     value: float
     threshold: float
     sentence: str
+
+
+def percent(value: float) -> str:
+    """A share in words: two digits, '< 0.01 %' where it is less, never '0.00 %'."""
+    if 0 < value < 1e-4:
+        return "less than 0.01 %"
+    return f"{100 * value:.2g} %" if value < 1 else f"{value:.3g} times"
 
 
 def holds_shape(result: SagResult) -> Check:
@@ -49,7 +63,7 @@ def holds_shape(result: SagResult) -> Check:
     also += "" if result.trusted else "; how it comes to lie was not found"
     return Check(
         "holds shape", passed, ratio, HOLDS,
-        f"It {does}: a point moves {ratio:.2%} of its height (limit {HOLDS:.0%}){also}.",
+        f"It {does}: a point moves {percent(ratio)} of its height (limit {HOLDS:.0%}){also}.",
     )  # fmt: skip
 
 
@@ -59,14 +73,9 @@ def discretisation(result: SagResult) -> Check:
     quadratic = result.static.order == 2 and kind == "P1/P2"
     limit = TRUSTED_P2 if quadratic else TRUSTED
     passed = value <= limit
-    if not quadratic:
-        why = f"the {kind} gap of the displacement is {value:.1%} (limit {limit:.0%})"
-    else:
-        close = "by far less" if passed else f"by no more than about {value**2 / 2:.0%}"
-        why = (
-            f"linear elements would be off by {value:.1%} (limit {limit:.0%}), the quadratic ones "
-            f"used here {close}"
-        )
+    # Half the square, as measured at ``TRUSTED_P2``; not below a percent, which is not measured.
+    about = max(value**2 / 2 if quadratic else value, 0.01)
+    why = f"displacement within about {about:.0%} (limit {TRUSTED:.0%}), by the {kind} gap"
     found = "fine enough" if passed else "coarse"
     return Check("discretisation", passed, value, limit, f"The mesh is {found}: {why}.")
 
@@ -122,7 +131,7 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
     return Check(
         "distinguishable", passed, factor, DIFFERENT,
         f"The two materials {do}: their displacements differ {factor:.3g}-fold, the larger is "
-        f"{high / max(one.height, two.height):.2%} of the height.",
+        f"{percent(high / max(one.height, two.height))} of the height.",
     )  # fmt: skip
 
 
@@ -137,8 +146,51 @@ def no_penetration(motion: MotionResult) -> Check:
     )  # fmt: skip
 
 
+def usual_size(mesh: TetMesh) -> Check:
+    """Whether the body is as long as things are; else a unit was likely mistaken."""
+    longest = float(np.ptp(mesh.bounds, axis=0).max())
+    low, high = USUAL_SIZE
+    passed = low <= longest <= high
+    question = "" if passed else f" Is that meant? {_likely_unit(longest)}"
+    return Check(
+        "size", passed, longest, high if longest > high else low,
+        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg.{question}",
+    )  # fmt: skip
+
+
+def _likely_unit(longest: float) -> str:
+    """The unit that makes a usual thing of a length [m] that is none."""
+    if longest > USUAL_SIZE[1]:
+        return "Convert with --units mm (or cm) if the file's numbers are that."
+    return "Convert with --units m (or --size METRES) if the file's numbers are larger units."
+
+
+def strength(safety: Safety) -> Check:
+    """Whether a part stands its stress."""
+    passed = safety.factor >= SAFE
+    gives_way = {"yield": "yields", "ultimate": "breaks", "crushing": "is crushed"}[safety.kind]
+    kind = {"yield": "yield", "ultimate": "strength", "crushing": "crushing strength"}[safety.kind]
+    if passed:
+        times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
+        found = f"holds: safety factor {times} against {kind}"
+    else:
+        found = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
+    place = ", ".join(f"{x:.3g}" for x in safety.place)
+    return Check(
+        "strength", passed, safety.factor, SAFE,
+        f"{safety.part} ({safety.material}) {found}: {safety.side} stress {safety.stress:.3g} Pa "
+        f"at ({place}), lowest {kind} {safety.limit:.3g} Pa.",
+    )  # fmt: skip
+
+
 def static_checks(result: SagResult) -> tuple[Check, ...]:
     """Verdicts that a static result alone allows."""
     mesh = result.static.mesh
     stable = () if result.load_factor is None else (buckling(result.load_factor),)
-    return holds_shape(result), *stable, discretisation(result), explicit_step(mesh)
+    return (
+        holds_shape(result),
+        *stable,
+        discretisation(result),
+        explicit_step(mesh),
+        usual_size(mesh),
+    )

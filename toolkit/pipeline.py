@@ -211,7 +211,8 @@ def run(
             )
             clock.lap("assign")
             answer = simulate(body.mesh, up=up, options=simulate_options, progress=progress)
-            cases.append(RunCase(body, answer))
+            rows = {choice.part: choice.material for choice in body.choices}
+            cases.append(RunCase(body, replace(answer, materials=rows)))
             clock.lap("simulate")
         result = RunResult(solid, tuple(cases), clock.seconds)
         if features:

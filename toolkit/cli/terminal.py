@@ -211,10 +211,12 @@ def _verdict(verdict: Verdict) -> str:
 
 
 def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
+    from ...fem.verdicts import percent
+
     if kind == "sag":
         yield (
             f"largest displacement {answer['max_displacement']:.3g} m "
-            f"({100 * answer['sag_ratio']:.2g} % of its height), "
+            f"({percent(answer['sag_ratio'])} of its height), "
             f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
     elif kind == "motion":
@@ -222,6 +224,8 @@ def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
             f"largest contact force {answer['max_contact_force']:.3g} N"
         )
+        for number, force in enumerate(answer["max_obstacle_forces"], 1):
+            yield f"obstacle {number}: at most {force:.3g} N"
     else:
         found = ", ".join(f"{frequency:.4g}" for frequency in answer["frequencies"])
         yield f"natural frequencies [Hz]: {found}"

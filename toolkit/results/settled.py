@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
+from ...fem.safety import Safety, part_safety
 from .description import vector_words
 from .simulation import Animation, Simulation
 from .verdict import Verdict
@@ -48,6 +49,7 @@ class Settled(Simulation):
             "height": self.solved.height,
             "max_von_mises": float(self.solved.von_mises.max()),
             "load_factor": factor and factor.value,
+            "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "reaction": static.reaction.sum(axis=0),
             "frequencies": self.frequencies,
             "order": static.order,
@@ -69,6 +71,11 @@ class Settled(Simulation):
         )
 
     @property
+    def safety(self) -> tuple[Safety, ...]:
+        """Stress beside strength of every part whose material has one; none where it collapsed."""
+        return part_safety(self.solved.static, self.materials) if self.solved.trusted else ()
+
+    @property
     def cell_data(self) -> Mapping[str, np.ndarray]:
         """Von Mises stress [Pa]."""
         return {"von_mises": self.solved.von_mises}
@@ -84,10 +91,10 @@ class Settled(Simulation):
         return self.solved.warnings
 
     def verdicts(self) -> list[Verdict]:
-        """Shape, buckling, discretisation, explicit step, first frequency."""
-        from ...fem.verdicts import first_frequency, static_checks
+        """Shape, buckling, discretisation, explicit step, size, strength, first frequency."""
+        from ...fem.verdicts import first_frequency, static_checks, strength
 
-        checks = [*static_checks(self.solved)]
+        checks = [*static_checks(self.solved), *map(strength, self.safety)]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
         return [*map(Verdict.of, checks)]

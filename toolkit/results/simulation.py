@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -32,7 +32,7 @@ class Simulation(ABC):
     """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
 
     ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
-    moved with the mesh.
+    moved with the mesh, ``materials`` the row of the table that each part is of.
     """
 
     scene: Scene
@@ -40,6 +40,7 @@ class Simulation(ABC):
     stated: bool = False
     seconds: float = 0.0
     driven: DriveRecord | None = None
+    materials: Mapping[str, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.

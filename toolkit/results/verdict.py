@@ -20,11 +20,12 @@ ADVICE = {
     "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
     "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
     "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
+    "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
 }
 # Checks whose failure changes what the body can be used for.
-SERIOUS = ("holds shape", "buckling", "no penetration")
+SERIOUS = ("holds shape", "buckling", "strength", "size", "no penetration")
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,8 @@ def simulate(
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
     result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    result = replace(result, materials={part["name"]: part["material"] for part in parts})
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
