@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.errors import NoVolumeError, UsageError
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 
 from .test_tetrahedralize import asset_of
@@ -81,6 +81,16 @@ def test_what_is_thinner_than_the_lattice_is_said():
     assert (mesh.volumes > 0).all()
     said = [warning for warning in report.warnings if "thinner than the lattice" in warning]
     assert any("'plate'" in one and "--mesher ftetwild" in one for one in said)
+
+
+def test_a_body_that_would_fall_apart_is_refused():
+    """A plate of a third of an edge comes in pieces: exit 4, unless they are accepted."""
+    plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))
+    options = {"mesher": "stuffing", "edge_length": 0.1}
+    with pytest.raises(NoVolumeError, match=r"loose pieces .*wanted at most 0.05"):
+        tetrahedralize(plate, **options)
+    _, report = tetrahedralize(plate, **options, accept_broken=True)
+    assert any("'plate'" in one and "fell off" in one for one in report.warnings)
 
 
 def test_the_same_input_gives_the_same_mesh():

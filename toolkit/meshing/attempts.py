@@ -37,7 +37,7 @@ TIGHTER_START = 10.0  # s that it may take in any case
 # Coarser runs until --max-tets is met, with some reserve. The tets of a thin body go with the
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
-FINER = (1.6, 2.5)  # divide the edge of a lattice that misses volume: 4 and 16 times the tets
+FINER = (1.6, 2.2)  # divide the edge of a lattice too coarse for a body: 4 and 11 times the tets
 NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid

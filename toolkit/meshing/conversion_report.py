@@ -123,7 +123,8 @@ class ConversionReport:
     ``layers`` of tets were asked of the engine through thin places. The mesher "stuffing" bounds
     no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
-    the share of their surface. ``losses`` are those of the solids against the file as read.
+    the share of their surface; of those ``fallen_apart`` a share of volume is in loose pieces.
+    ``losses`` are those of the solids against the file as read.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
     thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
     volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell, ``walls``
@@ -147,6 +148,7 @@ class ConversionReport:
     off_volume: tuple[tuple[str, float], ...] = ()
     thin_parts: tuple[tuple[str, float], ...] = ()
     losses: FileLosses = field(default_factory=FileLosses)
+    fallen_apart: tuple[tuple[str, float], ...] = ()
     sheets: tuple[str, ...] = ()
     thin: int = 0
     hollow: tuple[str, ...] = ()
@@ -285,9 +287,12 @@ def guarantees(
 
 
 def lattice_guarantees(
-    mesh: TetMesh, measured: Quality, volume: InputVolume
+    mesh: TetMesh, measured: Quality, volume: InputVolume, loose: float
 ) -> tuple[Guarantee, ...]:
-    """What a lattice promises: good tets, a closed boundary and the volume, but no distance."""
+    """What a lattice promises: good tets, a closed boundary and the volume, but no distance.
+
+    ``loose`` [m^3] is in pieces that were one body with others.
+    """
     beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
     missed = max(abs(mesh.volume - volume.total) - CONFIDENCE * volume.error, 0.0) / volume.total
     return (
@@ -295,4 +300,5 @@ def lattice_guarantees(
         Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
         Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
         Guarantee("relative error of volume", missed, LATTICE_VOLUME),
+        Guarantee("share of volume in loose pieces", loose / mesh.volume, LATTICE_VOLUME),
     )

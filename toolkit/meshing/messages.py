@@ -93,6 +93,8 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
     edge = f"the lattice's edge of {report.edge_length:.3g} m"
     for name, error in report.off_volume:
         yield f"{name!r}: its volume is {error:+.1%} off; {_finer(report)} keeps it"
+    for name, share in report.fallen_apart:
+        yield f"{name!r}: {share:.1%} of its volume fell off; {_finer(report)} keeps it"
     if report.thin_parts:
         shares = ", ".join(f"{name!r} ({share:.0%})" for name, share in report.thin_parts[:MOST])
         yield (

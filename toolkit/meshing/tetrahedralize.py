@@ -133,7 +133,8 @@ def _judged(
         if filling.lattice is None:
             promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
         else:
-            promised = lattice_guarantees(mesh, measured, volume)
+            loose = _loose_volume(filling.lattice, mesh, asset.part_names)
+            promised = lattice_guarantees(mesh, measured, volume, loose)
         return Made(filling, mesh, gaps, measured, promised, epsilon)
 
     return judge
@@ -222,11 +223,18 @@ def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
     """Fields of the report for a lattice: the parts that it does not fit."""
     if lattice is None:
         return {}
-    errors, shares = lattice
+    errors, shares, loose = lattice
     return {
         "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
         "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
+        "fallen_apart": tuple((names[p], s) for p, s in loose.items()),
     }
+
+
+def _loose_volume(lattice: LatticeFit, mesh: TetMesh, names: Sequence[str]) -> float:
+    """Volume [m^3] of the pieces that belong to a body and lost touch with it."""
+    volume = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
+    return sum(share * volume[names[part]] for part, share in lattice.loose_shares.items())
 
 
 def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....fem.errors import UsageError
+from ....fem.scene.mesh import signed_volumes
 from ...native.cache import Runner
 from ...surfaces.solids import Solids
 from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
@@ -19,6 +20,7 @@ from .features import features_of, gathered_features
 from .field import NodeField, SolidField
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
+from .pieces import loose_shares, without_crumbs
 from .snap import DEPTH, snapped
 from .thickness import thin_shares
 
@@ -40,13 +42,16 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     kept = carved(tets, volumes) if len(tets) else np.zeros(0, dtype=bool)
     if not kept.any():
         raise NoFilling(f"no part is as thick as the lattice's edge of {edge:.3g} m")
+    kept[kept] = without_crumbs(tets[kept], volumes[kept], solids)
     mesh = separate(solids.bounds[0] + edge * found.mesh.points, tets[kept])
+    part = field.part[found.mesh.region[kept]][mesh.origin]
+    loose = loose_shares(mesh.tets, signed_volumes(mesh.points, mesh.tets), part, solids)
     rel = edge / target.diagonal
     return Filling(
         mesh,
-        field.part[found.mesh.region[kept]][mesh.origin],
+        part,
         replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge)),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), loose),
     )
 
 

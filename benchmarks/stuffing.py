@@ -1,0 +1,107 @@
+"""The lattice mesher on whole corpora: share converted, inverted tets, angles, volumes, seconds.
+
+    python benchmarks/stuffing.py --corpus cgal --limit 40 --rows stuffing.jsonl
+
+One JSON row an input, appended to ``--rows``; a second run skips what is there. Seconds are those
+of the processor for loading, repair, the mesh and its report. Inputs that enclose no volume, by the
+mesher's own message, are counted apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+from autophyx_tet.fem.errors import AutophyxError
+from autophyx_tet.toolkit.io.load import load_asset
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from corpora import corpus, root_of
+
+
+def main() -> None:
+    args = _arguments()
+    root = root_of(args.corpus, Path(args.folder).resolve())
+    inputs = corpus(args.corpus, root, args.limit)
+    rows = [json.loads(line) for line in args.rows.open()] if args.rows.exists() else []
+    known = {row["input"] for row in rows}
+    for path in np.random.default_rng(0).permutation(np.array(inputs, dtype=object)):
+        name = path.relative_to(root).as_posix()
+        if name in known or path.stat().st_size > args.most_bytes:
+            continue
+        rows.append({"input": name} | measured(path, args.tets))
+        with args.rows.open("a") as out:
+            out.write(json.dumps(rows[-1]) + "\n")
+        print(json.dumps(rows[-1]), flush=True)
+    print(json.dumps(summary(rows), indent=1))
+
+
+def measured(path: Path, tets: int) -> dict:
+    """One input, through everything but the file that is written."""
+    started = time.process_time()
+    try:
+        mesh, report = tetrahedralize(load_asset(path), mesher="stuffing", max_tets=tets)
+    except AutophyxError as error:
+        return {"exit": error.exit_code, "reason": str(error)[:300]}
+    found = report.quality
+    return {
+        "exit": 0,
+        "cpu_s": round(time.process_time() - started, 2),
+        "tets": len(mesh.tets),
+        "inverted": int((mesh.volumes <= 0).sum()),
+        "dihedral": [round(found.dihedral_min, 2), round(found.dihedral_max, 2)],
+        "bad_edges": found.boundary.bad_edges,
+        "volume_error": round(mesh.volume / report.input_volume - 1, 4),
+        "distances_by_edge": [
+            round(d / report.edge_length, 3)
+            for d in (report.distances.to_input, report.distances.from_input)
+        ],
+        "attempts": len(report.attempts),
+        "warnings": [w[:160] for w in report.warnings],
+    }
+
+
+def summary(rows: list[dict]) -> dict:
+    """Counts, the worst angles, medians."""
+    done = [row for row in rows if row["exit"] == 0]
+    empty = [row for row in rows if row["exit"] != 0 and "encloses a volume" in row["reason"]]
+    other = [row for row in rows if row["exit"] != 0 and row not in empty]
+    return {
+        "inputs": len(rows),
+        "converted": len(done),
+        "without a volume": len(empty),
+        "not converted": {row["input"]: row["reason"] for row in other},
+        "inverted tets": sum(row["inverted"] for row in done),
+        "dihedral": [
+            min(row["dihedral"][0] for row in done),
+            max(row["dihedral"][1] for row in done),
+        ],
+        "volume within 1 %": sum(abs(row["volume_error"]) <= 0.01 for row in done),
+        "volume error, largest": max(abs(row["volume_error"]) for row in done),
+        "distance / edge, medians": np.median(
+            [row["distances_by_edge"] for row in done], axis=0
+        ).tolist(),
+        "cpu_s, median and largest": [
+            float(np.median([row["cpu_s"] for row in done])),
+            max(row["cpu_s"] for row in done),
+        ],
+    }
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--corpus", default="cgal", help="cgal, sweethome3d or a folder")
+    parser.add_argument("--folder", default=".cache/corpora", help="where corpora are unpacked")
+    parser.add_argument("--limit", type=int, default=None)
+    parser.add_argument("--tets", type=int, default=20_000)
+    parser.add_argument("--most-bytes", type=int, default=2**25, help="larger files are left out")
+    parser.add_argument("--rows", type=Path, default=Path("stuffing.jsonl"))
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    main()
