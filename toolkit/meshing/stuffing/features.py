@@ -5,6 +5,7 @@ A lattice cuts them off by up to half an edge, and a beam without its edges bend
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,9 @@ from ...surfaces.triangles import Triangles
 
 SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
 SPACING = 0.125  # of the points on edges among which the nearest is looked for, in long edges
+
+
+Visible = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], np.ndarray]
 
 
 class SharpFeatures(NamedTuple):
@@ -81,30 +85,38 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 class OnEdges(NamedTuple):
-    """Nearest points of sharp edges: ``distance`` (n,), ``point`` (n, 3) and which ``edge``."""
+    """Nearest points of sharp edges: ``distance`` (n,), infinite where none is near, ``point``."""
 
     distance: np.ndarray
     point: np.ndarray
-    edge: np.ndarray
 
 
-class EdgeFinder:
-    """Finds the nearest point of sharp edges through samples on them."""
+class FeatureFinder:
+    """The features that can be seen: their corners, and the nearest points of their edges.
 
-    def __init__(self, features: SharpFeatures) -> None:
+    ``visible`` says of places (n, 3) with a normal (n, 3) whether they lie on a surface of the
+    mesh: what is hidden in other parts must not attract its nodes.
+    """
+
+    def __init__(self, features: SharpFeatures, visible: Visible) -> None:
         from scipy.spatial import KDTree
 
+        shown = visible(features.corners, features.corner_normals)
+        self.corners = features.corners[shown]
         self.start, self.end = features.ends[:, 0], features.ends[:, 1]
         length = np.linalg.norm(self.end - self.start, axis=1)
         count = np.ceil(length / SPACING).astype(int) + 1
-        self.edge = np.repeat(np.arange(len(length)), count)
+        edge = np.repeat(np.arange(len(length)), count)
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        share = rank / np.maximum(np.repeat(count, count) - 1, 1)
-        along = (self.end - self.start)[self.edge]
-        self.tree = KDTree(self.start[self.edge] + share[:, None] * along)
+        share = (rank + 0.5) / np.repeat(count, count)  # ends belong to other edges too
+        where = self.start[edge] + share[:, None] * (self.end - self.start)[edge]
+        shown = visible(where, features.normals[edge])
+        self.edge, self.tree = edge[shown], KDTree(where[shown]) if shown.any() else None
 
-    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:
-        """Nearest points within ``reach``; infinitely far where there is none."""
+    def on_edges(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:
+        """Nearest points of edges within ``reach``."""
+        if self.tree is None:
+            return OnEdges(np.full(len(where), np.inf), where)
         found, sample = self.tree.query(where, distance_upper_bound=reach + SPACING)
         none = ~np.isfinite(found)
         edge = self.edge[np.where(none, 0, sample)]
@@ -113,4 +125,4 @@ class EdgeFinder:
         share = np.einsum("ni,ni->n", where - self.start[edge], along) / square
         point = self.start[edge] + np.clip(share, 0, 1)[:, None] * along
         distance = np.linalg.norm(point - where, axis=1)
-        return OnEdges(np.where(none | (distance > reach), np.inf, distance), point, edge)
+        return OnEdges(np.where(none | (distance > reach), np.inf, distance), point)

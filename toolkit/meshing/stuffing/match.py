@@ -98,6 +98,7 @@ class Search:
         self.area = area
         self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
         self.last: tuple[np.ndarray, np.ndarray] | None = None
+        self.halved = np.zeros(len(area), dtype=bool)
 
     def next(
         self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
@@ -109,16 +110,17 @@ class Search:
             rate = grown / np.where(step == 0, 1.0, step)
             steep = np.clip(rate, self.area / STEEPEST, self.area * STEEPEST)
             slope = np.where(step == 0, slope, steep)
+            # Half the way to a bound and lacking still: a neighbour's offset has moved the bound.
+            stale = self.halved & (lacks * self.last[1] > 0)
+            self.low = np.where(stale & (lacks < 0), -FARTHEST, self.low)
+            self.high = np.where(stale & (lacks > 0), FARTHEST, self.high)
         self.last = offsets, lacks
         # The volume of something thin jumps: a bracket keeps the search from jumping back.
         self.low = np.where(lacks > 0, np.maximum(self.low, offsets), self.low)
         self.high = np.where(lacks < 0, np.minimum(self.high, offsets), self.high)
-        wild = self.low >= self.high  # a neighbour's offset has changed what this one lacks
-        self.low = np.where(wild, -FARTHEST, self.low)
-        self.high = np.where(wild, FARTHEST, self.high)
         tried = offsets + lacks / slope
-        beyond = (tried <= self.low) | (tried >= self.high)
-        return np.where(beyond & (lacks != 0), (self.low + self.high) / 2, tried)
+        self.halved = ((tried <= self.low) | (tried >= self.high)) & (lacks != 0)
+        return np.where(self.halved, (self.low + self.high) / 2, tried)
 
 
 def _volumes(field: SolidField, mesh: CutMesh) -> Float[np.ndarray, "shells"]:

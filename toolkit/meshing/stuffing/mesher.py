@@ -16,13 +16,15 @@ from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
 from .carve import carved
 from .cut import CutMesh, cut
-from .features import features_of, gathered_features
+from .features import FeatureFinder, features_of, gathered_features
 from .field import NodeField, SolidField
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
 from .pieces import loose_shares, without_crumbs
-from .snap import DEPTH, snapped
+from .snap import snapped
 from .thickness import thin_shares
+
+DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
 
 log = logging.getLogger(__name__)
 
@@ -82,9 +84,11 @@ def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
         out, inside = np.split(field.region_at(sides, at_rest), 2)
         return out != inside
 
+    finder = FeatureFinder(features, visible) if sharp else None
+
     def build(offsets: Float[np.ndarray, "shells"]) -> CutMesh:
         mesh = cut(lattice, nodes, offsets)
-        return snapped(mesh, features, visible) if sharp else mesh
+        return snapped(mesh, finder) if finder else mesh
 
     return matched(field, wanted_volumes(field), build)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,41 +12,32 @@ from ....fem.scene.mesh import signed_volumes
 from ..conversion_report import BLUNTEST, SHARPEST
 from ..quality import FACE_PAIRS
 from .cut import CutMesh
-from .features import EdgeFinder, SharpFeatures
+from .features import FeatureFinder
 
 CORNER_REACH, CORNER_NODES = 0.9, 12  # long edges; how many nodes are tried for a corner
 EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
-DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
-
-Visible = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], np.ndarray]
 
 
-def snapped(mesh: CutMesh, features: SharpFeatures, visible: Visible) -> CutMesh:
-    """Move nodes of the surfaces to the ``features`` that are ``visible`` at a place and normal."""
+def snapped(mesh: CutMesh, features: FeatureFinder) -> CutMesh:
+    """Move nodes of the surfaces to ``features``."""
     guard = Guard(mesh)
     taken = mesh.free.copy()
-    if len(features.corners):
-        _to_corners(guard, taken, features, visible)
-    if len(features.ends):
-        finder = EdgeFinder(features)
-        for reach in EDGE_REACHES:
-            nodes = np.flatnonzero(~taken)
-            found = finder(guard.points[nodes], reach)
-            near = np.isfinite(found.distance)
-            nodes, target = nodes[near], found.point[near]
-            shown = visible(target, features.normals[found.edge[near]])
-            taken[guard.move(nodes[shown], target[shown])] = True
+    _to_corners(guard, taken, features.corners)
+    for reach in EDGE_REACHES:
+        nodes = np.flatnonzero(~taken)
+        found = features.on_edges(guard.points[nodes], reach)
+        near = np.isfinite(found.distance)
+        taken[guard.move(nodes[near], found.point[near])] = True
     return mesh._replace(points=guard.points)
 
 
 def _to_corners(
-    guard: Guard, taken: Bool[np.ndarray, "points"], features: SharpFeatures, visible: Visible
+    guard: Guard, taken: Bool[np.ndarray, "points"], corners: Float[np.ndarray, "corners 3"]
 ) -> None:
     """For each corner try the nearest nodes one after the other, until one may move there."""
     from scipy.spatial import KDTree
 
-    shown = visible(features.corners, features.corner_normals)
-    corners, nodes = features.corners[shown], np.flatnonzero(~taken)
+    nodes = np.flatnonzero(~taken)
     count = min(CORNER_NODES, len(nodes))
     if not (len(corners) and count):
         return
