@@ -39,7 +39,7 @@ def features_of(surface: Triangles) -> SharpFeatures:
     area = area_vectors(points, faces)
     normal = _unit(area)
     proper = np.linalg.norm(area, axis=1) > 0
-    edges, left, right = _shared_edges(faces)
+    edges, left, right = shared_edges(faces)
     cosine = np.einsum("ei,ei->e", normal[left], normal[right])
     sharp = (cosine < np.cos(SHARP)) & proper[left] & proper[right]
     edges, mean = edges[sharp], (normal[left] + normal[right])[sharp]
@@ -55,7 +55,7 @@ def gathered_features(features: list[SharpFeatures]) -> SharpFeatures:
     return SharpFeatures(*(np.concatenate(values) for values in zip(*features, strict=True)))
 
 
-def _shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (n, 2) of exactly two faces, and these."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T[::-1])

@@ -21,6 +21,7 @@ from .field import NodeField, SolidField
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
 from .pieces import loose_shares, without_crumbs
+from .ridges import filled_ridges
 from .snap import snapped
 from .thickness import thin_shares
 
@@ -88,7 +89,10 @@ def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
 
     def build(offsets: Float[np.ndarray, "shells"]) -> CutMesh:
         mesh = cut(lattice, nodes, offsets)
-        return snapped(mesh, finder) if finder else mesh
+        if finder is None:
+            return mesh
+        mesh, on_edge = snapped(mesh, finder)
+        return filled_ridges(mesh, on_edge, finder, lambda where: field.region_at(where, offsets))
 
     return matched(field, wanted_volumes(field), build)
 

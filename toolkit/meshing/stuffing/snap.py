@@ -18,8 +18,8 @@ CORNER_REACH, CORNER_NODES = 0.9, 12  # long edges; how many nodes are tried for
 EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
 
 
-def snapped(mesh: CutMesh, features: FeatureFinder) -> CutMesh:
-    """Move nodes of the surfaces to ``features``."""
+def snapped(mesh: CutMesh, features: FeatureFinder) -> tuple[CutMesh, Bool[np.ndarray, "points"]]:
+    """Move nodes of the surfaces to ``features``; also which points lie on these then."""
     guard = Guard(mesh)
     taken = mesh.free.copy()
     _to_corners(guard, taken, features.corners)
@@ -28,7 +28,7 @@ def snapped(mesh: CutMesh, features: FeatureFinder) -> CutMesh:
         found = features.on_edges(guard.points[nodes], reach)
         near = np.isfinite(found.distance)
         taken[guard.move(nodes[near], found.point[near])] = True
-    return mesh._replace(points=guard.points)
+    return mesh._replace(points=guard.points), taken & ~mesh.free
 
 
 def _to_corners(
