@@ -39,7 +39,7 @@ def main() -> None:
     print(json.dumps(summary(rows), indent=1))
 
 
-def measured(path: Path, tets: int) -> dict:
+def measured(path: Path, tets: int | None) -> dict:
     """One input, through everything but the file that is written."""
     started = time.process_time()
     try:
@@ -96,7 +96,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--corpus", default="cgal", help="cgal, sweethome3d or a folder")
     parser.add_argument("--folder", default=".cache/corpora", help="where corpora are unpacked")
     parser.add_argument("--limit", type=int, default=None)
-    parser.add_argument("--tets", type=int, default=20_000)
+    parser.add_argument("--tets", type=int, default=None, help="at most; default 50,000 wanted")
     parser.add_argument("--most-bytes", type=int, default=2**25, help="larger files are left out")
     parser.add_argument("--rows", type=Path, default=Path("stuffing.jsonl"))
     return parser.parse_args()

@@ -84,7 +84,8 @@ class Problem(NamedTuple):
 
     ``again`` prepares the solids anew with another welding distance, a share of the diagonal;
     ``judge`` measures a filling and holds it against epsilon [m]; ``mesher`` is a name of
-    ``MESHERS``, or ``AUTO``: the first, and a lattice where it takes too long.
+    ``MESHERS``, or ``AUTO``: the first, and a lattice where it takes too long; within a budget of
+    tets none that is too coarse is made ``finer``.
     """
 
     solids: Solids
@@ -94,6 +95,7 @@ class Problem(NamedTuple):
     runner: Runner
     judge: Judge
     mesher: str = AUTO
+    finer: bool = True
 
 
 def mesh_within(problem: Problem, max_tets: int | None) -> Attempts:
@@ -101,6 +103,7 @@ def mesh_within(problem: Problem, max_tets: int | None) -> Attempts:
 
     Layers of thin places are given up first: they cost the most.
     """
+    problem = problem._replace(finer=max_tets is None)
     found = make_mesh(problem, tightening=max_tets is None)
     for _ in range(BUDGET_ROUNDS):
         if found.made is None or max_tets is None or len(found.made.mesh.tets) <= max_tets:
@@ -227,7 +230,7 @@ def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
 def _lattices(problem: Problem) -> Iterator[Way]:
     """A lattice, and finer ones where it misses volume, unless its edge was asked for."""
     yield STUFFING, problem.target, lambda: problem.solids
-    if not problem.target.edge_is_given:
+    if problem.finer and not problem.target.edge_is_given:
         for factor in FINER:
             yield STUFFING, problem.target.coarser(1 / factor), lambda: problem.solids
 

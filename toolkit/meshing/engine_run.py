@@ -24,6 +24,7 @@ EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is
 # Tets that a lattice has where no edge is given: a thing of a few parts is resolved, and quadratic
 # elements on them still settle in seconds.
 LATTICE_TETS = 50_000
+BELOW_BUDGET = 0.8  # of the tets that are allowed: thin things get a fifth more than wanted
 TETS_PER_CUBE = 12  # of a body-centred lattice, in a cube of its long edge
 COARSEST_EDGE_REL, COARSEST_EPSILON_REL = 0.5, 2e-2
 MOST_LAYERS = 8  # more are 64 times the tets and more of a plate
@@ -66,7 +67,8 @@ class EngineTarget:
 
     def on_lattice(self, max_tets: int | None, *, sharp: bool) -> EngineTarget:
         """Return the same with what only a lattice asks for."""
-        return replace(self, tets=min(LATTICE_TETS, max_tets or LATTICE_TETS), sharp=sharp)
+        tets = LATTICE_TETS if max_tets is None else min(LATTICE_TETS, BELOW_BUDGET * max_tets)
+        return replace(self, tets=max(int(tets), 1), sharp=sharp)
 
     @property
     def edge_length(self) -> float:

@@ -47,7 +47,10 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     kept[kept] = without_crumbs(tets[kept], volumes[kept], solids)
     mesh = separate(solids.bounds[0] + edge * found.mesh.points, tets[kept])
     part = field.part[found.mesh.region[kept]][mesh.origin]
-    loose = loose_shares(mesh.tets, signed_volumes(mesh.points, mesh.tets), part, solids)
+    volumes = signed_volumes(mesh.points, mesh.tets)
+    if (flat := int((volumes <= 0).sum())) > 0:
+        raise NoFilling(f"{flat} tets are flat or inverted")
+    loose = loose_shares(mesh.tets, volumes, part, solids)
     rel = edge / target.diagonal
     return Filling(
         mesh,
