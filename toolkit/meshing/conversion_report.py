@@ -23,9 +23,6 @@ BROKEN = "broken"  # begins the outcome of an attempt whose mesh breaks a guaran
 # distance of the input; between them the surface bulges, and where three faces meet in a right
 # angle the corner is sqrt(3) envelopes away.
 ENVELOPE_SHARE = 0.5
-# Degrees: dihedral angles of a lattice whose nodes were moved onto sharp edges.
-SHARPEST, BLUNTEST = 9.0, 166.0
-LATTICE_VOLUME = 0.05  # relative error of volume that a lattice may have: more is too coarse
 SHARE_TOLD = 0.005  # of the input's area: less is the noise of the samples near edges
 CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
 KIND_SAMPLES = 4000  # of the input: its hidden and sheet-like shares to one per cent
@@ -283,22 +280,4 @@ def guarantees(
         Guarantee("distance from boundary to input", gaps.to_input, epsilon, "m", to_at),
         Guarantee("distance from input to boundary", gaps.from_input, epsilon, "m", from_at),
         Guarantee("relative error of volume", abs(mesh.volume - enclosed) / enclosed, slack),
-    )
-
-
-def lattice_guarantees(
-    mesh: TetMesh, measured: Quality, volume: InputVolume, loose: float
-) -> tuple[Guarantee, ...]:
-    """What a lattice promises: good tets, a closed boundary and the volume, but no distance.
-
-    ``loose`` [m^3] is in pieces that were one body with others.
-    """
-    beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
-    missed = max(abs(mesh.volume - volume.total) - CONFIDENCE * volume.error, 0.0) / volume.total
-    return (
-        Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
-        Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
-        Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
-        Guarantee("relative error of volume", missed, LATTICE_VOLUME),
-        Guarantee("share of volume in loose pieces", loose / mesh.volume, LATTICE_VOLUME),
     )

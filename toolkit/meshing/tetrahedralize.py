@@ -22,10 +22,10 @@ from .conversion_report import (
     Region,
     guarantees,
     input_volume,
-    lattice_guarantees,
     measure_distances,
 )
 from .engine_run import EngineTarget, Filling, LatticeFit
+from .lattice_guarantees import lattice_guarantees
 from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
 from .messages import left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .preparation import Preparation, Prepared

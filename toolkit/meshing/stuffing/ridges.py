@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
-from ..conversion_report import BLUNTEST, SHARPEST
+from ..lattice_guarantees import BLUNTEST, SHARPEST
 from ..quality import dihedral_angles
 from .cut import CutMesh
 from .features import FeatureFinder, shared_edges

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.boundary import FACES, area_vectors
 from ....fem.scene.mesh import signed_volumes
-from ..conversion_report import BLUNTEST, SHARPEST
+from ..lattice_guarantees import BLUNTEST, SHARPEST
 from ..quality import FACE_PAIRS
 from .cut import CutMesh
 from .features import FeatureFinder
