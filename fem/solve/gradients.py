@@ -123,7 +123,8 @@ def static_displacement(
         matrix = stiffness(grid, *material.lame)
         rhs = reduced_load(matrix, outer.copy(), held, np.zeros_like(outer))
         nodes = grid.space.nodes
-        solution = solve_system(matrix, rhs, points=nodes, fixed=held.fixed, tolerance=tolerance)
+        known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        solution = solve_system(matrix, rhs, **known, tolerance=tolerance)
         check_solution(mesh, held, solution, tolerance)
         adjoint = np.where(held.fixed, 0.0, solution.x)
         by_E, by_nu = _by_moduli(grid, mesh, material, Law.LINEAR, u, adjoint)

@@ -130,7 +130,7 @@ def solve_nonlinear(
     nodes = grid.space.nodes
 
     def linear(matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
-        held_at = {"points": nodes, "fixed": held.fixed}
+        held_at = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
         return solve_system(matrix, b, tolerance=LINEAR_TOLERANCE, **held_at).x
 
     u = np.zeros_like(load) if start is None else start.copy()

@@ -56,17 +56,20 @@ class Settled(Simulation):
             "gap": self.solved.discretisation_error,
             "residual": static.residual,
             "iterations": static.iterations,
+            "solver": static.solver,
         }
 
     @property
     def solution(self) -> tuple[tuple[str, str], ...]:
         """Law and elements, solver, and what the supports carry."""
         static = self.solved.static
-        steps = f"{static.iterations} iterations" if static.iterations else "direct"
+        solver = static.solver or "Newton's method"
+        if static.iterations and not static.solver.count(" after "):  # which counts them itself
+            solver += f", {static.iterations} iterations"
         elements = "quadratic" if static.order == 2 else "linear"
         return (
             ("Law and elements", f"{LAWS[static.law].title}, {elements} tets"),
-            ("Solver", f"{steps}, residual {static.residual:.1g}"),
+            ("Solver", f"{solver}, residual {static.residual:.1g}"),
             ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
         )
 
