@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...predictors.asset import Part
 from ..surfaces.repair import oriented, stacked
@@ -21,6 +21,7 @@ MOST_LOST = 0.05  # of the volume: a body that lacks more is another body
 # Winding number from which a point is inside for certain: it sees the surface's inner side in at
 # least three quarters of all directions. In a dish or over a sheet it is little more than a half.
 CERTAIN, OUTSIDE = 0.75, 0.25
+BODY = 0.5  # of the volume as seen: a file that encloses less as read is wound at random
 INCOHERENT = 0.01  # of the edges: more neighbours that disagree are no slip but a habit
 # Samples inside, for a share of 5 % to 0.7 %; so many times more are drawn in thin bodies.
 FEWEST, MORE = 1_000, 4
@@ -45,11 +46,24 @@ class FileSurface(NamedTuple):
         welded, _ = weld(read, tolerance, within_parts=True)
         return cls(read, seen, incoherence(welded) <= INCOHERENT)
 
-    def winding(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Size of the winding number at ``where`` [m], by the reading that makes it larger."""
-        surfaces = (self.read, self.seen) if self.coherent else (self.seen,)
-        found = [np.abs(winding_numbers(s.points, s.faces, where)) for s in surfaces]
-        return np.max(found, axis=0)
+    def encloses(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points [m] are inside for certain: as read, unless that makes no body.
+
+        Patches that are coherent in themselves, but turned against each other, enclose less as
+        read than as seen; sheets that are turned to be seen may seem to enclose a little more.
+        """
+        read, seen = (winding > CERTAIN for winding in self._windings(where))
+        return read if self.coherent and read.sum() >= BODY * seen.sum() else seen
+
+    def excludes(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points [m] are outside for certain, as read and as seen."""
+        read, seen = (winding < OUTSIDE for winding in self._windings(where))
+        return (read | (not self.coherent)) & seen
+
+    def _windings(self, where: Float[np.ndarray, "n 3"]) -> list[np.ndarray]:
+        """Sizes of the winding numbers as read and as seen."""
+        surfaces = (self.read, self.seen)
+        return [np.abs(winding_numbers(s.points, s.faces, where)) for s in surfaces]
 
 
 @dataclass(frozen=True)
@@ -118,7 +132,7 @@ def _inside(file: FileSurface, rng: np.random.Generator) -> tuple[Float[np.ndarr
     where, cell = np.zeros((0, 3)), 0.0
     for count in (FEWEST * MORE, FEWEST * MORE**2):
         where, cell = stratified(bounds, rng=rng, count=count)
-        where = where[file.winding(where) > CERTAIN]
+        where = where[file.encloses(where)]
         if len(where) >= FEWEST:
             break
     return where, cell
@@ -154,7 +168,7 @@ def _gained(file: FileSamples, solids: Solids) -> float:
     rng = np.random.default_rng(file.seed)
     where, _ = stratified(solids.bounds, rng=rng, count=4 * FEWEST)
     where = where[solids.label(where) >= 0]
-    return float((file.surface.winding(where) < OUTSIDE).mean()) if len(where) else 0.0
+    return float(file.surface.excludes(where).mean()) if len(where) else 0.0
 
 
 def _shares(
