@@ -9,7 +9,7 @@ from typing import Any
 from ...fem.scene.materials import Material
 from .clauses import Blend, Clause, Comparison, Quantity, Scope, Sentence, Subject
 from .groups import Mention
-from .lexicon import Phrase, ReaderLexicon
+from .lexicon import Phrase, ReaderLexicon, words
 from .lexing import Lexed, Lexeme
 
 NEAREST = 3  # rows that are named beside an unknown material
@@ -39,12 +39,16 @@ class Draft:
     coating: str | None = None
     filling: str | None = None
     blend: Blend | None = None
+    condition: str = ""
     same: Phrase | None = None  # the other part whose matter it has; () for the one before
     lexemes: list[Lexeme] = field(default_factory=list)
 
     def see(self, lexemes: Sequence[Lexeme]) -> None:
         """Count lexemes as words of this clause."""
         self.lexemes += lexemes
+        said = (x.text.lower() for x in lexemes)
+        conditions = words()["conditions"]["words"]
+        self.condition = self.condition or next((w for w in said if w in conditions), "")
 
     def take(self, mention: Mention, lexicon: ReaderLexicon, *, negated: bool) -> None:
         """Take what a mention says, or rule it out."""
@@ -160,6 +164,7 @@ def _clause(text: str, draft: Draft, lexicon: ReaderLexicon, *, mended: bool) ->
         coating=draft.coating,
         filling=draft.filling,
         blend=draft.blend,
+        condition=draft.condition,
         certainty=MENDED if mended else SURE,
     )
 

@@ -219,7 +219,7 @@ def _paired(blocks: list[list[Mention]]) -> list[Group]:
         pairs = bool(blocks) and first[-1].says != part_first
         if pairs:
             second, *blocks = blocks
-            parts, values = (first, second) if part_first else (second, first)
+            parts, values = (_up_to_name(first), second) if part_first else (second, first)
             out.append(_group(parts, values, part_first=part_first))
         elif first[-1].says and out and not any(m.kind == "material" for m in first):
             out[-1].values += first  # "silicone seal 40 Shore A"
@@ -227,6 +227,12 @@ def _paired(blocks: list[list[Mention]]) -> list[Group]:
         else:
             out.append(_group([], first) if first[-1].says else _group(first, []))
     return out
+
+
+def _up_to_name(parts: list[Mention]) -> list[Mention]:
+    """Words up to the asset's own: "blade damascus steel" speaks of the blade."""
+    named = [i for i, m in enumerate(parts) if m.lexeme.part]
+    return parts[: named[-1] + 1] if named else parts
 
 
 def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = False) -> Group:

@@ -225,12 +225,30 @@ def _between(first: Phrase, last: Phrase, names: Sequence[str]) -> list[Phrase]:
     return [(*first[:-1], str(n).zfill(len(first[-1]))) for n in inside]
 
 
+# What the model is shown for tokens that it cannot know, and for phrases that are one token here.
+_PLAIN = {
+    "material": "wood",
+    "number": "12",
+    "part": "part",
+    "size": "12",
+    "told": "12",
+    "fill": "with",
+}
+_PHRASES = {
+    "fill": "with", "is": "is", "of": "of", "with": "with", "except": "except", "not": "not", "looks": "like",
+    "off": "for", "on": "on", "than": "than", "degree": "very", "stiffness": "soft",
+    "density": "heavy", "character": "tough", "same": "same", "rest": "rest", "whole": "all",
+}  # fmt: skip
+
+
 def _tag(lexemes: list[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
     """Let the model tag the sentence with every material, number and odd name as a plain word."""
     if not lexemes:
         return []
-    plain = {"material": "wood", "number": "12", "part": "part", "size": "12", "told": "12"}
-    shown = [plain.get(lexeme.role) or _sober(lexeme.text) for lexeme in lexemes]
+    shown = [
+        _PLAIN.get(x.role, "") or (" " in x.text and _PHRASES.get(x.role)) or _sober(x.text)
+        for x in lexemes
+    ]
     doc = lexicon.model.doc(shown)
     return [
         replace(lexeme, tag=token.tag_, dep=token.dep_)

@@ -13,7 +13,7 @@ from ...fem.scene.materials import MaterialTable
 from .clauses import Sentence
 from .drafts import Draft, finished
 from .groups import join_comparisons
-from .lexicon import lexicon_of
+from .lexicon import lexicon_of, words
 from .lexing import Lexeme, lex
 from .statements import Statements
 
@@ -83,8 +83,11 @@ def _is_grouped(lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None) -> bool
     role = after.role if after is not None else ""
     if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
         return True
-    if lexeme.role == "fill":
-        return bool(run) and run[-1].role == "material" and lexeme.start - run[-1].end <= 1
+    if lexeme.text.lower() in words()["conditions"]["words"] and role in ("material", "word"):
+        return True
+    if lexeme.role == "fill":  # "foam-filled"
+        close = bool(run) and run[-1].role in ("material", "hyphen")
+        return close and lexeme.text.lower() in ("filled", "stuffed")
     if lexeme.role == "coat" and role in ("with", "of"):
         return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."
     if lexeme.role == "word" and lexeme.tag.startswith("V") and lexeme.known:
@@ -196,7 +199,7 @@ def _on_open(state: Statements, _: Lexeme) -> None:
     if state.excepted is not None:
         state.held, state.pending, state.excepted = state.pending, state.excepted, None
     elif state.pending is None and state.current is not None:
-        state.link = "comma"
+        state.link = "bracket"
 
 
 def _on_close(state: Statements, _: Lexeme) -> None:

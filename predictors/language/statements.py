@@ -133,7 +133,8 @@ class Statements:
     def _is_late(self, group: Group) -> bool:
         """Whether what was said before without a subject gets it now: "2 GPa for the bracket"."""
         current = self.current
-        if self.link not in ("for", "of") or current is None or current.scope != "none":
+        scopes = {"for": ("none",), "of": ("none",), "bracket": ("none", "whole")}
+        if current is None or current.scope not in scopes.get(self.link, ()):
             return False
         current.scope, current.names, current.named = "parts", [group.part], group.named
         return True
@@ -150,7 +151,9 @@ class Statements:
         elif self.mode == "than":
             self.compare_with(group.part)
         elif self.mode == "same":
-            self._same_as(group.part)
+            self.mode = self.link = ""
+            if self.current is not None:
+                self.current.same = group.part
         elif self.mode == "fill" or self._is_content(pending or self.current, group):
             draft = pending or self.current
             if draft is not None:
@@ -173,8 +176,8 @@ class Statements:
             pending.named = pending.named or group.named
         elif self.link in ("off", "on", "for") and pending is not None and self.coming == "is":
             self._place(group, pending)
-        elif self.link in ("off", "for") or (self.link == "of" and pending is None):
-            self._is_late(group)
+        elif self.link in ("off", "for") or (self.link in ("of", "bracket") and pending is None):
+            self._is_late(group)  # also "oak (top)"
         else:
             joined = self.link == "and" and pending is None
             self.flush()
@@ -287,11 +290,6 @@ class Statements:
         self.excepted = Draft("parts", [group.part], named=True)
         if self.pending is None:
             self.pending, self.excepted = self.excepted, None
-        self.mode = self.link = ""
-
-    def _same_as(self, part: Phrase) -> None:
-        if self.current is not None:
-            self.current.same = part
         self.mode = self.link = ""
 
 

@@ -39,6 +39,30 @@ def test_a_clause_without_its_part_is_given_back(table):
     assert bind(sentence, [["leg_1"], ["leg_2"]]).unbound == (0, 1)
 
 
+def test_a_part_that_is_called_like_a_material_is_a_part_first(agree):
+    agree("""
+        the soil is moss => soil: moss
+        the glass is acrylic and the rope is nylon => glass: acrylic; rope: nylon
+        a ceramic pot with loose soil => pot: ceramic; soil: loose soil
+        cardboard box with a steel lid => box: cardboard; lid: steel
+    """)
+
+
+def test_exceptions_are_left_out(agree):
+    agree("""
+        all bodies steel except Body2 (EPDM) => Body1, Body3: steel; Body2: EPDM
+        all legs oak, except leg_3 which is pine => leg_1, leg_2: oak; leg_3: pine
+        all parts but the rope are birch, the rope is nylon => deck, mast: birch; rope: nylon
+    """)
+
+
+def test_a_list_of_materials_may_name_its_parts_in_brackets(agree):
+    agree("""
+        steel (legs), oak (top) => leg_1: steel; top: oak
+        Materials: ash (handle), brass (ferrule) => handle: ash; ferrule: brass
+    """)
+
+
 def test_names_of_exporters_are_words():
     for name, words in [
         ("SM_Seat_Cushion.001", ("seat", "cushion", "001")),

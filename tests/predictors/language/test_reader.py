@@ -3,7 +3,8 @@
 import time
 
 import pytest
-from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.predictors.language.model import load_model
 from autophyx_tet.predictors.language.reader import LONGEST, parse
 
 
@@ -126,6 +127,90 @@ def test_a_text_that_is_not_english_is_told(table):
         "asiento de madera y patas de hierro forjado",
     ):
         assert any("not English" in note for note in parse(text, table).notes), text
+
+
+def test_a_comparison_names_the_other_part(clauses_of):
+    for text, measure, factor, exact in [
+        ("the fin is twice as stiff as the hull", "E", 2.0, True),
+        ("the fin is half as heavy as the hull", "rho", 0.5, True),
+        ("the fin is 10x stiffer than the hull", "E", 10.0, True),
+        ("the fin is three times softer than the hull", "E", 1 / 3, True),
+        ("the fin is a bit softer than the hull", "E", 1 / 1.5, False),
+        ("the fin is less stiff than the hull", "E", 0.5, False),
+    ]:
+        (said,) = clauses_of(text, ["fin", "hull"])["fin"][0].comparisons
+        assert (said.measure, said.exact, said.other) == (measure, exact, ("hull",)), text
+        assert said.factor == pytest.approx(factor), text
+
+
+def test_the_same_as_another_is_of_its_matter(agree):
+    agree("""
+        the back is the same material as the seat, the seat is oak => back, seat: oak
+        lid brass, base same => lid, base: brass
+        the left ear is like the right ear; right ear felt => ear_L, ear_R: felt
+    """)
+
+
+def test_what_is_in_it_is_not_what_it_is_of(clauses_of, table):
+    for text, row, filling in [
+        ("a glass jar full of coffee", "glass", "coffee"),
+        ("the jar is glass and holds water", "glass", "water (contents)"),
+        ("steel jar filled with sand", "steel", "sand"),
+        ("jar: clay, stuffed with books", "clay", "books (contents)"),
+    ]:
+        (said, *_) = clauses_of(text, ["jar"])["jar"]
+        assert said.material == table.exact(row).name, text
+        assert said.filling, text
+        assert filling in said.filling, text
+    (said, *_) = clauses_of("a bag of sand", ["bag"])["bag"]
+    assert (said.material, said.filling) == (None, "sand (contents)")
+
+
+def test_an_old_material_gives_way_to_the_new(agree):
+    agree("""
+        the seat used to be steel, now it's oak => seat: oak
+        handle: wood -> aluminium => handle: aluminium
+        replace the steel of the hub with brass => hub: brass
+        hub changed from brass to titanium => hub: titanium
+    """)
+
+
+def test_a_range_of_parts_is_all_of_them(agree):
+    agree("""
+        fin_1 to fin_3: brass; fin_4: steel => fin_1, fin_2, fin_3: brass; fin_4: steel
+        fin_1..fin_3 brass => fin_1, fin_2, fin_3: brass
+        bodies 1-3 steel => Body1, Body2, Body3: steel
+        wheel 1 is rubber and wheel 2 is steel => wheel_1: rubber; wheel_2: steel
+    """)
+
+
+def test_designations_of_standards_name_their_family(agree, table):
+    for text, category in [
+        ("X5CrNi18-10", "metal"), ("1.4571", "metal"), ("EN AW-6026", "metal"),
+        ("S460ML", "metal"), ("CuZn37", "metal"), ("EN-GJS-600-3", "metal"), ("PP-H", "plastic"),
+        ("C35/45", "glass-ceramic"),
+    ]:  # fmt: skip
+        (said,) = parse(f"plate {text}", table, ["plate"]).clauses
+        assert said.material, text
+        assert table.exact(said.material).category == category, text
+
+
+def test_what_no_clause_takes_is_unread(table):
+    for text, word in [
+        ("the seat is oak, yield 250 MPa", "yield 250 MPa"),
+        ("the seat is oak, E = 2", "E = 2"),
+        ("the seat is oak, zorbly", "zorbly"),
+    ]:
+        assert word in parse(text, table, ["seat"]).unread, text
+
+
+def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
+    load_model.cache_clear()
+    monkeypatch.setattr("autophyx_tet.predictors.language.model.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"pip install .*en-core-web-sm"):
+        load_model()
+    monkeypatch.undo()
+    load_model.cache_clear()
 
 
 def test_a_book_is_refused(table):
