@@ -226,18 +226,11 @@ def _between(first: Phrase, last: Phrase, names: Sequence[str]) -> list[Phrase]:
 
 
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
-_PLAIN = {
-    "material": "wood",
-    "number": "12",
-    "part": "part",
-    "size": "12",
-    "told": "12",
-    "fill": "with",
-}
+_PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
 _PHRASES = {
-    "fill": "with", "is": "is", "of": "of", "with": "with", "except": "except", "not": "not", "looks": "like",
-    "off": "for", "on": "on", "than": "than", "degree": "very", "stiffness": "soft",
-    "density": "heavy", "character": "tough", "same": "same", "rest": "rest", "whole": "all",
+    "fill": "with", "is": "is", "of": "of", "with": "with", "except": "except", "not": "not",
+    "looks": "like", "off": "for", "on": "on", "than": "than", "degree": "very", "same": "same",
+    "stiffness": "soft", "density": "heavy", "character": "tough", "rest": "rest", "whole": "all",
 }  # fmt: skip
 
 
