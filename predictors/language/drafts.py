@@ -146,10 +146,11 @@ def _clause(text: str, draft: Draft, lexicon: ReaderLexicon, *, mended: bool) ->
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
     unknown = "" if draft.material else draft.unknown
+    scope = "none" if draft.scope == "parts" and not names else draft.scope
     return Clause(
         text=text[start:end],
         span=(start, end),
-        subject=Subject(draft.scope, names, tuple(draft.exceptions), draft.holds),
+        subject=Subject(scope, names, tuple(draft.exceptions), draft.holds),
         material=draft.material.name if draft.material else None,
         phrase=draft.phrase,
         kind=draft.kind,

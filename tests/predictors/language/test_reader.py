@@ -1,9 +1,11 @@
 """The reader: sentences of many forms, each with the row that every part is said to be of."""
 
+import random
 import time
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.predictors.language.binding import bind
 from autophyx_tet.predictors.language.model import load_model
 from autophyx_tet.predictors.language.reader import LONGEST, parse
 
@@ -211,6 +213,16 @@ def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
         load_model()
     monkeypatch.undo()
     load_model.cache_clear()
+
+
+def test_no_text_is_too_odd(table):
+    """Words in any order are read, and bound, without an error."""
+    said = "oak the legs which are same as ( 2 GPa ) -> than : other except 's E 1..3 one of it"
+    shuffle = random.Random(0).sample
+    for _ in range(60):
+        text = " ".join(shuffle(said.split(), 9))
+        sentence = parse(text, table, ["leg_1", "seat"])
+        assert len(bind(sentence, [["leg_1"], [""]]).parts) == 2, text
 
 
 def test_a_book_is_refused(table):
