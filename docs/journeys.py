@@ -25,6 +25,7 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, LameParameters
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.hearing.clauses import HeardClause, HeardSentence
+from autophyx_tet.predictors.language.clauses import Clause, Sentence
 from autophyx_tet.toolkit.options import AssignOptions
 
 HERE = Path(__file__).resolve().parent
@@ -77,6 +78,9 @@ class Walk:
         return len(self.stays) - len({stay.room for stay in self.stays})
 
 
+READ = (Sentence, Clause, HeardSentence, HeardClause)  # what a text becomes
+
+
 def parts_mesh() -> TetMesh:
     """A box of two parts: legs below, a seat above."""
     mesh = box_mesh((0.1, 0.1, 0.3), (2, 2, 6))
@@ -90,13 +94,9 @@ def walk_of_a_sentence() -> Walk:
     def carries(value: object) -> bool:
         if isinstance(value, str):
             return value == TEXT
-        if (
-            isinstance(value, list | tuple)
-            and value
-            and not isinstance(value, HeardSentence | HeardClause)
-        ):
+        if isinstance(value, list | tuple) and value and not isinstance(value, READ):
             value = value[0]
-        return isinstance(value, HeardSentence | HeardClause)
+        return isinstance(value, READ)
 
     mesh = parts_mesh()
     with Walk(carries) as walk:

@@ -6,11 +6,14 @@ The text is read here, once; whatever comes after takes its clauses.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
-from .hearing.parser import listen
+from .chat import ChatEndpoint
+from .interpreter import interpret
+from .language.reader import parse
 from .lookup.lookup import Lookup
 from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
@@ -24,12 +27,14 @@ def predict_materials(
     predictor: Predictor | str,
     overrides: Mapping[str, str] | None = None,
     materials: Mapping[str, str] | None = None,
+    values: Mapping[str, Mapping[str, float]] | None = None,
     alpha: float | None = None,
-    part_volumes: Sequence[float] | None = None,
+    volumes: Sequence[float] | None = None,
     usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
     table: MaterialTable | None = None,
+    interpreter: ChatEndpoint | None = None,
 ) -> Prediction:
     """Return the material of every part.
 
@@ -41,16 +46,16 @@ def predict_materials(
         What the user says of the object.
     predictor
         Who finds what words leave open, or its name in ``PREDICTORS``.
-    overrides, materials, alpha, part_volumes
-        As ``Lookup.choose`` takes them; volumes [m^3].
+    overrides, materials, values, alpha, volumes
+        As ``Lookup.settle`` takes them; volumes [m^3].
     usual
         By part a kind of thing and its usual material, for where no word names another.
     up
         The axis that points up.
     appearance
         Gives what is seen of the cells; called only where words leave a part open.
-    table
-        The materials; by default those of the package.
+    table, interpreter
+        The materials, by default those of the package; a language model that reads the text.
 
     Raises
     ------
@@ -58,29 +63,39 @@ def predict_materials(
         Where a part, a material or the predictor is unknown, or ``alpha`` is to move what a
         predictor finds that cannot do it.
     """
-    table, predictor = table or load_table(), _named(predictor)
-    sentence = listen(text, table)
-    choices = Lookup(table=table).choose(
-        parts.part_labels, sentence, overrides=overrides, materials=materials, alpha=alpha,
-        part_volumes=part_volumes,
+    predictor, table = _named(predictor, table), table or load_table()
+    read = interpret(interpreter, text, table, parts.part_names) if interpreter else None
+    sentence = read or parse(text, table, parts.part_names)
+    settled = Lookup(table=table).settle(
+        parts.part_labels, sentence, overrides=overrides, materials=materials, values=values,
+        alpha=alpha, volumes=volumes,
     )  # fmt: skip
-    choices = [_usual(choice, table, usual or {}) for choice in choices]
+    choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
     left_open = [c.part for i, c in enumerate(choices) if not c.settled and i in parts.part]
     if not left_open:
-        return Prediction.of(parts, choices, sentence, alpha=alpha)
+        made = Prediction.of(parts, choices, sentence, alpha=alpha)
+    else:
+        _check_alpha(alpha, predictor, left_open[0])
+        made = predictor.predict(
+            parts, sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
+        )
+    return replace(made, warnings=settled.warnings)
+
+
+def _named(predictor: Predictor | str, table: MaterialTable | None) -> Predictor:
+    """Return the predictor of a name; a table that is the user's own is its table too."""
+    if not isinstance(predictor, str):
+        return predictor
+    return PREDICTORS[predictor](**({} if table is None else {"table": table}))
+
+
+def _check_alpha(alpha: float | None, predictor: Predictor, part: str) -> None:
     if alpha is not None and not predictor.takes_alpha:
         able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
         raise UsageError(
-            f"--alpha moves a material within its range, and no word names one for part "
-            f"{left_open[0]!r}: name it, or use --predictor {able}"
+            f"--alpha moves a material within its range, and no word names one for part {part!r}: "
+            f"name it, or use --predictor {able}"
         )
-    return predictor.predict(
-        parts, sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
-    )
-
-
-def _named(predictor: Predictor | str) -> Predictor:
-    return PREDICTORS[predictor]() if isinstance(predictor, str) else predictor
 
 
 def _usual(
@@ -88,8 +103,10 @@ def _usual(
 ) -> PartChoice:
     """The choice, or the usual material of its kind where no word of text or name decided it."""
     kind, material = usual.get(choice.part, ("", ""))
-    if not material or choice.clause or choice.why.startswith(("name:", "override")):
+    if not (material and choice.guessed) or choice.clause or not choice.understood:
         return choice
     row = table.exact(material)
     why = f"usual for a {kind}"
-    return PartChoice(choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why)
+    return PartChoice(
+        choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why, guessed=True
+    )

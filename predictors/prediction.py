@@ -10,8 +10,7 @@ import numpy as np
 
 from ..fem.scene.materials import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
-from .hearing import words
-from .hearing.clauses import HeardClause, HeardSentence
+from .language.clauses import Clause, Sentence
 from .voxels import PartVoxels
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
@@ -60,6 +59,12 @@ class PartChoice:
         What was understood of the part, where a network decided.
     network
         Name of the network whose own the values are; "" for those of the row.
+    derivation
+        How the values follow from what was said, where they are not the row's own.
+    guessed
+        Whether nothing names the material: what is nearest in meaning was taken.
+    understood
+        Whether what the text says of the part was understood.
     """
 
     part: str
@@ -69,10 +74,18 @@ class PartChoice:
     alpha: float
     why: str
     settled: bool = True
-    clause: HeardClause | None = None
+    clause: Clause | None = None
     borrowed: bool = False
     binding: Binding | None = None
     network: str = ""
+    derivation: tuple[str, ...] = ()
+    guessed: bool = False
+    understood: bool = True
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether its clause names parts, and none of them is this one."""
+        return bool(self.borrowed and self.clause and self.clause.subject.scope == "parts")
 
     @property
     def material(self) -> str:
@@ -100,7 +113,9 @@ class Prediction:
     choices
         The material of each of ``parts``.
     unbound
-        Clauses that name a material and were found to speak of nothing.
+        Clauses that say something of parts and were found to speak of none.
+    warnings
+        What of the words was not understood, or not taken as it stands.
     """
 
     parts: PartVoxels
@@ -108,13 +123,14 @@ class Prediction:
     field: MaterialField
     choices: tuple[PartChoice, ...]
     unbound: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @classmethod
     def of(
         cls,
         parts: PartVoxels,
         choices: Sequence[PartChoice],
-        sentence: HeardSentence,
+        sentence: Sentence,
         *,
         alpha: float | None = None,
     ) -> Prediction:
@@ -125,15 +141,26 @@ class Prediction:
 
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""
+        yield from self.warnings
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
         own = {id(choice.clause) for choice in looked_up if choice.clause}
         for choice in self.choices:
             unsaid = choice.network and choice.binding and choice.binding.clause is None
-            if choice.weight < GUESS or unsaid or (choice.borrowed and id(choice.clause) in own):
+            foreign = choice.borrowed and id(choice.clause) in own
+            say = f"say it in the text or with --part '{choice.part}=...'"
+            if choice.elsewhere:
+                said = choice.clause.text if choice.clause else ""
+                yield (
+                    f"no part is called as in {said!r}: part {choice.part!r} is taken for it, as "
+                    f"{choice.material}; {say}"
+                )
+            elif choice.understood and (
+                choice.guessed or choice.weight < GUESS or unsaid or foreign
+            ):
                 taken = "guessed to be" if choice.network else "taken as"
                 yield (
-                    f"nothing says what part {choice.part!r} is made of: {taken} "
-                    f"{choice.material}; say it in the text or with --part '{choice.part}=...'"
+                    f"nothing names the material of part {choice.part!r}: {taken} "
+                    f"{choice.material}; {say}"
                 )
         for parent in sorted({i for i in self.parents if self.parents.count(i) > 1}):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
@@ -146,10 +173,12 @@ class Prediction:
             yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
 
 
-def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[HeardClause]) -> tuple[str, ...]:
-    """Clauses that name a material and that no choice follows, nor an option's text repeats."""
-    followed = "\n".join(choice.clause.text for choice in choices if choice.clause).lower()
-    named = (c for c in clauses if c.material and not set(c.parts) & words.REST)
+def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
+    """Clauses that say something of parts and that no choice follows, nor an option repeats."""
+    texts = [choice.clause.text for choice in choices if choice.clause]
+    texts += [c.binding.clause for c in choices if c.binding and c.binding.clause]
+    followed = "\n".join(texts).lower()
+    named = (c for c in clauses if c.says_matter and c.subject.scope in ("parts", "none"))
     return tuple(clause.text for clause in named if clause.text.lower() not in followed)
 
 

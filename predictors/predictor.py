@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the command line wants the names alone
 
     from .asset import UpAxis
     from .encoders.protocol import TextEncoder
-    from .hearing.clauses import HeardSentence
+    from .language.clauses import Sentence
     from .prediction import PartChoice, Prediction
     from .voxels import PartVoxels
 
@@ -47,7 +47,7 @@ class Predictor(Protocol):
     def predict(
         self,
         parts: PartVoxels,
-        sentence: HeardSentence,
+        sentence: Sentence,
         *,
         choices: Sequence[PartChoice] | None = None,
         appearance: Callable[[], Appearance] | None = None,

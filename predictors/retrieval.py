@@ -8,7 +8,7 @@ from typing import ClassVar
 from ..fem.scene.materials import MaterialTable
 from .asset import UpAxis
 from .encoders.protocol import TextEncoder
-from .hearing.clauses import HeardSentence
+from .language.clauses import Sentence
 from .lookup.lookup import Lookup
 from .prediction import PartChoice, Prediction
 from .predictor import Appearance
@@ -29,7 +29,7 @@ class RetrievalPredictor:
     def predict(
         self,
         parts: PartVoxels,
-        sentence: HeardSentence,
+        sentence: Sentence,
         *,
         choices: Sequence[PartChoice] | None = None,
         appearance: Callable[[], Appearance] | None = None,
@@ -38,7 +38,7 @@ class RetrievalPredictor:
     ) -> Prediction:
         """Return the choices themselves; see ``Predictor``. What is seen is not asked for."""
         if choices is None:
-            choices = self.lookup.choose(
-                parts.part_labels, sentence, alpha=alpha, part_volumes=parts.volumes
-            )
+            choices = self.lookup.settle(
+                parts.part_labels, sentence, alpha=alpha, volumes=parts.volumes
+            ).choices
         return Prediction.of(parts, choices, sentence, alpha=alpha)

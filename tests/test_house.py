@@ -13,9 +13,10 @@ FLOORS = {
         "discrete", "linalg", "contact", "result", "solve", "scenarios", "safety", "verdicts",
     ),
     "predictors": (
-        "asset", "grid", "voxels", "field", "sampling", "normalisation", "encoders", "language",
-        "hearing", "construction", "images", "partition", "prediction", "lookup", "predictor",
-        "retrieval", "film", "assignment", "datasets", "training", "evaluation",
+        "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
+        "language", "interpreter", "hearing", "construction", "images", "partition", "prediction",
+        "lookup", "predictor", "retrieval", "film", "assignment", "datasets", "training",
+        "evaluation",
     ),
     "converters": (
         "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "embedding",

@@ -224,7 +224,7 @@ def evaluate(
         if data:
             held_out = replace(held_out, real=load_real(data / VALIDATION))
         else:
-            held_out = _with_furniture(held_out, words, memory=memory, tell=progress)
+            held_out = with_furniture(held_out, words, memory=memory, tell=progress)
     rows = evaluate_held_out(
         held_out, predictors or DEFAULT_ROWS, weights=weights, words=words, renders=renders,
         progress=progress,
@@ -246,12 +246,12 @@ def _evaluate_folder(
     }
 
 
-def _with_furniture(
+def with_furniture(
     held_out: HeldOutSet,
-    encoder: Encoder | None,
+    encoder: Encoder | None = None,
     *,
-    memory: Path | None,
-    tell: Progress | None,
+    memory: Path | None = None,
+    tell: Progress | None = None,
 ) -> HeldOutSet:
     """Return the set with furniture of the validation source, and what an encoder sees of it."""
     from .image_features import cached_image_features

@@ -97,6 +97,13 @@ class AssignOptions:
     """Text for one part alone, NAME="TEXT"; may be repeated."""
     material: Annotated[tuple[str, ...], Repeated] = ()
     """Exact table material of one part, NAME=MATERIAL; may be repeated."""
+    set: Annotated[tuple[str, ...], Repeated] = ()
+    """Numbers of one part, PART:E=2e9,nu=.3,rho=1100 [Pa, 1, kg/m^3]; may be repeated."""
+    table: Path | None = None
+    """Your own materials beside the table's, .csv with its columns or .toml; yours win."""
+    interpreter: str | None = None
+    """Language model that reads the text: http://HOST/v1#MODEL, OpenAI-compatible; its key stands
+    in AUTOPHYX_INTERPRETER_KEY."""
     alpha: float | None = None
     """Where in the material's range of E: 0 soft, 0.5 the default, 1 stiff."""
     cells: int = 64
@@ -106,7 +113,7 @@ class AssignOptions:
     encoder: str | None = None
     """Image encoder that the network also hears: embedded, openclip or openclip:TAG."""
     strict: bool = False
-    """Fail (exit 5) where E, nu or rho leave the band of the material's category."""
+    """Fail on what is a warning otherwise (exit 2), and outside a category's band (exit 5)."""
 
     def checked(self) -> AssignOptions:
         """Return itself, or say which name is unknown."""

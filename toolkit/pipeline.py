@@ -94,7 +94,8 @@ def assign(
     Raises
     ------
     UsageError
-        Where a part or a material is unknown or the text is too long.
+        Where a part or a material is unknown or the text is too long; under ``options.strict``,
+        where anything was not understood or is a guess.
     BandError
         Under ``options.strict``, where a value leaves the band of its category.
     """
@@ -117,6 +118,7 @@ def assign(
     sampled = sample_material(mesh, with_walls(found.field, built))
     far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
     apparent = (one.warning for one in built if one.warning)
+    doubts = tuple(found.doubts())
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
@@ -125,10 +127,12 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *found.doubts(), *apparent, *([far] if sampled.unmatched else [])),
+        warnings=(*warnings, *doubts, *apparent, *([far] if sampled.unmatched else [])),
+        doubts=doubts,
     )
     if options.strict:
         result.check_bands()
+        result.check_doubts()
     return _written(result, output, field_output)
 
 
@@ -138,7 +142,10 @@ def _predicted(
     """What words and the predictor make of the regions of a mesh."""
     from ..converters.voxelisation import voxelize
     from ..predictors.assignment import predict_materials
+    from ..predictors.chat import ChatEndpoint
+    from ..predictors.lookup.numbers import numbers_of_parts
     from .appearance import appearance_of
+    from .io.own_materials import with_own_rows
     from .walls.built_parts import Called
 
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
@@ -149,8 +156,11 @@ def _predicted(
         predictor=options.predictor,
         overrides=pairs(options.part),
         materials=pairs(options.material),
+        values=numbers_of_parts(options.set),
+        table=with_own_rows(options.table) if options.table else None,
+        interpreter=ChatEndpoint.at(options.interpreter) if options.interpreter else None,
         alpha=options.alpha,
-        part_volumes=mesh.region_volumes().tolist(),
+        volumes=mesh.region_volumes().tolist(),
         usual=Called.of(mesh, sidecar, text).usual_materials(),
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),

@@ -218,13 +218,15 @@ def _validate(row: Material) -> None:
             raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
 
 
-def _read(record: Mapping[str, str], line: int) -> Material:
+def row_of_record(record: Mapping[str, str], place: str) -> Material:
+    """Return the row of a CSV's record; ``place`` says in errors where it stands."""
+
     def span(field: str) -> Span:
         try:
             low, high = (float(record[column]) for column in _COLUMNS[field])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(
-                f"material table, line {line}: wanted a number in {_COLUMNS[field]}, got {error}"
+                f"{place}: wanted a number in {' and '.join(_COLUMNS[field])}, got {error}"
             ) from error
         return Span(low, high)
 
@@ -253,7 +255,9 @@ def load_table(path: Path | None = None) -> MaterialTable:
     missing = {"name", "category", "source"} - set(records[0] if records else ())
     if missing:
         raise InputError(f"material table {path} has no column {', '.join(sorted(missing))}")
-    return MaterialTable(tuple(_read(record, line) for line, record in enumerate(records, 2)))
+    return MaterialTable(
+        tuple(row_of_record(r, f"material table, line {at}") for at, r in enumerate(records, 2))
+    )
 
 
 def load_contents() -> MaterialTable:

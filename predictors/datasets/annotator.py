@@ -7,19 +7,16 @@ with its reason, never repaired.
 
 from __future__ import annotations
 
-import json
 import math
-import urllib.error
-import urllib.request
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ...fem.errors import AutophyxError, InputError, UsageError
+from ...fem.errors import AutophyxError, InputError
 from ...fem.scene.materials import NU_CAP, MaterialValue
+from ..chat import ChatEndpoint
 from .constraints import holds
 
-MAX_ANSWER = 1_000_000  # bytes; eight variants of an object are a few thousand
 # E [Pa] from the softest gel to beyond diamond, rho [kg/m^3] from aerogel to beyond osmium.
 E_BOUNDS, RHO_BOUNDS = (1e1, 2e12), (0.5, 3e4)
 _PROMPT = """You describe materials of 3D objects for a physics simulation.
@@ -47,30 +44,19 @@ class Annotation(NamedTuple):
 
 @dataclass(frozen=True)
 class Annotator:
-    """An endpoint such as ``http://localhost:8000/v1`` and the model to ask there."""
+    """Asks a language model."""
 
-    url: str
-    model: str
-    key: str = field(default="", repr=False)
-    timeout: float = 60.0
-
-    def __post_init__(self) -> None:
-        if not self.url.startswith(("http://", "https://")):
-            raise UsageError(f"the endpoint must be an http or https address, got {self.url!r}")
+    endpoint: ChatEndpoint
 
     def annotate(self, name: str, parts: Sequence[str], *, count: int = 8) -> Annotation:
         """Ask for ``count`` variants of an object with these parts."""
         prompt = _PROMPT.format(object=name, parts=", ".join(parts), count=count)
-        answer = self._ask(prompt)
-        try:
-            variants = json.loads(answer)["variants"]
-            if not isinstance(variants, list):
-                raise TypeError(f"variants is a {type(variants).__name__}, wanted a list")
-        except (json.JSONDecodeError, KeyError, TypeError) as error:
+        variants = self.endpoint.ask(prompt).get("variants")
+        if not isinstance(variants, list):
             raise InputError(
-                f"{self.model} answered no JSON object with a list of variants ({error}): "
+                f"{self.endpoint.model} answered no JSON object with a list of variants: "
                 "ask another model"
-            ) from error
+            )
         good, rejected = [], []
         for number, variant in enumerate(variants):
             try:
@@ -78,30 +64,6 @@ class Annotator:
             except AutophyxError as error:
                 rejected.append(f"variant {number + 1}: {error}")
         return Annotation(good, rejected)
-
-    def _ask(self, prompt: str) -> str:
-        """Return the text of the model's answer (POST /chat/completions)."""
-        body = {
-            "model": self.model,
-            "messages": [{"role": "user", "content": prompt}],
-            "response_format": {"type": "json_object"},
-        }
-        request = urllib.request.Request(
-            f"{self.url.rstrip('/')}/chat/completions",
-            data=json.dumps(body).encode(),
-            headers={"Content-Type": "application/json", "Authorization": f"Bearer {self.key}"},
-        )
-        try:
-            with urllib.request.urlopen(request, timeout=self.timeout) as response:
-                data = response.read(MAX_ANSWER + 1)
-        except (urllib.error.URLError, OSError) as error:
-            raise InputError(f"cannot reach {self.url}: {error}") from error
-        if len(data) > MAX_ANSWER:
-            raise InputError(f"{self.url} answered more than {MAX_ANSWER} bytes")
-        try:
-            return str(json.loads(data)["choices"][0]["message"]["content"])
-        except (ValueError, KeyError, IndexError, TypeError) as error:
-            raise InputError(f"{self.url} does not answer as a chat endpoint: {error}") from error
 
 
 def _variant(variant: Any, parts: Sequence[str]) -> Variant:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..hearing.parser import listen
+from ..language.reader import parse
 from ..lookup.lookup import Lookup
 from ..normalisation import DEFAULT
 from .held_out import HeldOutObject
@@ -66,7 +66,8 @@ class RetrievalBaseline:
             volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
             labels = [(f"part {p + 1}",) for p in range(len(volumes))]
             said = "; ".join(filter(None, example.said)) or "This is an object."
-            chosen = lookup.choose(labels, listen(said, lookup.table), part_volumes=volumes)
+            sentence = parse(said, lookup.table)
+            chosen = lookup.settle(labels, sentence, volumes=volumes).choices
             value = torch.tensor(np.array([DEFAULT.normalise(*c.value) for c in chosen]))
             return value.float()[part.clamp(min=0)].movedim(-1, 0)[None], None
 

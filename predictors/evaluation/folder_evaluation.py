@@ -14,6 +14,7 @@ from ..field import MaterialField
 from ..film.evidence import with_names
 from ..film.predictor import FilmPredictor
 from ..hearing.parser import listen
+from ..language.reader import parse
 from ..normalisation import DEFAULT
 from ..predictor import Appearance
 from ..retrieval import RetrievalPredictor
@@ -76,7 +77,7 @@ def _predictor(name: str, weights: Path | None) -> FieldPredictor:
         if not named:
             parts = with_names(parts, [f"part {i + 1}" for i in range(len(parts.part_names))])
         if film is None:
-            return retrieval.predict(parts, listen(text, retrieval.lookup.table)).field
+            return retrieval.predict(parts, parse(text, retrieval.lookup.table)).field
         colours = None if example.colours is None else example.colours[parts.part.clip(min=0)]
         seen = Appearance(colours=colours)
         sentence = listen(text, film.table)

@@ -15,6 +15,7 @@ from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
 from ..hearing.clauses import HeardSentence
+from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup
 from ..normalisation import Normalisation
 from ..partition import Partition, match_clauses, partition
@@ -44,7 +45,7 @@ class FilmPredictor:
     def predict(
         self,
         parts: PartVoxels,
-        sentence: HeardSentence,
+        sentence: Sentence,
         *,
         choices: Sequence[PartChoice] | None = None,
         appearance: Callable[[], Appearance] | None = None,
@@ -57,11 +58,12 @@ class FilmPredictor:
         own. See ``Predictor``; ``alpha`` moves nothing here.
         """
         if choices is None:
-            choices = self.lookup.choose(parts.part_labels, sentence, part_volumes=parts.volumes)
+            choices = self.lookup.settle(parts.part_labels, sentence, volumes=parts.volumes).choices
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
         seen = appearance() if appearance else None
-        found = self.model.infer(parts, sentence, up=up, appearance=seen)
+        heard = HeardSentence.of(sentence)
+        found = self.model.infer(parts, heard, up=up, appearance=seen)
         pieces = self._pieces(parts, left_open, found)
         decided = [
             replace(choices[parent], part=name)
@@ -111,7 +113,7 @@ class FilmPredictor:
         binding = Binding(said, share, int(cells.sum()), float(found.spread[cells].mean()))
         why = f"network: {'nothing said' if said is None else repr(said)}, {share:.0%} sure"
         if clause is not None and clause.material:
-            choice = self.lookup.of_clause(part, clause, why)
+            choice = self.lookup.of_phrase(part, clause.material, clause.level, why)
             return replace(choice, weight=share, settled=False, binding=binding)
         mean = found.values[cells].mean(axis=0)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))

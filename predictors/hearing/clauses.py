@@ -6,6 +6,10 @@ import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ..language.clauses import Clause, Sentence
+from . import words
+from .vocabulary import stem
+
 # AutoPhyX 3.3: "This is a [object name]." leaves every part at the mean of its range.
 _TEMPLATE = re.compile(r"((this|it) is |an image of )?an? [\w -]{1,40}\.?", re.IGNORECASE)
 
@@ -39,12 +43,33 @@ class HeardClause:
         if not self.written:
             object.__setattr__(self, "written", self.text)
 
+    @classmethod
+    def of(cls, clause: Clause) -> HeardClause:
+        """Return a clause as a network hears it: its telling words, stems of its subject."""
+        raw = re.findall(r"[\w'-]+", clause.text)
+        text = " ".join(word for word in raw if word.lower() not in words.FILLERS)
+        parts = tuple(stem(word) for name in clause.subject.names for word in name)
+        if clause.subject.scope == "rest":
+            parts = ("everything",)
+        degrees = ((clause.stiffness, "soft", "stiff"), (clause.density, "light", "dense"))
+        levels = [low if n < 3 else high for n, low, high in degrees if n is not None and n != 3]
+        return cls(
+            text or clause.text, clause.phrase or clause.material, parts,
+            next(iter(levels), None), clause.text,
+        )  # fmt: skip
+
 
 class HeardSentence(NamedTuple):
     """A text, read once: every later stage takes its clauses and not its characters."""
 
     text: str
     clauses: tuple[HeardClause, ...]
+
+    @classmethod
+    def of(cls, sentence: Sentence) -> HeardSentence:
+        """Return a sentence as a network hears it: without words that nobody understood."""
+        known = (c for c in sentence.clauses if c.material or not c.unknown)
+        return cls(sentence.text, tuple(HeardClause.of(clause) for clause in known))
 
     @property
     def stated(self) -> tuple[HeardClause, ...]:

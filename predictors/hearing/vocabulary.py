@@ -56,7 +56,8 @@ class Vocabulary:
         stems = name_words(name)
         found = [match for at in range(len(stems)) if (match := self.match(stems, at))]
         if found:
-            return max(found, key=lambda match: match[1])[0]
+            # "Wood_Oak" is oak: of equals, the word that is no family's.
+            return max(found, key=lambda match: (match[1], match[0] not in words.FAMILIES))[0]
         return next((self._foreign[word] for word in stems if word in self._foreign), None)
 
 

@@ -75,10 +75,13 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             for i in found:
                 matches[i].append(_Match(HEAD, 1, k))
             lost += [] if found else [k]
-    whole, rest, lost = _general(clauses, lost, matches)
+    whole, rest, lost = _general(clauses, lost, matches, parts)
     bound = []
     for i, part in enumerate(parts):
-        own = sorted(matches[i], key=lambda m: (-m.tier, -m.words, m.clause))
+        own = sorted(matches[i], key=lambda m: (-m.words, -m.tier, m.clause))
+        naming = [m for m in own if clauses[m.clause].material]
+        # "the back of the seat" is not what "the seat" speaks of.
+        own = [m for m in own if m not in naming or m.words == naming[0].words]
         ks = [m.clause for m in own]
         how: list[How] = []
         how.extend(_how(m.tier) for m in own)
@@ -102,16 +105,26 @@ def _is_other(clause: Clause) -> bool:
 
 
 def _general(
-    clauses: Sequence[Clause], lost: list[int], matches: Sequence[Sequence[_Match]]
+    clauses: Sequence[Clause],
+    lost: list[int],
+    matches: Sequence[Sequence[_Match]],
+    parts: Sequence[_Part],
 ) -> tuple[list[int], list[int], list[int]]:
     """Clauses about the whole, about the rest, and about parts that are not there."""
     rest = [k for k, c in enumerate(clauses) if c.subject.scope == "rest"]
     whole = [k for k, c in enumerate(clauses) if c.subject.scope == "whole"]
     unnamed = [k for k, c in enumerate(clauses) if c.subject.scope == "none"]
+
+    def is_thing(k: int) -> bool:
+        """Whether parts are called after what a clause names ("table_top"), or it has parts."""
+        named = {i for i, found in enumerate(matches) for m in found if m.clause == k}
+        heads = {name[-1] for name in clauses[k].subject.names}
+        return clauses[k].subject.holds or not any(heads & set(parts[i].tail) for i in named)
+
     # A thing that has parts, or the only one that is spoken of, is the object.
     saying = [k for k, c in enumerate(clauses) if c.says_matter]
     things = [k for k in lost if _is_object(clauses[k], alone=len(saying) == 1)]
-    only = [k for k in saying if len(saying) == 1 and clauses[k].subject.holds and k not in lost]
+    only = [k for k in saying if len(saying) == 1 and k not in lost and is_thing(k)]
     whole += [k for k in things[:1] + only if k not in whole]
     if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
         whole += [k for k in unnamed if k not in whole]
@@ -141,6 +154,7 @@ class _Part:
         nouns = [w for w in self.own if w.isalpha() and w not in sided and len(w) > 1]
         self.head = nouns[-1] if nouns else next(iter(self.own[-1:]), "")
         self.sides = positions(self.own)
+        self.tail = [word for word in self.own if word.isalpha()][-1:]
 
     def tier(self, word: str) -> int:
         """How a word names this part, 0 where it does not."""
@@ -198,3 +212,8 @@ def _siblings(name: Phrase, found: list[tuple[int, _Match]], parts: Sequence[_Pa
 
 def _is_excepted(part: _Part, clause: Clause) -> bool:
     return any(_fits(name, [part], 0) for name in clause.subject.exceptions)
+
+
+def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:
+    """Indices of the parts that words name."""
+    return [i for i, _ in _fits(words, [_Part(tuple(names)) for names in labels], 0)]

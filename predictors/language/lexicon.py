@@ -70,6 +70,7 @@ class ReaderLexicon:
         self.table, self.model = table, model
         self.rows: dict[Phrase, Material] = {}
         self._acronyms: set[Phrase] = set()
+        self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
         for row in table:
             # A name may carry what tells it from its kin: "oak, willow (along grain)".
             for name in (re.sub(r"\s*\(.*?\)", "", row.name), row.name, *row.aliases):
@@ -84,6 +85,8 @@ class ReaderLexicon:
         if not phrase or "(contents)" in name:
             return
         self.rows.setdefault(phrase, row)
+        if "," in name:
+            self.listed.add(phrase)
         if len(phrase) == 1 and len(phrase[0]) <= SHORT and self._is_acronym(name, row):
             self._acronyms.add(phrase)
 
@@ -98,9 +101,10 @@ class ReaderLexicon:
     def needs_capitals(self, phrase: Phrase) -> bool:
         """Whether a phrase is an acronym that small letters may mean otherwise: "PET", "pet"."""
         (word, *more) = phrase
-        return (
-            not more and phrase in self._acronyms and (len(word) <= 2 or self.model.is_word(word))
-        )
+        if more or phrase not in self._acronyms:
+            return False
+        spoken = re.search(r"[aeiouy]", word) is not None  # WordNet has "pvc" too
+        return len(word) <= 2 or (spoken and self.model.is_word(word))
 
     @cached_property
     def contents(self) -> dict[Phrase, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -100,6 +99,8 @@ def _material(
     run = cut[i:end] if end else []
     stems = tuple(a.stem for a in run if a.text[0].isalnum())
     row = lexicon.rows.get(stems)
+    if any(a.text == "," for a in run) and stems not in lexicon.listed:
+        return None  # "rubber sole, leather upper" is no sole leather
     if not row or not _is_meant(run, stems, lexicon):
         return None
     start, stop = run[0].start, run[-1].end
@@ -148,7 +149,7 @@ def _is_meant(run: list[Atom], stems: Phrase, lexicon: ReaderLexicon) -> bool:
     """Whether a run that is spelt like a phrase of the table means it."""
     said = run[0].text
     if len(stems) > 1 and len(stems[0]) == 1:  # "A36" and not "a 36"
-        return all(a.end == b.start for a, b in itertools.pairwise(run))
+        return run[0].end == run[1].start
     if lexicon.needs_capitals(stems):
         return said.isupper()
     return True

@@ -59,6 +59,10 @@ def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:
     run: list[Lexeme] = []
     for i, lexeme in enumerate(lexemes):
         after = lexemes[i + 1] if i + 1 < len(lexemes) else None
+        if _starts_anew(lexeme, run, after, state):
+            state.run(run, None)
+            state.stop()
+            run = []
         if _is_grouped(lexeme, run, after):
             run.append(lexeme)
             continue
@@ -76,6 +80,14 @@ def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:
     if run:
         state.run(run, None)
     state.stop()
+
+
+def _starts_anew(
+    lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None, state: Statements
+) -> bool:
+    """Whether a statement begins without a stop before it: "the legs are oak the seat is foam"."""
+    owed = state.link == "is" and any(x.role == "material" for x in run)
+    return owed and lexeme.part and after is not None and after.role == "is"
 
 
 def _is_grouped(lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None) -> bool:

@@ -1,6 +1,6 @@
 """Lookup: what words settle, from the table alone, before any predictor is asked.
 
-In: a HeardSentence, words of options, names of parts; the material table.
-Out: a PartChoice for every part, settled or only the likeliest row.
-Read: lookup, kernel.
+In: a Sentence, words and numbers of options, names of parts; the material table.
+Out: a PartChoice for every part, settled or only the likeliest, and what to warn of.
+Read: lookup, decision, numbers, derivation, levels, comparison, allotment, kernel.
 """

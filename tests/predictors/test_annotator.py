@@ -1,44 +1,22 @@
 """Laws of the annotator, against a local server that speaks the protocol."""
 
 import json
-import threading
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.predictors.chat import ChatEndpoint
 from autophyx_tet.predictors.datasets.annotator import Annotator
 
 POT = {"E": 7e10, "nu": 0.25, "rho": 2400}
 SOIL = {"E": 1e7, "nu": 0.3, "rho": 1300}
 
 
-@pytest.fixture
-def server():
-    """A chat endpoint that answers what ``server.answer`` holds and keeps what it was asked."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self):
-            length = int(self.headers["Content-Length"])
-            self.server.asked = (self.path, dict(self.headers), json.loads(self.rfile.read(length)))
-            body = json.dumps({"choices": [{"message": {"content": self.server.answer}}]}).encode()
-            self.send_response(200)
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, *_):
-            pass
-
-    server = HTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield server
-    server.shutdown()
-    thread.join()
-    server.server_close()
+def endpoint(server) -> ChatEndpoint:
+    return ChatEndpoint(f"http://127.0.0.1:{server.server_port}/v1", "small", key="k", timeout=60)
 
 
 def annotator(server) -> Annotator:
-    return Annotator(f"http://127.0.0.1:{server.server_port}/v1", "small", key="k", timeout=60)
+    return Annotator(endpoint(server))
 
 
 def variant(text="a ceramic pot with soil", pot=POT, soil=SOIL, constraints=("pot.E > soil.E",)):
@@ -83,6 +61,8 @@ def test_no_json_and_no_server(server):
     with pytest.raises(InputError, match="no JSON"):
         annotator(server).annotate("plant", ("pot",))
     with pytest.raises(InputError, match="cannot reach"):
-        Annotator("http://127.0.0.1:9/v1", "small", timeout=1).annotate("plant", ("pot",))
+        Annotator(ChatEndpoint("http://127.0.0.1:9/v1", "small", timeout=1)).annotate(
+            "plant", ("pot",)
+        )
     with pytest.raises(UsageError, match="http or https"):
-        Annotator("file:///etc/passwd", "small")
+        ChatEndpoint("file:///etc/passwd", "small")

@@ -7,7 +7,7 @@ import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.parser import listen
+from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.lookup.lookup import Lookup
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.predictors.voxels import PartVoxels
@@ -22,7 +22,8 @@ LOOKUP = Lookup()
 
 
 def choose(labels, text, **options):
-    return LOOKUP.choose(labels, listen(text, TABLE), **options)
+    names = [label[0] for label in labels]
+    return LOOKUP.settle(labels, parse(text, TABLE, names), **options).choices
 
 
 def materials(parts, text, **options):
@@ -85,7 +86,7 @@ def test_part_order_and_case_do_not_matter():
 
 def test_larger_parts_are_spoken_of_first():
     for volumes in ([1.0, 9.0], [9.0, 1.0]):
-        rows = materials("mat_1 mat_2", STEEL_OAK, part_volumes=volumes)
+        rows = materials("mat_1 mat_2", STEEL_OAK, volumes=volumes)
         assert rows[int(np.argmax(volumes))] is TABLE.exact("steel")
 
 
@@ -154,7 +155,7 @@ def test_field_has_the_values_of_the_parts():
     voxels = PartVoxels(grid, part, ("frame", "seat"))
     predictor = PREDICTORS["retrieval"]()
     assert isinstance(predictor, Predictor)
-    prediction = predictor.predict(voxels, listen(RUBBER_FOAM, TABLE))
+    prediction = predictor.predict(voxels, parse(RUBBER_FOAM, TABLE))
     assert prediction.parents == (0, 1)
     field = prediction.field
     np.testing.assert_array_equal(field.occupied, part >= 0)

@@ -12,7 +12,8 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.hearing import parser, statement
+from autophyx_tet.predictors.hearing import statement
+from autophyx_tet.predictors.language import reader
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
 from autophyx_tet.toolkit.cli.main import main
@@ -74,17 +75,17 @@ def test_unknown_predictors_are_named_in_one_line():
 def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
     """One parse of the text for each call of ``assign``, and no clause of it is read twice."""
     parsed, read = [], Counter()
-    tokenise, materials = parser.tokenise, statement.Reader._materials
+    lex, materials = reader.lex, statement.Reader._materials
 
-    def counted_tokens(text, vocabulary):
+    def counted_lexing(text, *others):
         parsed.append(text)
-        return tokenise(text, vocabulary)
+        return lex(text, *others)
 
     def counted_reading(self, raw, stems):
         read[" ".join(raw)] += 1
         return materials(self, raw, stems)
 
-    monkeypatch.setattr(parser, "tokenise", counted_tokens)
+    monkeypatch.setattr(reader, "lex", counted_lexing)
     monkeypatch.setattr(statement.Reader, "_materials", counted_reading)
     text = "the legs are very soft oak, the seat is squishy"
     for name in PREDICTORS:

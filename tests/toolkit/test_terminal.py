@@ -62,3 +62,12 @@ def test_two_sentences_are_told_one_after_the_other(capsys):
     words = ["'oak'", "mass 2 kg", "'tin'", "mass 7 kg", "wrote report.html"]
     assert sorted(words, key=out.index) == words
     assert out.count("mass") == 2
+
+
+def test_voxels_by_words_are_a_table(capsys):
+    out = shown(capsys, {"parts": {"voxels": {"leaf": 1200, "trunk": 56}, "coherence": 0.7}})
+    assert [line.split() for line in out.splitlines()] == [
+        ["word", "voxels"],
+        ["leaf", "1,200"],
+        ["trunk", "56"],
+    ]

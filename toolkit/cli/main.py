@@ -127,7 +127,11 @@ def _show(document: dict[str, Any], common: Common) -> None:
     from ..io.document import SCHEMA, dumps
 
     if common.json:
+        from .terminal import warn
+
         sys.stdout.write(dumps({"schema": SCHEMA, **document}) + "\n")
+        if not common.quiet:
+            warn(document)
     elif not common.quiet:
         from .terminal import show
 

@@ -15,6 +15,7 @@ PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho
     "mass": "mass [kg]",
     "why": "because",
 }
+WORDS = {"word": "word", "voxels": "voxels"}
 REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
 MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
 _FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
@@ -36,6 +37,13 @@ def show(document: Mapping[str, Any]) -> None:
             console.print(line, markup=False, soft_wrap=True)
     for path in _told_once(document.get("files", ())):
         console.print("wrote", path, markup=False, soft_wrap=True)
+    warn(document)
+
+
+def warn(document: Mapping[str, Any]) -> None:
+    """Print a document's warnings on stderr."""
+    from rich.console import Console
+
     for warning in document.get("warnings", ()):
         Console(stderr=True, highlight=False).print(
             "warning:", warning, markup=False, style="yellow", soft_wrap=True
@@ -44,8 +52,11 @@ def show(document: Mapping[str, Any]) -> None:
 
 def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
     """Parts, materials, regions of a mesh file, quality, or the scores of `evaluate`."""
-    if document.get("parts"):
-        yield _table(document["parts"], PARTS)
+    parts = document.get("parts")
+    if isinstance(parts, Mapping):  # labels of voxels by words
+        yield _table([{"word": w, "voxels": n} for w, n in parts["voxels"].items()], WORDS)
+    elif parts:
+        yield _table(parts, PARTS)
     if document.get("materials"):
         yield _table(document["materials"], MATERIALS)
     if "file" in document:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...fem.errors import BandError, InputError
+from ...fem.errors import BandError, InputError, UsageError
 from ...fem.scene.materials import FIELDS, outside_band
 from ...fem.scene.mesh import TetMesh
 from ...predictors.construction.masses import MassInterval
@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
-    """A mesh with E, nu, rho on every tet, their field, and the choice made for every part."""
+    """A mesh with E, nu, rho on every tet, their field, and the choice made for every part.
+
+    ``doubts`` are those of the ``warnings`` that are about words: not understood, or a guess.
+    """
 
     mesh: TetMesh
     text: str
@@ -37,6 +40,7 @@ class Assignment:
     sidecar: Sidecar
     built: tuple[BuiltPart, ...]
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
     def part_rows(self) -> list[dict[str, Any]]:
@@ -60,6 +64,9 @@ class Assignment:
                 "source": choice.source,
                 "estimated": choice.row.estimated,
                 "why": choice.why,
+                "derivation": choice.derivation,
+                "guessed": choice.guessed,
+                "understood": choice.understood,
                 "weight": choice.weight,
                 "binding": choice.binding,
                 "volume": volume,
@@ -84,6 +91,13 @@ class Assignment:
             complaints = outside_band(choice.row.category, *choice.value)
             if complaints:
                 raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
+
+    def check_doubts(self) -> None:
+        """Raise ``UsageError`` where anything was not understood, not used, or is a guess."""
+        if self.doubts:
+            first, *others = self.doubts
+            more = f" (and {len(others)} more)" if others else ""
+            raise UsageError(f"--strict: {first}{more}")
 
     def _bands(self) -> list[Verdict]:
         """Whether the E, nu and rho of every part are usual for its category."""

@@ -1,0 +1,163 @@
+"""A sentence read by a language model into the same clauses, each checked against the text.
+
+The built-in reader stays the fall-back, and the check: what the model left out or reads otherwise
+is told. A clause that quotes words which the text does not have, or numbers that are not in it, is
+left out with its reason.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+from ..fem.errors import InputError
+from ..fem.scene.materials import CATEGORIES, MaterialTable, key
+from .chat import ChatEndpoint
+from .language.clauses import Clause, Degree, Measure, Quantity, Scope, Sentence, Subject
+from .language.reader import parse
+
+MOST_CLAUSES = 100  # of a text of 4,000 characters
+_PROMPT = """Read what this sentence says about the materials of an object's parts.
+Sentence: {text!r}
+Parts of the object: {names}.
+Answer with JSON alone: {{"clauses": [CLAUSE, ...]}}. A CLAUSE has
+"text": the exact words of the sentence that it comes from;
+"scope": "parts" (it names parts), "whole" (the object), "rest" (everything else) or "none";
+"parts": for each part it names a list of words, the head last, as [["front", "leg"]];
+"exceptions": the same for parts that it leaves out;
+"material": the bulk material in plain words ("soft foam", "6061-T6"), never a coating; or null;
+"coating", "filling": words for what lies on it and what it is full of; or null;
+"excluded": materials it is said not to be;
+"stiffness", "density": 1 (very soft, very light) to 5 (very stiff, very heavy), or null;
+"numbers": [{{"measure": one of {measures}, "value": in Pa, 1, kg/m3, kg, m, "text": exact words}}].
+Leave out what the sentence does not say. Guess nothing."""
+
+
+def interpret(
+    endpoint: ChatEndpoint, text: str, table: MaterialTable, names: Sequence[str] = ()
+) -> Sentence:
+    """Return a text's clauses as a language model reads them.
+
+    Where it cannot be reached or answers nothing usable, the built-in reader's clauses, and a note
+    that says so.
+    """
+    own = parse(text, table, names)
+    prompt = _PROMPT.format(
+        text=text, names=", ".join(names) or "not known", measures=", ".join(get_args(Measure))
+    )
+    try:
+        given = endpoint.ask(prompt).get("clauses")
+        if not isinstance(given, list) or not given:
+            raise InputError(f"{endpoint.model} answered no clauses")
+    except InputError as error:
+        note = f"the interpreter was not used, the built-in reader was: {error}"
+        return Sentence(text, own.clauses, own.unread, (*own.notes, note))
+    clauses, notes = [], []
+    for number, item in enumerate(given[:MOST_CLAUSES], 1):
+        try:
+            clauses.append(_clause(item, text, table))
+        except InputError as error:
+            notes.append(f"clause {number} of the interpreter is left out: {error}")
+    if not clauses:
+        notes.append("the interpreter's clauses were all left out: the built-in reader was used")
+        return Sentence(text, own.clauses, own.unread, (*own.notes, *notes))
+    return Sentence(text, tuple(clauses), (), (*notes, *_differences(own, clauses)))
+
+
+def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
+    """Check one clause of the model's answer."""
+    if not isinstance(item, Mapping):
+        raise InputError(f"wanted an object, got {type(item).__name__}")
+    said = _quote(item.get("text"), text)
+    start = text.lower().index(said.lower())
+    scopes: tuple[Scope, ...] = get_args(Scope)
+    if item.get("scope") not in scopes:
+        raise InputError(f"scope {item.get('scope')!r} is none of {', '.join(scopes)}")
+    scope = scopes[scopes.index(item["scope"])]
+    subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
+    phrase = _words(item.get("material"))
+    row = table.phrases.get(key(phrase)) if phrase else None
+    return Clause(
+        text=said,
+        span=(start, start + len(said)),
+        subject=subject,
+        material=row.name if row else None,
+        phrase=phrase if row else "",
+        unknown=phrase if phrase and not row else "",
+        nearest=tuple(table.near(phrase)) if phrase and not row else (),
+        excluded=tuple(_ruled_out(word, table) for word in _strings(item.get("excluded"))),
+        stiffness=_degree(item.get("stiffness")),
+        density=_degree(item.get("density")),
+        numbers=tuple(_quantity(number, text) for number in _list(item.get("numbers"))),
+        coating=_words(item.get("coating")) or None,
+        filling=_words(item.get("filling")) or None,
+        certainty=0.9,  # read by someone else: below what stands in the text as it is
+    )
+
+
+def _quote(value: Any, text: str) -> str:
+    words = _words(value)
+    if not words or words.lower() not in text.lower():
+        raise InputError(f"it quotes {words!r}, which the text does not say")
+    return words
+
+
+def _quantity(item: Any, text: str) -> Quantity:
+    if not isinstance(item, Mapping) or item.get("measure") not in get_args(Measure):
+        raise InputError(f"{item!r} is no number of {', '.join(get_args(Measure))}")
+    value = item.get("value")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{value!r} is no number")
+    if value <= 0 and item["measure"] != "nu":
+        raise InputError(f"{item['measure']} = {value:g} is not positive")
+    return Quantity(item["measure"], float(value), _quote(item.get("text"), text))
+
+
+def _degree(value: Any) -> Degree | None:
+    if value is None or (value in get_args(Degree) and not isinstance(value, bool)):
+        return value
+    raise InputError(f"{value!r} is no degree from 1 to 5")
+
+
+def _ruled_out(word: str, table: MaterialTable) -> str:
+    row = table.phrases.get(key(word))
+    if row is None and word not in CATEGORIES:
+        raise InputError(f"it rules out {word!r}, which the table does not have")
+    return row.name if row else word
+
+
+def _words(value: Any) -> str:
+    return " ".join(value.split()) if isinstance(value, str) else ""
+
+
+def _list(value: Any) -> list:
+    return value if isinstance(value, list) else []
+
+
+def _strings(value: Any) -> list[str]:
+    return [item for item in _list(value) if isinstance(item, str)]
+
+
+def _names(value: Any) -> tuple[tuple[str, ...], ...]:
+    named = (tuple(w.lower() for w in _strings(words)) for words in _list(value))
+    return tuple(words for words in named if words)
+
+
+def _differences(own: Sentence, clauses: Sequence[Clause]) -> list[str]:
+    """What the built-in reader found in the text and the model did not give."""
+    mine = {m: c.text for c in own.clauses for m in [c.material] if m}
+    theirs = {clause.material for clause in clauses}
+    notes = [
+        f"the interpreter does not give {material!r}, which the built-in reader reads in {said!r}"
+        for material, said in mine.items()
+        if material not in theirs
+    ]
+    numbers = {number.measure for clause in clauses for number in clause.numbers}
+    notes += [
+        f"the interpreter does not give the number {number.text!r}"
+        for clause in own.clauses
+        for number in clause.numbers
+        if number.measure not in numbers
+    ]
+    return notes

@@ -1,0 +1,90 @@
+"""Parts said to be stiffer or lighter than others: values that keep these relations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from ..language.clauses import Comparison
+from ..prediction import PartChoice
+
+
+def with_relations(
+    choices: Sequence[PartChoice],
+    relations: Sequence[Sequence[Comparison]],
+    parts_called: Callable[[tuple[str, ...]], Sequence[int]],
+    *,
+    named: Sequence[bool],
+) -> tuple[list[PartChoice], list[str]]:
+    """Return choices that keep what is said of parts beside each other, and what to warn of.
+
+    Parameters
+    ----------
+    choices
+        What is chosen for each part so far.
+    relations
+        For each part what is said of it beside others.
+    parts_called
+        Indices of the parts that words name.
+    named
+        Whether each part's material is said, or told by the asset: it then keeps its row.
+    """
+    out, told = list(choices), []
+    others = [
+        [tuple(k for k in _others(relation, parts_called, i, len(out))) for relation in said]
+        for i, said in enumerate(relations)
+    ]
+    waiting = [i for i, said in enumerate(relations) if said]
+    while waiting:
+        ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
+        if not ready:
+            names = ", ".join(repr(out[i].part) for i in waiting)
+            told.append(f"parts {names} are compared with each other in a circle: not used")
+            break
+        for i in ready:
+            for relation, found in zip(relations[i], others[i], strict=True):
+                if found:
+                    out[i] = _related(out[i], relation, [out[k] for k in found], named=named[i])
+                else:
+                    told.append(
+                        f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
+                        "and no part is called so: not used"
+                    )
+        waiting = [i for i in waiting if i not in ready]
+    return out, told
+
+
+def _others(
+    relation: Comparison,
+    parts_called: Callable[[tuple[str, ...]], Sequence[int]],
+    part: int,
+    count: int,
+) -> list[int]:
+    found = parts_called(relation.other) if relation.other else range(count)
+    return [k for k in found if k != part]
+
+
+def _related(
+    choice: PartChoice, relation: Comparison, others: Sequence[PartChoice], *, named: bool
+) -> PartChoice:
+    """Return a choice that keeps one relation, by its own row if one is named."""
+    measure, more = relation.measure, relation.factor >= 1
+    values = [getattr(other.value, measure) for other in others]
+    reference = others[values.index(max(values) if more else min(values))]
+    wanted = relation.factor * getattr(reference.value, measure)
+    if not named:
+        choice = replace(
+            choice, row=reference.row, value=reference.value, guessed=not relation.exact,
+            settled=True, weight=1.0, network="",
+        )  # fmt: skip
+    own = getattr(choice.value, measure)
+    if not relation.exact and ((own >= wanted) if more else (own <= wanted)):
+        return choice
+    how = (
+        f"{measure} = {wanted:.3g}, {relation.factor:.3g} times that of {reference.part!r}: "
+        f"{'said so' if relation.exact else 'only more or less is said'}"
+    )
+    return replace(
+        choice, value=choice.value._replace(**{measure: wanted}),
+        derivation=(*choice.derivation, how),
+    )  # fmt: skip

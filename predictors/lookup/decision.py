@@ -1,0 +1,267 @@
+"""What the words about one part settle: a row of the table, or what is known without one.
+
+In this order: the material that is named; what the asset's own name says; a kind of matter; how
+stiff or heavy it is said to be; what lies nearest in meaning. Numbers win over all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ...fem.scene.materials import Material, MaterialTable, key
+from ..hearing.binding import NamedPart
+from ..language.clauses import Clause, Degree, Subject
+from ..prediction import PartChoice
+from .kernel import RowKernel
+from .levels import PLACE, behaves, rows_at, value_at
+from .numbers import with_numbers
+
+# Below this cosine a part's name says nothing of its material: measured on 30 part names, where
+# "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.
+MEANINGFUL = 0.45
+# What an everyday part is made of if neither the text nor its name says more.
+COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
+_SPOKEN_DEGREE: dict[Degree, tuple[str, ...]] = {
+    1: ("soft", "flexible", "very soft"), 2: ("soft", "flexible"), 3: (),
+    4: ("hard", "rigid", "stiff"), 5: ("hard", "rigid", "stiff"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PartStatement:
+    """All that the clauses say of one part, the most specific first.
+
+    Parameters
+    ----------
+    clauses
+        The clauses that speak of it.
+    borrowed
+        Whether they speak of all parts, of what nothing else names, or of a part that the asset
+        does not have and that this one is taken for.
+    whole
+        Whether they speak of the object: the asset's own word for a part says more.
+    open
+        Whether a predictor that sees the shape may know better, since the text names parts that
+        the asset does not have.
+    override
+        The text of an option that is about this part alone.
+    """
+
+    clauses: tuple[Clause, ...] = ()
+    borrowed: bool = False
+    whole: bool = False
+    open: bool = False
+    override: str = ""
+
+    @property
+    def naming(self) -> Clause | None:
+        """The clause that names a material."""
+        return next((clause for clause in self.clauses if clause.material), None)
+
+    @property
+    def unknown(self) -> Clause | None:
+        """The clause that names something unknown, where none names a material."""
+        found = next((clause for clause in self.clauses if clause.unknown), None)
+        return None if self.naming else found
+
+    def first(self, name: str):
+        """Return the first of the clauses' fields of this name that says something."""
+        return next((getattr(c, name) for c in self.clauses if getattr(c, name)), None)
+
+    @property
+    def kind(self) -> str | None:
+        """The kind of matter that is said without a name."""
+        bare = (c.kind for c in self.clauses if c.kind and not c.material)
+        return next(bare, None)
+
+    def all(self, name: str) -> tuple:
+        """Return what all clauses have in a field of this name."""
+        return tuple(item for clause in self.clauses for item in getattr(clause, name))
+
+    @property
+    def deciding(self) -> Clause | None:
+        """The clause that says most: it names, or else says anything of the matter."""
+        saying = (clause for clause in self.clauses if clause.says_matter)
+        return self.naming or next(saying, None)
+
+
+class Decider:
+    """Decides one part at a time; keeps the table's embeddings."""
+
+    def __init__(self, table: MaterialTable, kernel: RowKernel) -> None:
+        self.table, self.kernel = table, kernel
+
+    def decide(
+        self, part: NamedPart, said: PartStatement, *, alpha: float | None, volume: float
+    ) -> tuple[PartChoice, tuple[str, ...]]:
+        """Return the choice for a part of which so much is said, and what to warn of.
+
+        ``volume`` [m^3] is that of all parts of which the same is said.
+        """
+        choice = self._row_of(part, said)
+        if said.override:
+            choice = replace(choice, why=f"override: {said.override!r}", settled=True)
+        choice = self._placed(choice, said, alpha)
+        numbers = with_numbers(
+            part.name, choice.row, choice.value, said.all("numbers"),
+            blend=said.first("blend"), volume=volume,
+        )  # fmt: skip
+        choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
+        if {"E", "nu", "rho"} <= {number.measure for number in said.all("numbers")}:
+            choice = replace(choice, settled=True, guessed=False)
+        return choice, (*_doubts_of(part, said, choice), *numbers.warnings)
+
+    def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
+        """Choose for a part what a phrase names, a predictor having found the part for it."""
+        degree: Degree | None = {"soft": 2, "stiff": 4}.get(level or "")  # type: ignore
+        said = PartStatement(
+            (Clause(phrase, (0, 0), Subject("none"), phrase, phrase, stiffness=degree),)
+        )
+        row = self._named(said.clauses[0], said)
+        return self._placed(PartChoice(part, row, row.value(), 1.0, 0.5, why), said, None)
+
+    def _row_of(self, part: NamedPart, said: PartStatement) -> PartChoice:
+        """Choose the row, at the middle of its ranges."""
+        naming, deciding = said.naming, said.deciding
+        if naming is not None and not (said.whole and part.material):
+            row = self._named(naming, said)
+            why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
+            choice = _choice(part, row, why, clause=naming, settled=not said.open)
+            return replace(choice, borrowed=said.borrowed)
+        label = self.table.exact(part.material) if part.material else None
+        if label and not _ruled_out(label, said):
+            why = f"name: {part.material_label!r}"
+            return _choice(part, label, why, clause=deciding, understood=said.unknown is None)
+        coating = said.first("coating")
+        if coating and key(coating) in self.table.phrases and not label:
+            row = self.table.exact(coating)
+            return _choice(part, row, f"{coating}, which covers it", guessed=True)
+        if deciding is None or said.unknown is not None:
+            return self._by_meaning(part, said)
+        return self._among(part, said, deciding)
+
+    def _named(self, clause: Clause, said: PartStatement) -> Material:
+        """Return the row that a clause names, or its soft or hard relative where one is said."""
+        words = clause.phrase or clause.material or ""
+        degree = said.first("stiffness")
+        for adjective in _SPOKEN_DEGREE[degree] if degree else ():
+            row = self.table.phrases.get(f"{adjective} {words}".lower())
+            if row is not None:
+                return row
+        return self.table.exact(clause.material or "")
+
+    def _among(self, part: NamedPart, said: PartStatement, deciding: Clause) -> PartChoice:
+        """Choose the row nearest in meaning of those that can be as is said, without a name."""
+        kind, excluded = said.kind, said.all("excluded")
+        rows = rows_at(
+            self.kernel.rows, stiffness=said.first("stiffness"), density=said.first("density"),
+            character=said.all("character"), excluded=excluded,
+        )  # fmt: skip
+        rows = [row for row in rows if kind is None or row.category == kind] or list(
+            self.kernel.rows
+        )
+        usual = _usual(self.table, rows)
+        query = f"{part.spoken} {deciding.text}".strip()
+        cosines = self.kernel.cosines(query)
+        near = self.kernel.nearest(cosines, among={row.name for row in rows})
+        if cosines[self.kernel.rows.index(near.row)] < MEANINGFUL and usual:
+            near = self.kernel.nearest(cosines, among={row.name for row in usual})
+        why = f"{deciding.text!r}, nearest in meaning"
+        return _choice(
+            part, near.row, why, clause=deciding, weight=near.share, guessed=True,
+            settled=not said.open,
+        )  # fmt: skip
+
+    def _by_meaning(self, part: NamedPart, said: PartStatement) -> PartChoice:
+        """Choose the row nearest in meaning to the part's name; the common ones if all are far."""
+        clause = next(iter(said.clauses), None)
+        heard = clause.text if clause and not clause.unknown else ""
+        query = f"{part.spoken} {heard}".strip()
+        cosines = self.kernel.cosines(query)
+        meaningful = bool(cosines.max() >= MEANINGFUL)
+        among = None if meaningful else {self.table.exact(word).name for word in COMMON}
+        near = self.kernel.nearest(cosines, among=among)
+        understood = said.unknown is None
+        return _choice(
+            part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
+            settled=meaningful and not said.open, guessed=True, understood=understood,
+        )  # fmt: skip
+
+    def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
+        """Move E and rho to where they are said to be: in the row's range, or absolutely."""
+        stiffness, density = said.first("stiffness"), said.first("density")
+        naming = said.naming
+        if naming and choice.row.name != self.table.exact(naming.material or "").name:
+            stiffness = None  # "soft foam" is a row of its own
+        absolute = naming is None and choice.guessed
+        value = value_at(
+            choice.row, stiffness=stiffness, density=density, character=said.all("character"),
+            absolute=absolute,
+        )  # fmt: skip
+        place = PLACE[stiffness] if stiffness else 0.5
+        if alpha is not None:
+            place, value = alpha, value._replace(E=choice.row.value(alpha).E)
+        return replace(choice, value=value, alpha=place)
+
+
+def _choice(
+    part: NamedPart,
+    row: Material,
+    why: str,
+    *,
+    clause: Clause | None = None,
+    weight: float = 1.0,
+    settled: bool = True,
+    guessed: bool = False,
+    understood: bool = True,
+) -> PartChoice:
+    return PartChoice(
+        part.name, row, row.value(), weight, 0.5, why, settled=settled and understood,
+        clause=clause, guessed=guessed, understood=understood,
+    )  # fmt: skip
+
+
+def _ruled_out(row: Material, said: PartStatement) -> bool:
+    """Whether what is said of a part cannot be of this row."""
+    kind = said.kind
+    return (
+        bool({row.name, row.category} & set(said.all("excluded")))
+        or (kind is not None and row.category != kind)
+        or not behaves(row, said.all("character"))
+    )
+
+
+def _usual(table: MaterialTable, rows: Sequence[Material]) -> list[Material]:
+    """Return those of ``rows`` that everyday things are made of."""
+    common = {table.exact(word).name for word in (*COMMON, "foam", "soft foam", "concrete", "felt")}
+    return [row for row in rows if row.name in common]
+
+
+def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list[str]:
+    """Sentences about what was said of a part and could not be taken as it stands."""
+    told = []
+    if said.unknown is not None:
+        near = ", ".join(map(repr, said.unknown.nearest)) or "none"
+        told.append(
+            f"part {part.name!r}: {said.unknown.unknown!r} is no material that is known (nearest: "
+            f"{near}); its values are those of {choice.row.name}, which is no more than a guess"
+        )
+    named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
+    if len(named) > 1:
+        first, *others = named
+        told.append(
+            f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
+            f"{first!r} is taken, {', '.join(map(repr, others))} not"
+        )
+    if said.first("coating") and choice.why.endswith("which covers it"):
+        told.append(
+            f"part {part.name!r}: only what covers it is said, {choice.row.name}: it is taken as "
+            "made of it"
+        )
+    for filling in dict.fromkeys(clause.filling for clause in said.clauses if clause.filling):
+        told.append(
+            f"part {part.name!r} is said to hold {filling}: its mass counts it as solid "
+            f"{choice.row.name}; --wall makes it hollow"
+        )
+    return told

@@ -1,0 +1,135 @@
+"""Numbers that are said of a part: they win over the table, exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ...fem.errors import UsageError
+from ...fem.scene.materials import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue
+from ..language.clauses import Blend, Quantity
+from .derivation import (
+    FIBRES,
+    RUBBER_NU,
+    modulus_of_shore_a,
+    modulus_of_shore_d,
+    of_infill,
+    with_fibres,
+)
+
+ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
+
+# What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
+SETTABLE = {"E": (0.0, math.inf), "nu": (-1.0, 0.5), "rho": (0.0, math.inf)}
+
+
+class Said(NamedTuple):
+    """A value after all numbers, how it came about, and what the user should know of it."""
+
+    value: MaterialValue
+    derivation: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def with_numbers(
+    part: str,
+    row: Material,
+    value: MaterialValue,
+    numbers: Sequence[Quantity],
+    *,
+    blend: Blend | None = None,
+    volume: float = 0.0,
+) -> Said:
+    """Return a row's value with all that was said in numbers.
+
+    A second matter and infill move what the table has, a hardness gives E; E, nu and rho come out
+    as they were said. ``volume`` [m^3] turns a mass into a density.
+    """
+    said = {number.measure: number for number in numbers}
+    how: list[str] = []
+    warnings: list[str] = []
+    if blend is not None:
+        fibre = next((name for name in FIBRES if name in blend.material), None)
+        if fibre is None:
+            warnings.append(
+                f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
+                "here: the values are those without it; state E and rho if you know them"
+            )
+        else:
+            value, line = with_fibres(value, fibre, blend.share)
+            how.append(line)
+    for measure, relation in (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d)):
+        if measure in said:
+            E, line = relation(said[measure].value)
+            value = value._replace(E=E, nu=RUBBER_NU if E < ELASTIC else value.nu)
+            how.append(line)
+    if "infill" in said:
+        value, line = of_infill(value, said["infill"].value)
+        how.append(line)
+    if "mass" in said:
+        value = _of_mass(part, row, value, said["mass"], volume, how, warnings)
+    if "thickness" in said:
+        warnings.append(
+            f"part {part!r}: {said['thickness'].text!r} changes nothing here: the geometry is "
+            "taken as it is (--part-wall hollows a part)"
+        )
+    exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
+    if exact:
+        how.append(", ".join(said[name].text for name in exact) + " as said")
+    return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
+
+
+def _of_mass(
+    part: str,
+    row: Material,
+    value: MaterialValue,
+    mass: Quantity,
+    volume: float,
+    how: list[str],
+    warnings: list[str],
+) -> MaterialValue:
+    """Density of a mass over the volume; where no matter of the kind has it, the row's, told."""
+    if not volume > 0:
+        warnings.append(f"part {part!r}: {mass.text!r} is not used: its volume is not known")
+        return value
+    rho = mass.value / volume
+    low, high = CATEGORIES[row.category].rho
+    if low <= rho <= high:
+        how.append(f"rho = {rho:.4g} kg/m3 from {mass.text} over {volume:.3g} m3")
+        return value._replace(rho=rho)
+    warnings.append(
+        f"part {part!r}: {mass.text!r} over {volume:.3g} m3 is {rho:.3g} kg/m3, which no "
+        f"{row.category} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
+    )
+    return value
+
+
+def _checked(part: str, value: MaterialValue, warnings: list[str]) -> MaterialValue:
+    """Return a value that a solver can take: E, rho > 0 and -1 < nu < .5."""
+    if value.nu >= 0.5 or value.nu <= -1:
+        kept = NU_CAP if value.nu >= 0.5 else -0.99
+        warnings.append(
+            f"part {part!r}: nu = {value.nu:g} is no elastic solid's (-1 < nu < 0.5): {kept:g} used"
+        )
+        value = value._replace(nu=kept)
+    return value
+
+
+def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Split PART:E=2e9,nu=.3,rho=1100 options into numbers by part; a wrong one is an error."""
+    found: dict[str, dict[str, float]] = {}
+    for option in options:
+        name, colon, rest = option.rpartition(":")
+        said = [item.partition("=") for item in rest.split(",")]
+        if not (colon and name.strip()) or {key.strip() for key, *_ in said} - set(FIELDS):
+            raise UsageError(f"wanted PART:E=2e9,nu=.3,rho=1100 (one or more), got {option!r}")
+        try:
+            numbers = {key.strip(): float(value) for key, _, value in said}
+        except ValueError as error:
+            raise UsageError(f"wanted numbers in SI units, got {option!r}: {error}") from error
+        for key, (low, high) in SETTABLE.items():
+            if key in numbers and not low < numbers[key] < high:
+                raise UsageError(f"{key} must lie between {low:g} and {high:g}, got {option!r}")
+        found.setdefault(name.strip(), {}).update(numbers)
+    return found

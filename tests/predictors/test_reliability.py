@@ -1,0 +1,40 @@
+"""Laws of certainty: a fit finds the law that made the answers; a curve counts what it is given."""
+
+import numpy as np
+import pytest
+from autophyx_tet.predictors.evaluation.reliability import Answer, curve, expected_error, fit
+from autophyx_tet.predictors.film.certainty import Calibration, log_odds
+
+
+def drawn(law: Calibration, count: int) -> list[Answer]:
+    """Answers that are right as often as a law says."""
+    rng = np.random.default_rng(0)
+    shares = rng.uniform(0.05, 0.999, count)
+    return [Answer(float(s), bool(rng.uniform() < law(s)), i) for i, s in enumerate(shares)]
+
+
+def test_a_fit_finds_the_law():
+    """To .1, about three deviations of 4,000 draws; what it then says is right that often."""
+    law = Calibration(0.5, -0.8)
+    given = drawn(law, 4000)
+    found = fit(given)
+    assert found == pytest.approx(law, abs=0.1)
+    said = np.array([found(answer.share) for answer in given])
+    right = [answer.right for answer in given]
+    assert expected_error(curve(said, right)) < 0.03
+    raw = np.array([answer.share for answer in given])
+    assert expected_error(curve(raw, right)) > 0.1
+
+
+def test_a_curve_counts():
+    bins = curve(np.array([0.05, 0.05, 0.95, 1.0]), [True, False, True, True])
+    assert [(b.count, b.right) for b in bins] == [(2, 0.5), (2, 1.0)]
+    assert expected_error(bins) == pytest.approx((2 * 0.45 + 2 * 0.025) / 4)
+
+
+def test_certainty_grows_with_the_share_and_is_never_whole():
+    law = Calibration(0.7, 0.2)
+    said = [law(share) for share in (0.0, 0.2, 0.5, 0.9, 1.0)]
+    assert said == sorted(said)
+    assert 0 < said[0] < said[-1] < 1
+    np.testing.assert_allclose(log_odds(np.array([0.5, 0.75])), [0, np.log(3)])

@@ -1,0 +1,105 @@
+"""Numbers, own materials and strictness, as options of ``assign``."""
+
+import json
+
+import autophyx_tet as apx
+import pytest
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.predictors.lookup.numbers import numbers_of_parts
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.io.own_materials import with_own_rows
+from autophyx_tet.toolkit.options import AssignOptions
+
+OWN = """
+[[material]]
+name = "house blend"
+category = "plastic"
+source = "measured by us"
+E = [2.0e9, 2.4e9]
+nu = 0.38
+rho = 1070
+aliases = ["oak"]
+"""
+
+
+def bar(name: str = "bar") -> TetMesh:
+    box = box_mesh((1, 0.2, 0.2), (2, 1, 1))
+    return TetMesh(box.points, box.tets, box.region, (name,))
+
+
+def assigned(text="", **options):
+    return apx.assign(bar(), text, options=AssignOptions(predictor="retrieval", cells=8, **options))
+
+
+def test_set_gives_exact_numbers_and_leaves_the_others():
+    found = assigned("oak", set=("bar:E=2e9,rho=1100",))
+    oak = load_table().exact("oak").value()
+    assert found.choices[0].value == (2e9, oak.nu, 1100.0)
+    assert "as set" in found.choices[0].derivation[0]
+
+
+def test_wrong_numbers_are_one_line():
+    for wrong in ("bar", "bar:", "bar:E", "bar:E=stiff", "bar:G=2e9", "bar:nu=.5", "bar:E=-1"):
+        with pytest.raises(UsageError, match=r"PART:E=|numbers in SI|must lie"):
+            numbers_of_parts([wrong])
+    with pytest.raises(UsageError, match="no part 'bra': its parts are bar; did you mean 'bar'"):
+        assigned("oak", set=("bra:E=2e9",))
+
+
+def test_own_rows_win(tmp_path):
+    """The same in TOML and CSV: own names and aliases come first, the table's others stay."""
+    toml, table = tmp_path / "own.toml", tmp_path / "own.csv"
+    toml.write_text(OWN)
+    table.write_text(
+        "name,category,E_min_Pa,E_max_Pa,nu_min,nu_max,rho_min,rho_max,source,aliases\n"
+        "house blend,plastic,2.0e9,2.4e9,.38,.38,1070,1070,measured by us,oak\n"
+    )
+    for path in (toml, table):
+        row = with_own_rows(path).exact("oak")
+        assert (row.name, row.E.max, row.nu.min) == ("house blend", 2.4e9, 0.38)
+        assert with_own_rows(path).exact("steel").E == load_table().exact("steel").E
+        for text in ("the bar is house blend", "oak"):
+            assert assigned(text, table=path).choices[0].material == "house blend"
+
+
+def test_own_rows_are_checked(tmp_path):
+    path = tmp_path / "own.toml"
+    for wrong, why in (
+        (OWN.replace("2.0e9", "2.0e15"), "min"),
+        (OWN.replace("1070", '"heavy"'), "wanted a number"),
+        (OWN.replace("plastic", "plastik"), "plastik"),
+        (OWN.replace('source = "measured by us"', ""), "no source"),
+        ("[[material]", "no TOML"),
+        ("material = 3", "wanted tables"),
+        ("", "no material"),
+    ):
+        path.write_text(wrong)
+        with pytest.raises((InputError, UsageError), match=why):
+            with_own_rows(path)
+    with pytest.raises(InputError, match="cannot read"):
+        with_own_rows(tmp_path / "nowhere.csv")
+
+
+def test_what_is_not_understood_is_told_everywhere(tmp_path, capsys):
+    """On stderr, in the JSON, and as an error of exit code 2 under --strict."""
+    write_mesh(tmp_path / "pot.msh", bar("pot"))
+    command = ["assign", str(tmp_path / "pot.msh"), "-o", str(tmp_path / "out.msh")]
+    command += ["--text", "the pot is blarg", "--predictor", "retrieval", "--cells", "8"]
+    assert main(command) == 0
+    assert "'blarg'" in capsys.readouterr().err
+    assert main([*command, "--json"]) == 0
+    printed = capsys.readouterr()
+    document = json.loads(printed.out)
+    assert any("'blarg'" in warning for warning in document["warnings"])
+    assert document["parts"][0]["understood"] is False
+    assert "'blarg'" in printed.err
+    (tmp_path / "out.msh").unlink()
+    assert main([*command, "--strict"]) == 2
+    assert "'blarg'" in capsys.readouterr().err
+    assert not (tmp_path / "out.msh").exists()
+    command[command.index("the pot is blarg")] = "the pot is oak"
+    assert main([*command, "--strict"]) == 0
