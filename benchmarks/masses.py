@@ -104,7 +104,7 @@ def weigh(thing: Mapping[str, Any], predictor: str) -> Iterator[Weighed]:
         options = AssignOptions(cells=CELLS, predictor=predictor)
         result = apx.assign(solid.mesh, thing[wording], options=options)
         row = result.part_rows()[0]
-        low, high = row.get("mass_interval", (row["mass"], row["mass"]))
+        low, high = row["mass_interval"]
         yield Weighed(
             name=thing["name"],
             half=thing["half"],
@@ -114,7 +114,7 @@ def weigh(thing: Mapping[str, Any], predictor: str) -> Iterator[Weighed]:
             low=low,
             high=high,
             water=WATER * float(solid.mesh.volumes.sum()),
-            why=f"{row['material']}; {row.get('construction', 'solid')}",
+            why=f"{row['material']}; {result.built[0].construction.sentence}",
         )
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from ...fem.scene.materials import Material, Span
-from .kinds import Kind, first_phrase, head_of_name, kinds_named, middle
+from ...fem.scene.materials import Material, MaterialTable, Span
+from .kinds import Kind, content_named, first_phrase, head_of_name, kinds_named, middle
 
 Form = Literal["solid", "walls in its shape", "shell", "unknown"]
 
@@ -21,6 +21,7 @@ ANY_WALL = Span(0.01, 0.1)
 # Full, but not to the brim, and the brim is not the top: of the room inside.
 FULL = Span(0.9, 1.0)
 EMPTY = Span(0.0, 0.0)  # air
+WATER = 1000.0  # kg/m^3: what a container may be full of
 # What is cast, moulded, rolled or blown may be hollow; stone, wood, food and foam are taken as
 # they look unless their name says that they are hollow.
 HOLLOWED = frozenset({"metal", "plastic", "glass-ceramic", "elastomer", "hard elastomer"})
@@ -47,6 +48,8 @@ class Construction:
         What decided.
     source
         Where the interval is from.
+    room_for
+        Density [kg/m^3] of what may be inside though nothing says so: of an interval of masses.
     """
 
     part: str
@@ -56,6 +59,7 @@ class Construction:
     inside: Span = EMPTY
     filling: str = ""
     source: str = ""
+    room_for: float = 0.0
 
     @property
     def thickness(self) -> float:
@@ -68,7 +72,8 @@ class Construction:
         if self.form != "shell" or self.wall is None:
             taken = "solid" if self.form == "unknown" else self.form
             return f"taken as {taken}: {self.why}"
-        held = f" full of {self.filling}" if self.filling else ""
+        full = "full of" if self.inside.min else "half full, maybe, of"
+        held = f" {full} {self.filling}" if self.filling else ""
         held = held or (f" around {middle(self.inside):.3g} kg/m3" if self.inside.max else "")
         return f"taken as a wall of {_millimetres(self.wall)}{held}: {self.why}"
 
@@ -91,9 +96,9 @@ class _Words:
 def usual_material(
     names: Sequence[str], object_names: Sequence[str], text: str
 ) -> tuple[str, str] | None:
-    """Kind of a thing so called, if it is hollow for certain, and the row it is usually made of."""
+    """Kind of a thing so called, and the row of the table that it is usually made of."""
     kinds = _Words(names, object_names, text).kinds()
-    return next(((kind.name, kind.material) for kind in kinds if kind.always), None)
+    return next(((kind.name, kind.material) for kind in kinds if kind.material), None)
 
 
 def construction_of(
@@ -108,6 +113,7 @@ def construction_of(
     solid: bool = False,
     filling: Material | None = None,
     in_mesh: bool = False,
+    contents: MaterialTable | None = None,
 ) -> Construction:
     """Return how a part is built.
 
@@ -124,6 +130,8 @@ def construction_of(
     wall, solid, filling, in_mesh
         What was said for certain: its wall [m], that it is solid, what it is full of; that the mesh
         has its walls already.
+    contents
+        What things are called after that may hold it, "milk carton"; of no use to the full.
     """
     part, words = names[0], _Words(names, object_names, text)
     if solid or in_mesh:
@@ -138,10 +146,17 @@ def construction_of(
         return Construction(part, "solid", "the text says so")
     kind = _of_material(words.kinds(), material)
     any_wall = Span(*(share * smallest_side for share in ANY_WALL))
-    if kind and (kind.always or words.said & _HOLLOW or filling):
-        held = inside if filling else kind.inside
-        return Construction(part, "shell", f"a {kind.name}", kind.wall, held, name, kind.source)
-    if words.said & _HOLLOW or filling:
+    hollow = bool(words.said & _HOLLOW) or filling is not None
+    if kind and kind.hollow == "never" and not hollow:
+        return Construction(part, "solid", f"a {kind.name} is solid", source=kind.source)
+    if kind and kind.hollow != "never" and (kind.hollow == "always" or hollow):
+        named = Construction(
+            part, "shell", f"a {kind.name}", kind.wall, kind.inside, "", kind.source
+        )
+        if filling:
+            return replace(named, inside=inside, filling=name)
+        return _maybe_full(named, kind, words, contents) if kind.holds else named
+    if hollow:
         why = "it is said to be full" if filling else "it is said to be hollow"
         guess = "judgement: 1 to 10 % of the smallest side"
         return Construction(part, "shell", why, any_wall, inside, name, guess)
@@ -151,6 +166,20 @@ def construction_of(
     if material.category in HOLLOWED:
         return Construction(part, "unknown", "nothing says whether it is hollow", any_wall)
     return Construction(part, "solid", f"{material.name} is taken as it looks")
+
+
+def _maybe_full(
+    built: Construction, kind: Kind, words: _Words, contents: MaterialTable | None
+) -> Construction:
+    """A container of which nothing says whether it is full: half, of what it is called after."""
+    if "empty" in words.said:
+        return built
+    heads = [head for head in words.heads if head and kind in kinds_named(head)]
+    found = contents and next((row for h in heads if (row := content_named(h, contents))), None)
+    if not found:
+        return replace(built, room_for=WATER)
+    most = FULL.max * found.rho.max
+    return replace(built, inside=Span(0.0, most), filling=found.name)
 
 
 def _of_material(kinds: Sequence[Kind], material: Material) -> Kind | None:

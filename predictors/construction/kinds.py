@@ -1,4 +1,4 @@
-"""Kinds of things that are hollow: their walls, what is in them, and the words that name them.
+"""Kinds of things: their walls if they are hollow, what is in them, the words that name them.
 
 A thing is what the head of its name says: a bottle opener is no bottle, an object no box. So a
 kind's words must end the name ("water_bottle_02"), or the first noun phrase of a sentence ("an
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -24,10 +25,13 @@ PATH = Path(__file__).parents[2] / "fem" / "data" / "walls.csv"
 # Where a noun phrase ends: words of grammar, a closed class, and what says that it is full.
 _ENDS = frozenset(
     "of with without is are was be made full filled containing holding storing in on for and or "
-    "from that which has have having to by as at under over its whose weighing".split()
+    "from that which has have having to by as at under over its whose weighing "
+    "covered coated wrapped painted lined attached mounted".split()
 )
 _BEFORE = re.compile(r"^\W*((this|it|there|that|here)\s+is\s+|an image of\s+)?", re.IGNORECASE)
 _FULL = re.compile(r"\b(?:full of|filled with|holding|containing)\s+([\w\s-]+)", re.IGNORECASE)
+_OF = re.compile(r"^[\w\s-]*?\bof\s+([\w\s-]+)", re.IGNORECASE)
+_GENERIC = frozenset({"drink", "beverage", "food"})  # words for anything that one may hold
 # Behind the head of a name: what modellers append to it.
 _TAIL = frozenset(
     "mesh geo geometry obj object model body main outer outside shell low high poly lowpoly "
@@ -36,22 +40,26 @@ _TAIL = frozenset(
 )
 
 
+Hollow = Literal["always", "often", "never"]
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of thing: ``wall`` [m], mean density ``inside`` [kg/m^3], and the usual ``material``.
 
-    ``always`` it is hollow, or as often as not; only of materials of ``category``, where one is
-    given; ``words`` are stems, phrase by phrase.
+    Only of materials of ``category``, where one is given; ``words`` are stems, phrase by phrase. It
+    ``holds`` something, as a bottle does, or stands for itself, as a ball.
     """
 
     name: str
     words: tuple[tuple[str, ...], ...]
     wall: Span
     inside: Span
-    always: bool
+    hollow: Hollow
     category: str
     material: str
     source: str
+    holds: bool = False
 
 
 @lru_cache(maxsize=1)
@@ -61,20 +69,22 @@ def load_kinds() -> tuple[Kind, ...]:
         return tuple(_read(row, line) for line, row in enumerate(csv.DictReader(file), 2))
 
 
-def _read(row: dict[str, str], line: int) -> Kind:
-    wall = Span(float(row["wall_min_m"]), float(row["wall_max_m"]))
+def _read(row: dict[str, Any], line: int) -> Kind:
+    wall = Span(float(row["wall_min_m"] or 0), float(row["wall_max_m"] or 0))
     inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
-    if not 0 < wall.min <= wall.max or not 0 <= inside.min <= inside.max:
-        raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of the wall")
+    walled = row["hollow"] != "never"
+    if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
+        raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
     return Kind(
         name=row["name"],
         words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
         wall=wall,
         inside=inside,
-        always=row["hollow"] == "always",
+        hollow=row["hollow"],
         category=row["category"],
         material=row["material"],
         source=row["source"],
+        holds=row["holds"] == "yes",
     )
 
 
@@ -118,12 +128,28 @@ def first_phrase(text: str) -> list[str]:
     return stems
 
 
-def contents_of(text: str, contents: MaterialTable) -> Material | None:
-    """What a text says that a thing is full of: the longest phrase that ends what stands there."""
-    found = _FULL.search(text)
-    if not found:
-        return None
-    words = found.group(1).split()
+def contents_of(text: str, contents: MaterialTable, materials: MaterialTable) -> Material | None:
+    """What a text says that a thing is full of: "full of beans", "a can of beans".
+
+    What is a material too stands after "of" for that: "a box of paper", "a bottle of glass".
+    """
+    full, of = _FULL.search(text), _OF.search(text)
+    if full:
+        return _last_phrase(full.group(1), contents)
+    found = _last_phrase(of.group(1), contents) if of else None
+    known = found and {key(name) for name in (found.name, *found.aliases)} & set(materials.phrases)
+    return found if of and not known and kinds_named(first_phrase(text)) else None
+
+
+def content_named(stems: Sequence[str], contents: MaterialTable) -> Material | None:
+    """What stands before the head of a name that is called after it: of "milk carton", milk."""
+    before = stems[-2] if len(stems) > 1 else ""
+    return None if before in _GENERIC else contents.phrases.get(before)
+
+
+def _last_phrase(text: str, contents: MaterialTable) -> Material | None:
+    """The longest phrase of a table that ends the first phrase of a text."""
+    words = text.split()
     ends = [i for i, word in enumerate(words) if word.lower() in _ENDS]
     words = words[: min(ends, default=len(words))]
     phrases = (key(" ".join(words[i:])) for i in range(len(words)))

@@ -1,17 +1,18 @@
 """What is hollow: by its words, its shape and its material."""
 
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.materials import load_contents, load_table
 from autophyx_tet.predictors.construction.construction import construction_of, usual_material
 from autophyx_tet.predictors.construction.kinds import (
+    contents_of,
     first_phrase,
     head_of_name,
     kinds_named,
     load_kinds,
 )
-from autophyx_tet.predictors.construction.masses import mass_interval
+from autophyx_tet.predictors.construction.masses import SHAPE, densities_of, mass_interval
 
-TABLE = load_table()
+TABLE, CONTENTS = load_table(), load_contents()
 STEEL = TABLE.exact("steel")
 
 
@@ -61,7 +62,7 @@ def test_the_first_phrase_of_a_text_says_what_it_is():
 def test_every_kind_has_a_material_of_the_table():
     """Each usual material is a row, of the kind's own category where it has one."""
     for row in load_kinds():
-        assert not row.always or row.material, row.name
+        assert row.hollow == "often" or row.material, row.name
         if row.material:
             category = TABLE.exact(row.material).category
             assert row.category in ("", category), row.name
@@ -79,7 +80,7 @@ def test_who_decides():
     assert of("a steel can", hull_share=0.2).form == "walls in its shape"
     assert of("a solid steel can").form == "solid"
     assert of("a steel can").form == "shell"
-    assert of("a hollow steel boule", smallest_side=0.1).wall == pytest.approx((0.001, 0.01))
+    assert of("a hollow steel sphere", smallest_side=0.1).wall == pytest.approx((0.001, 0.01))
     assert of("a steel box").form == "unknown"
     assert of("a hollow steel box").form == "shell"
     assert of("a steel bracket").form == "unknown"
@@ -94,7 +95,8 @@ def test_a_bottle_is_as_thick_as_its_material_allows():
     glass, plastic = of("a bottle", material="glass"), of("a bottle", material="PET")
     assert glass.wall.min > plastic.wall.max
     assert usual_material(["body"], (), "a wine bottle") == ("glass bottle", "soda-lime glass")
-    assert usual_material(["body"], (), "a chair") is None
+    assert usual_material(["body"], (), "a thing") is None
+    assert of("a steel bolt").form == "solid"
 
 
 def test_intervals_of_masses():
@@ -104,12 +106,36 @@ def test_intervals_of_masses():
         return 1 - (1 - 2 * wall) ** 3
 
     def masses(construction):
-        return mass_interval(construction, STEEL, rho=7850.0, volume=1.0, wall_volume=wall_volume)
+        rho = densities_of(STEEL, 7850.0, guessed=False, table=TABLE)
+        return mass_interval(construction, rho, volume=1.0, wall_volume=wall_volume)
 
     rho = STEEL.rho
-    assert masses(of(solid=True)) == (min(rho.min, 7850), max(rho.max, 7850))
-    told = masses(of(wall=0.001))
-    assert told.low == pytest.approx(wall_volume(0.001) * min(rho.min, 7850))
+    low, high = (1 - SHAPE) * min(rho.min, 7850), (1 + SHAPE) * max(rho.max, 7850)
+    assert masses(of(solid=True)) == pytest.approx((low, high))
+    assert masses(of(wall=0.001)).low == pytest.approx(wall_volume(0.001) * low)
     unknown = masses(of("a steel bracket"))
-    assert unknown.low == pytest.approx(wall_volume(0.01) * min(rho.min, 7850))
-    assert unknown.high == max(rho.max, 7850)
+    assert unknown == pytest.approx((wall_volume(0.01) * low, high))
+    drum = masses(of("a steel drum"))
+    assert drum.high > 1000 > 100 > masses(of("an empty steel drum")).high
+    anything = densities_of(STEEL, 7850.0, guessed=True, table=TABLE)
+    assert anything.min <= 300 < 7800 <= anything.max
+
+
+def test_contents():
+    """What it is full of; what it is a can of, if that is no material; what it is named for."""
+    rows = {
+        "a metal can full of ground coffee": "ground coffee (contents)",
+        "a bottle of wine on a table": "wine (contents)",
+        "a can of beans": "beans (contents)",
+        "a bottle of glass": None,
+        "a coffee table of oak": None,
+        "a steel bolt": None,
+    }
+    found = {text: contents_of(text, CONTENTS, TABLE) for text in rows}
+    assert {text: row and row.name for text, row in found.items()} == rows
+    carton = of("a milk carton", material="paper and cardboard", contents=CONTENTS)
+    assert carton.filling == "milk (contents)"
+    assert carton.inside.min == 0
+    assert "maybe" in carton.sentence
+    assert not of("an empty milk carton", contents=CONTENTS).filling
+    assert not of("a drink can", contents=CONTENTS).filling

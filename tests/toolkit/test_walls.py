@@ -39,7 +39,7 @@ def test_the_name_of_a_hollow_thing_is_enough():
     """A can is no block of metal; told to be solid it is; either way the interval holds it."""
     can = assigned("an aluminium can")
     low, high = can.mass_interval()
-    assert low <= can.mesh.mass <= high < 0.05  # kg
+    assert low <= can.mesh.mass < 0.05 < high < 0.7  # kg: empty, though it may be full
     solid = assigned("an aluminium can", WallOptions(solid=True))
     assert solid.mesh.mass == pytest.approx(2700 * np.prod(CAN), rel=0.05)
     assert can.document()["mass_interval"] == [low, high]

@@ -180,5 +180,9 @@ def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tu
         for number, part in enumerate(asset.parts)
         if number not in walls
         and part.name in mesh.region_names
-        and any(kinds_named(head_of_name(name)) for name in (part.name, *part.labels, asset.name))
+        and any(_shell_likely(name) for name in (part.name, *part.labels, asset.name))
     )
+
+
+def _shell_likely(name: str) -> bool:
+    return any(kind.hollow != "never" for kind in kinds_named(head_of_name(name)))

@@ -20,9 +20,9 @@ from ...predictors.construction.construction import (
     usual_material,
 )
 from ...predictors.construction.kinds import contents_of, middle
-from ...predictors.construction.masses import MassInterval, mass_interval
+from ...predictors.construction.masses import MassInterval, densities_of, mass_interval
 from ...predictors.field import MaterialField
-from ...predictors.prediction import PartChoice
+from ...predictors.prediction import GUESS, PartChoice
 from ..io.sidecar import Sidecar
 from ..surfaces.layer import hull_share, wall_share
 from .wall_options import EVERY, WallOptions
@@ -199,14 +199,17 @@ def build_parts(
 
 def _built(body: Body, choice: PartChoice, names: Mapping[str, Any], said: dict) -> BuiltPart:
     shape = {"hull_share": body.hull_share(), "smallest_side": body.smallest_side}
-    said = {**said, "filling": said["filling"] or contents_of(names["text"], load_contents())}
-    construction = construction_of(material=choice.row, **names, **shape, **said)
+    table, contents = load_table(), load_contents()
+    said = {**said, "filling": said["filling"] or contents_of(names["text"], contents, table)}
+    construction = construction_of(material=choice.row, contents=contents, **names, **shape, **said)
     shares = {wall: body.share(wall) for wall in dict.fromkeys(construction.wall or ())}
     rho, volume = choice.value.rho, body.volume
     interval = mass_interval(
-        construction, choice.row, rho=rho, volume=volume,
+        construction,
+        densities_of(choice.row, rho, guessed=choice.weight < GUESS, table=table),
+        volume=volume,
         wall_volume=lambda wall: shares[wall].volume * volume,
-    )  # fmt: skip
+    )
     built = BuiltPart(construction, interval, solid_mass=rho * volume)
     if construction.form != "shell":
         return built
