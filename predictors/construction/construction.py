@@ -175,8 +175,9 @@ def _maybe_full(
     if "empty" in words.said:
         return built
     heads = [head for head in words.heads if head and kind in kinds_named(head)]
-    found = contents and next((row for h in heads if (row := content_named(h, contents))), None)
-    if not found:
+    rows = [content_named(head, contents) for head in heads] if contents else []
+    found = next(filter(None, rows), None)
+    if found is None:
         return replace(built, room_for=WATER)
     most = FULL.max * found.rho.max
     return replace(built, inside=Span(0.0, most), filling=found.name)
