@@ -148,7 +148,7 @@ def construction_of(
     any_wall = Span(*(share * smallest_side for share in ANY_WALL))
     hollow = bool(words.said & _HOLLOW) or filling is not None
     if kind and kind.hollow == "never" and not hollow:
-        return Construction(part, "solid", f"a {kind.name} is solid", source=kind.source)
+        return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
     if kind and kind.hollow != "never" and (kind.hollow == "always" or hollow):
         named = Construction(
             part, "shell", f"a {kind.name}", kind.wall, kind.inside, "", kind.source
@@ -161,7 +161,7 @@ def construction_of(
         guess = "judgement: 1 to 10 % of the smallest side"
         return Construction(part, "shell", why, any_wall, inside, name, guess)
     if kind:
-        why = f"a {kind.name} is hollow as often as not"
+        why = f"the kind {kind.name!r} is hollow as often as not"
         return Construction(part, "unknown", why, kind.wall, kind.inside, "", kind.source)
     if material.category in HOLLOWED:
         return Construction(part, "unknown", "nothing says whether it is hollow", any_wall)
