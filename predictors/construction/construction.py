@@ -144,22 +144,29 @@ def construction_of(
         return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
     if words.said & _SOLID:
         return Construction(part, "solid", "the text says so")
-    kind = _of_material(words.kinds(), material)
+    kind, hollow = _of_material(words.kinds(), material), bool(words.said & _HOLLOW)
+    if kind and kind.hollow == "always" and not filling and kind.holds:
+        return _maybe_full(_shell(part, kind), kind, words, contents)
+    if kind and (kind.hollow == "always" or (kind.hollow == "often" and (hollow or filling))):
+        shell = _shell(part, kind)
+        return replace(shell, inside=inside, filling=name) if filling else shell
     any_wall = Span(*(share * smallest_side for share in ANY_WALL))
-    hollow = bool(words.said & _HOLLOW) or filling is not None
-    if kind and kind.hollow == "never" and not hollow:
-        return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
-    if kind and kind.hollow != "never" and (kind.hollow == "always" or hollow):
-        named = Construction(
-            part, "shell", f"a {kind.name}", kind.wall, kind.inside, "", kind.source
-        )
-        if filling:
-            return replace(named, inside=inside, filling=name)
-        return _maybe_full(named, kind, words, contents) if kind.holds else named
-    if hollow:
+    if hollow or filling:
         why = "it is said to be full" if filling else "it is said to be hollow"
         guess = "judgement: 1 to 10 % of the smallest side"
         return Construction(part, "shell", why, any_wall, inside, name, guess)
+    return _undecided(part, kind, material, any_wall)
+
+
+def _shell(part: str, kind: Kind) -> Construction:
+    why = f"the kind {kind.name!r}"
+    return Construction(part, "shell", why, kind.wall, kind.inside, source=kind.source)
+
+
+def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span) -> Construction:
+    """What nothing says to be hollow: solid by its kind or its material, or nobody knows."""
+    if kind and kind.hollow == "never":
+        return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
     if kind:
         why = f"the kind {kind.name!r} is hollow as often as not"
         return Construction(part, "unknown", why, kind.wall, kind.inside, "", kind.source)
