@@ -17,7 +17,13 @@ from .discrete.strain import von_mises
 from .scene.mesh import TetMesh, material_of
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
-LOCKING = 0.45
+LOCKING = 0.4
+
+
+def locking_share(mesh: TetMesh) -> float:
+    """Share of the volume of ``mesh`` that plain linear tets make too stiff: nu above 0.4."""
+    volumes = mesh.volumes
+    return float(volumes[material_of(mesh).nu > LOCKING].sum() / volumes.sum())
 
 
 class DiscretisationError(NamedTuple):
@@ -64,6 +70,8 @@ class StaticResult:
         Relative residual of the linear system, and iterations (0: direct).
     solver
         What solved the linear system, and what was tried before in vain.
+    averaged
+        Whether linear elements had their pressures averaged around the nodes.
     """
 
     mesh: TetMesh
@@ -78,6 +86,7 @@ class StaticResult:
     residual: float
     iterations: int
     solver: str = ""
+    averaged: bool = False
 
     @property
     def order(self) -> int:
@@ -91,11 +100,8 @@ class StaticResult:
 
     @property
     def locking_share(self) -> float:
-        """Share of the volume that P1 makes too stiff: nu above 0.45; zero for P2."""
-        if self.order == 2:
-            return 0.0
-        volumes = self.mesh.volumes
-        return float(volumes[material_of(self.mesh).nu > LOCKING].sum() / volumes.sum())
+        """Share of the volume that plain P1 tets make too stiff: nu above 0.4; else zero."""
+        return 0.0 if self.order == 2 or self.averaged else locking_share(self.mesh)
 
     @property
     def max_strain(self) -> float:
@@ -205,11 +211,17 @@ class MotionResult:
         States at equal intervals ``dt`` [s], the start first.
     points
         Number of mesh points: the first rows of every frame.
+    order
+        Order of the elements: 1 or 2.
+    locking_share
+        Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
     """
 
     frames: tuple[Motion, ...]
     dt: float
     points: int
+    order: int = 1
+    locking_share: float = 0.0
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

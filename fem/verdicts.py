@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .result import LoadFactor, Modes, MotionResult, SagResult
+from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
 from .scene.material import wave_speed
 from .scene.mesh import TetMesh, altitudes, material_of
@@ -135,6 +135,21 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
     )  # fmt: skip
 
 
+def locking(result: StaticResult | MotionResult) -> Check:
+    """Whether the elements stand nearly incompressible materials."""
+    share, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
+    used = "quadratic elements" if result.order == 2 else "linear elements"
+    used += " with pressures averaged around the nodes" if averaged else ""
+    if share == 0:
+        sentence = f"The elements suit the material: {used}."
+    else:
+        sentence = (
+            f"The answer is too stiff: {used} lock where nu is above {LOCKING:g}, "
+            f"{share:.0%} of the volume."
+        )
+    return Check("locking", share == 0, share, 0.0, sentence)
+
+
 def no_penetration(motion: MotionResult) -> Check:
     """Whether the body kept its distance from every obstacle."""
     gap = motion.smallest_gap
@@ -191,6 +206,7 @@ def static_checks(result: SagResult) -> tuple[Check, ...]:
         holds_shape(result),
         *stable,
         discretisation(result),
+        locking(result.static),
         explicit_step(mesh),
         usual_size(mesh),
     )

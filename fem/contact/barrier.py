@@ -106,17 +106,27 @@ class Contact:
             y, over, _ = self._slip(u, lag)
             out[self.nodes] += (lag.force * over)[:, None] * y
 
-    def add_hessian(self, u: np.ndarray, out: np.ndarray) -> None:
-        """Add the positive part of the Hessian [N/m] to the blocks ``out`` (nodes, 3, 3)."""
+    def add_hessian(self, u: np.ndarray, out: np.ndarray, *, sharp: bool = False) -> None:
+        """Add the positive part of the Hessian [N/m] to the blocks ``out`` (nodes, 3, 3).
+
+        Of friction a bound, with which Newton creeps but never overshoots; ``sharp``: friction's
+        own, with which it arrives at once from near by.
+        """
         for d in self._distances(u):
             s = np.maximum(d.gap / self.thickness, 1e-300)
             bend = -2 * np.log(s) - 4 * (s - 1) / s + ((s - 1) / s) ** 2
             curve = np.where(s < 1, self.weight * bend, 0.0) / self.thickness**2
             out[self.nodes] += curve[:, None, None] * _outer(d.normal)
         for lag in self.lagged:
-            _, over, _ = self._slip(u, lag)
-            flat = np.eye(3) - _outer(lag.normal)
-            out[self.nodes] += (lag.force * over)[:, None, None] * flat
+            y, over, _ = self._slip(u, lag)
+            size = np.linalg.norm(y, axis=1)
+            limit = self.stick * self.step
+            along = y / np.where(size > 0, size, 1.0)[:, None]
+            bend = np.where(size < limit, 2 * (1 - size / limit) / limit, 0.0) - over
+            flat = over[:, None, None] * (np.eye(3) - _outer(lag.normal))
+            if sharp:  # a slide is pushed back across its direction only
+                flat += bend[:, None, None] * _outer(along)
+            out[self.nodes] += lag.force[:, None, None] * flat
 
     def _slope(self, gap: np.ndarray) -> np.ndarray:
         """Derivative of the barrier energy by the distance [N], not positive."""

@@ -72,7 +72,7 @@ def drop(
     frames: int = FRAMES,
     law: str = Law.NEO_HOOKEAN,
     scheme: Scheme = Scheme.IMPLICIT_EULER,
-    order: int = 1,
+    order: int | None = None,
     device: str = "cpu",
     progress: FrameProgress | None = None,
 ) -> MotionResult:

@@ -77,7 +77,7 @@ def squeeze(
     friction: float = 0.5,
     frames: int = FRAMES,
     law: str = Law.NEO_HOOKEAN,
-    order: int = 1,
+    order: int | None = None,
     device: str = "cpu",
     progress: FrameProgress | None = None,
 ) -> MotionResult:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..result import DiscretisationError, StaticResult
+from ..result import LOCKING, DiscretisationError, StaticResult
 from ..scene.mesh import TetMesh, material_of
 
 # Unknowns of a P2 solve above which the gap is estimated instead.
@@ -25,6 +25,12 @@ def p2_unknowns(mesh: TetMesh) -> int:
 def affordable_order(mesh: TetMesh) -> int:
     """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
     return 2 if p2_unknowns(mesh) <= LARGEST_P2 else 1
+
+
+def motion_order(mesh: TetMesh) -> int:
+    """Linear elements for a motion, but quadratic ones where linear ones lock, if affordable."""
+    locks = (material_of(mesh).nu > LOCKING).any()
+    return affordable_order(mesh) if locks else 1
 
 
 def find_discretisation_error(

@@ -21,12 +21,13 @@ from ..discrete.space import Space, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.reused import RepeatedSolver
-from ..result import Motion, MotionResult
+from ..result import Motion, MotionResult, locking_share
 from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count, checked_positive, checked_rows, checked_vector
+from .discretisation_error import motion_order
 from .method import FrameProgress
 from .newton import minimise
 from .potential import Damping, Incremental, Rayleigh
@@ -63,7 +64,8 @@ class Dynamics:
     velocity
         Initial velocity [m/s], (3,) or (nodes, 3).
     law, order, scheme, damping
-        Name of the elastic law, order of the elements, time integration, Rayleigh damping.
+        Name of the elastic law, order of the elements (None: as ``motion_order`` says), time
+        integration, Rayleigh damping.
     tolerance
         Residual of a step over the external and inertial force.
     """
@@ -81,14 +83,14 @@ class Dynamics:
         thickness: float | None = None,
         velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         law: str = Law.NEO_HOOKEAN,
-        order: int = 1,
+        order: int | None = None,
         scheme: Scheme = Scheme.IMPLICIT_EULER,
         damping: Damping | None = None,
         tolerance: float = TOLERANCE,
         device: str = "cpu",
     ) -> None:
         self.mesh, self.scheme, self.tolerance = mesh, scheme, tolerance
-        grid = discretise(mesh, order, checked_device(device))
+        grid = discretise(mesh, order or motion_order(mesh), checked_device(device))
         self.space = grid.space
         self.body = ElasticBody(grid, material_of(mesh), law)
         self.mass = lumped_mass(mesh, grid.space)
@@ -230,7 +232,7 @@ def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
 
 
 class DynamicMethod:
-    """Motion of a scene, by default of linear elements of the neo-Hookean law."""
+    """Motion of a scene under the neo-Hookean law, by default with elements that do not lock."""
 
     laws: tuple[str, ...] = ()
 
@@ -247,13 +249,15 @@ class DynamicMethod:
         """Follow the scene for its duration, one step of ``scheme`` a frame."""
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
-        body = _body_of(scene, law or Law.NEO_HOOKEAN, order or 1, device, scheme)
+        order = order or motion_order(scene.mesh)
+        body = _body_of(scene, law or Law.NEO_HOOKEAN, order, device, scheme)
         states = [body.state]
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
             if progress is not None:
                 progress(frame, frames)
-        return MotionResult(tuple(states), dt, len(scene.mesh.points))
+        locking = locking_share(scene.mesh) if order == 1 else 0.0
+        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locking)
 
 
 METHOD = DynamicMethod()

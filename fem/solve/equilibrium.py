@@ -12,11 +12,14 @@ import numpy as np
 from ..contact.barrier import barrier_thickness
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
-from ..result import LoadFactor, SagResult, StaticResult
+from ..result import LoadFactor, SagResult, StaticResult, locking_share
+from ..scene.mesh import TetMesh
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
+from ..scene.supports import Supports
 from .discretisation_error import affordable_order, find_discretisation_error
 from .method import FrameProgress
+from .nodal_pressure import solve_averaged
 from .nonlinear import solve_nonlinear
 from .stability import find_load_factor
 from .statics import solve_static
@@ -70,7 +73,10 @@ class StaticMethod:
             "device": device,
         }
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
-        static = solve(order=order or affordable_order(scene.mesh))
+        given, order = order, order or affordable_order(scene.mesh)
+        if given is None and order == 1 and locking_share(scene.mesh) > 0:
+            solve = partial(_solve_unlocked, scene.mesh, scene.held, **loads)
+        static = solve(order=order)
         error = find_discretisation_error(static, solve, warnings)
         factor, trusted = _load_factor(scene, static, warnings), True
         if law is None or LAWS[law].finite:
@@ -85,6 +91,13 @@ class StaticMethod:
 
 
 METHOD = StaticMethod()
+
+
+def _solve_unlocked(mesh: TetMesh, held: Supports, *, order: int, **loads: Any) -> StaticResult:
+    """Linear elements with averaged pressures, where quadratic ones are not affordable."""
+    if order == 1:
+        return solve_averaged(mesh, held, **loads)
+    return solve_static(mesh, held, order=order, **loads)
 
 
 def _check_load(scene: Scene) -> None:

@@ -122,4 +122,5 @@ def solve_averaged(
         stress=plain.stress + lift[:, None, None] * np.eye(3),
         reaction=np.where(held.fixed, internal - load, 0.0) - held.springs * u,
         energy=float((u * internal).sum() / 2),
+        averaged=True,
     )

@@ -16,6 +16,7 @@ from ..discrete.constraints import apply_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.mass import lumped_mass
 from ..discrete.quadrature import element_points
+from ..discrete.space import EDGES
 from ..discrete.strain import displacement_gradients
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -189,8 +190,9 @@ def _find_rest(
 
 
 def _check_orientation(grid: Discretisation, u: np.ndarray) -> None:
-    """Raise if a tet is inside out anywhere: in the corners, or where it was integrated."""
-    where = np.concatenate([np.eye(4), element_points(grid.space.order)])
+    """Raise if a tet is inside out in a corner, along an edge, or where it was integrated."""
+    middles = np.eye(4)[EDGES].mean(axis=1)
+    where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
     J = np.linalg.det(displacement_gradients(grid, u, where) + np.eye(3)).min(axis=1)
     if not (J > 0).all():
         raise ConvergenceError(

@@ -13,6 +13,8 @@ from .newton import Point
 
 # Forces of inertia and elasticity are known to this share of what |u| would make of them.
 ROUND_OFF = 2e-15
+# Forces balanced to this share: near enough for the Hessian of friction itself.
+NEAR = 1e-2
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class Incremental:
         self.of, self.target, self.dt = body, target, dt
         self.inertia = factor * body.mass[:, None]
         self.start = body.state.u
+        self.near: np.ndarray | None = None  # where friction's own Hessian is to be trusted
         known = ROUND_OFF * np.linalg.norm((self.inertia + body.rigidity) * target)
         self.least = max(body.noise, float(known) / body.tolerance)
 
@@ -50,7 +53,9 @@ class Incremental:
             gradient += of.damping.force(u - self.start, self.dt)
         gradient[of.held.fixed] = 0.0
         scale = max(float(np.linalg.norm(f)) for f in (of.load, push, contact))
-        return Point(energy, gradient, max(scale, self.least))
+        found = Point(energy, gradient, max(scale, self.least))
+        self.near = u if found.residual <= NEAR * found.scale else None
+        return found
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
@@ -59,7 +64,7 @@ class Incremental:
         if of.damping:
             of.damping.add_to(matrix, self.dt)
         blocks = (self.inertia + of.held.springs)[:, :, None] * np.eye(3)
-        of.contact.add_hessian(u, blocks)
+        of.contact.add_hessian(u, blocks, sharp=self.near is u and not projected)
         add_diagonal(matrix, blocks)
         apply_supports(matrix, of.held.fixed)
         return matrix

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.scenarios.drop import drop
+from autophyx_tet.fem.scenarios.sag import sag
+from autophyx_tet.fem.scenarios.squeeze import squeeze
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.verdicts import locking
 
 from .bodies import faces_at, shaken_box, with_uniform
 
@@ -59,3 +63,47 @@ def test_locking_share():
     share = mesh.volumes[nu > 0.45].sum() / mesh.volume
     assert solve_static(body, held, order=1).locking_share == pytest.approx(share)
     assert solve_static(body, held, order=2).locking_share == 0
+
+
+def _pad(cells):
+    return with_uniform(box_mesh((0.1, 0.1, 0.03), cells), E=1e6, nu=0.495, rho=1100.0)
+
+
+def test_a_squeezed_rubber_pad_does_not_lock():
+    """Plates on a pad of nu = .495: within 5 % of a refined quadratic answer; P1 locks."""
+    press = lambda cells, order: squeeze(  # noqa: E731
+        _pad(cells), axis="z", share=0.02, friction=0.5, frames=3, order=order
+    )
+    chosen, linear, fine = press((3, 3, 1), None), press((3, 3, 1), 1), press((4, 4, 2), 2)
+    force = [-r.obstacle_forces[-1, 1, 2] for r in (chosen, linear, fine)]
+    assert chosen.order == 2
+    assert force[0] == pytest.approx(force[2], rel=0.05)
+    assert force[1] > 1.1 * force[2]
+    assert locking(chosen).passed
+    assert "quadratic" in locking(chosen).sentence
+    assert not locking(linear).passed
+    assert "100% of the volume" in locking(linear).sentence
+
+
+@pytest.mark.slow
+def test_a_dropped_rubber_pad_does_not_lock():
+    """The largest force of a drop of nu = .495 is within 5 % of a refined quadratic answer."""
+    peaks = [
+        drop(_pad(cells), height=0.05, frames=60, order=order).obstacle_forces[:, 0, 2].max()
+        for cells, order in (((3, 3, 1), None), ((6, 6, 2), 2))
+    ]
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.05)
+
+
+def test_averaged_pressures_where_quadratic_elements_are_not_affordable(monkeypatch):
+    """Above the limit of P2 a body of nu = .49 sags as P2 says, not as P1 does."""
+    mesh = with_uniform(box_mesh((0.2, 0.2, 0.1), (6, 6, 4)), E=1e5, nu=0.49, rho=1000.0)
+    fine = sag(mesh, law="linear")
+    linear = sag(mesh, order=1, law="linear")
+    monkeypatch.setattr("autophyx_tet.fem.solve.discretisation_error.LARGEST_P2", 0)
+    averaged = sag(mesh, law="linear")
+    assert averaged.static.averaged
+    assert averaged.static.locking_share == 0 < linear.static.locking_share
+    off = [abs(r.max_displacement / fine.max_displacement - 1) for r in (averaged, linear)]
+    assert off[0] < 0.5 * off[1]
+    assert "averaged around the nodes" in locking(averaged.static).sentence

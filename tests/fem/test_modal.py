@@ -110,3 +110,12 @@ def test_modes_of_a_standing_body_use_the_factor_of_its_statics(monkeypatch):
     (known,) = factor._RECENT
     natural_modes(mesh, 3, supports=held)
     assert factor._RECENT == [known]
+
+
+def test_free_modes_of_two_pieces():
+    """Two free cubes side by side ring as one does, every vibration twice: no zero among them."""
+    cube = shaken_box(cells=(2, 2, 2), E=1e6, rho=1e3)
+    both = merged(cube, type(cube)(cube.points + np.array([3.0, 0, 0]), cube.tets, cube.region))
+    both = with_uniform(both, E=1e6, nu=0.3, rho=1e3)
+    alone = natural_modes(cube, 3).frequencies
+    assert natural_modes(both, 6).frequencies == pytest.approx(np.repeat(alone, 2), rel=1e-6)

@@ -92,8 +92,7 @@ def soft_column(E, cells):
     return shaken_box((0.2, 0.2, 1.0), cells, E=E, nu=0.3, rho=1000, amount=0)
 
 
-@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_soft_column_lies_on_the_ground(order):
+def test_a_soft_column_lies_on_the_ground():
     """E = 2e4 Pa stands a twentieth of its weight: it bends over and lies, above the ground.
 
     Clamp and ground carry its weight together, and no tet is inside out.
@@ -101,7 +100,7 @@ def test_a_soft_column_lies_on_the_ground(order):
     mesh = soft_column(2e4, (2, 2, 8))
     held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
     ground = Plane((0.0, 0.0, -1e-3))
-    options = {"gravity_vector": (0, 0, -9.81), "order": order, "obstacles": [ground]}
+    options = {"gravity_vector": (0, 0, -9.81), "order": 1, "obstacles": [ground]}
     result = solve_nonlinear(mesh, held, **options)
     lies = mesh.points + result.displacement
     assert lies[:, 2].min() > -1e-3

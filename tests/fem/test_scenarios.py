@@ -90,7 +90,7 @@ def test_verdicts():
     assert checks.distinguishable(stiff, soft).passed
     assert not checks.distinguishable(stiff, stiff).passed
     assert {c.name for c in checks.static_checks(stiff)} == {
-        "holds shape", "buckling", "discretisation", "explicit step",
+        "holds shape", "buckling", "discretisation", "locking", "explicit step",
     }  # fmt: skip
 
 

@@ -43,11 +43,12 @@ class Moving(Simulation):
             "max_contact_force": float(forces.max(initial=0.0)),
             "max_obstacle_forces": forces.tolist(),
             "energy": [f.energy for f in frames],
+            "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
         }
 
     def verdicts(self) -> list[Verdict]:
-        """Nothing went through an obstacle."""
-        from ...fem.verdicts import no_penetration
+        """Nothing went through an obstacle; the elements suit the material."""
+        from ...fem.verdicts import locking, no_penetration
 
-        return [Verdict.of(no_penetration(self.motion))]
+        return [Verdict.of(no_penetration(self.motion)), Verdict.of(locking(self.motion))]
