@@ -9,8 +9,9 @@ import numpy as np
 
 from ..discrete.forces import node_areas
 from ..discrete.space import Space
+from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
-from ..scene.obstacles import Obstacle
+from ..scene.obstacles import Obstacle, obstacle_size
 
 # The barrier acts closer than this share of the body's diagonal.
 BARRIER_SHARE = 1e-3
@@ -21,6 +22,10 @@ STIFFNESS_SHARE = 0.1
 GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
+# An obstacle may be this share of its size inside a face whose points are all outside.
+THROUGH = 0.2
+# Most cells along a face on which it is looked at.
+MOST_CELLS = 40
 # Sliding slower than this share of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
@@ -60,6 +65,8 @@ class Contact:
         areas = node_areas(mesh, space)
         self.nodes = np.flatnonzero(areas > 0)
         self.rest = space.nodes[self.nodes]
+        self.faces = mesh.boundary.faces
+        self.corners = mesh.points[self.faces]
         diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         self.thickness = thickness or barrier_thickness(mesh)
         E = material_of(mesh).E
@@ -81,6 +88,39 @@ class Contact:
     def gap(self, u: np.ndarray) -> float:
         """Smallest distance of any surface node from any obstacle [m]."""
         return min((float(d.gap.min()) for d in self._distances(u)), default=np.inf)
+
+    def check_faces(self, u: np.ndarray) -> None:
+        """Raise ``InputError`` where an obstacle went through a face between its points."""
+        depth = self.face_depth(u)
+        if depth > THROUGH:
+            raise InputError(
+                f"an obstacle went {depth:.0%} of its size through a face, between its points: "
+                "the mesh is too coarse for so small an obstacle"
+            )
+
+    def face_depth(self, u: np.ndarray) -> float:
+        """Deepest place of any face inside a bounded obstacle, as a share of that one's size.
+
+        Faces are looked at on a grid finer than the obstacle; what pushes are their points alone.
+        """
+        deepest = 0.0
+        corners = self.corners + u[self.faces]
+        centre = corners.mean(axis=1)
+        reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+        for obstacle in self.obstacles:
+            size = obstacle_size(obstacle)
+            if not np.isfinite(size):
+                continue
+            shift = self.time * np.asarray(obstacle.velocity)
+            near = np.flatnonzero(obstacle.distance(centre - shift).gap < reach)
+            if not near.size:
+                continue
+            cells = int(np.clip(np.ceil(2 * reach[near].max() / size), 1, MOST_CELLS))
+            i, j = (k.ravel() for k in np.indices((cells + 1, cells + 1)))
+            share = np.stack([i, j, cells - i - j], axis=1)[i + j <= cells] / cells
+            x = np.einsum("sk,fkd->fsd", share, corners[near]).reshape(-1, 3)
+            deepest = max(deepest, -float(obstacle.distance(x - shift).gap.min()) / size)
+        return deepest
 
     def barrier(self, u: np.ndarray) -> float:
         """Energy of the barrier [J]; infinite on contact."""

@@ -101,6 +101,13 @@ class Box:
         return Distance(np.where(outside[:, 0], length, q.max(axis=1)), normal)
 
 
+def obstacle_size(obstacle: Obstacle) -> float:
+    """Radius of a ball or capsule, smallest half side of a box [m]; else infinite."""
+    if isinstance(obstacle, Sphere | Capsule):
+        return obstacle.radius
+    return float(np.min(obstacle.half)) if isinstance(obstacle, Box) else np.inf
+
+
 def gripper(
     lower: Sequence[float], upper: Sequence[float], axis: int, speed: float
 ) -> tuple[Plane, Plane]:

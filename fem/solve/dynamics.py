@@ -19,7 +19,7 @@ from ..discrete.forces import load_vector, node_counts
 from ..discrete.mass import lumped_mass
 from ..discrete.space import Space, extend_linear
 from ..errors import ConvergenceError, InputError
-from ..laws.law import Law
+from ..laws.law import LAWS, Law
 from ..linalg.reused import RepeatedSolver
 from ..result import Motion, MotionResult, locking_share
 from ..scene.mesh import TetMesh, material_of
@@ -30,7 +30,7 @@ from ..validation import checked_count, checked_positive, checked_rows, checked_
 from .discretisation_error import motion_order
 from .method import FrameProgress
 from .newton import minimise
-from .potential import Damping, Incremental, Rayleigh
+from .potential import Damping, Incremental, Rayleigh, check_cannot_turn
 from .schemes import Forecast, Kinematics, Scheme, Step
 
 logger = logging.getLogger(__name__)
@@ -100,6 +100,8 @@ class Dynamics:
             rows = checked_rows("forces", forces, node_counts(self.space), "N")
             self.load[: len(rows)] += rows
         self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
+        if damping and damping.stiffness and LAWS[law].finite:
+            check_cannot_turn(mesh, self.held)
         self.damping = Rayleigh(self, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
@@ -188,6 +190,7 @@ class Dynamics:
         u, iterations = self._solve(step)
         u, v, a = step.ended(u)
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
+        self.contact.check_faces(u)
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
         self._before, self._dt = now, dt
         self._forecast.add(a)
@@ -208,9 +211,14 @@ class Dynamics:
             u, count = found.u, count + found.iterations
         return u, count
 
-    def solve_adjoint(self, factor: float, u: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Solve H x = b with the Hessian [N/m] of the last step at ``u``, for its gradients."""
-        potential = Incremental(self, factor, u, 1.0)
+    @property
+    def last_step(self) -> float:
+        """Length [s] of the last step: a share of the one asked for where that was halved."""
+        return self._dt
+
+    def solve_adjoint(self, factor: float, u: np.ndarray, b: np.ndarray, dt: float) -> np.ndarray:
+        """Solve H x = b with the Hessian [N/m] of a step of ``dt`` [s] that ended at ``u``."""
+        potential = Incremental(self, factor, u, dt)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
 
 

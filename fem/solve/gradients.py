@@ -15,13 +15,16 @@ from ..discrete.mass import mass_shares
 from ..discrete.quadrature import TET_POINTS, element_points
 from ..discrete.space import shape_functions
 from ..discrete.strain import displacement_gradients, first_piola
+from ..errors import InputError
 from ..laws.law import Law
 from ..linalg.solver import solve_system
 from ..scene.material import ElementMaterial, LameParameters
 from ..scene.mesh import TetMesh
 from ..scene.supports import Supports
+from ..validation import checked_vector
 from .discretisation_error import affordable_order
 from .dynamics import Dynamics
+from .schemes import Scheme
 from .statics import TOLERANCE, check_solution, solve_static
 
 if TYPE_CHECKING:
@@ -146,30 +149,48 @@ def implicit_step(
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     dt: float,
 ) -> torch.Tensor:
-    """Displacement [m] (nodes, 3) after one implicit Euler step, differentiable by E, nu and rho.
+    """Displacement [m] (nodes, 3) after one implicit step, differentiable by E, nu and rho.
 
     ``make`` builds the ``Dynamics`` of a mesh with material, with this ``gravity_vector`` [m/s^2]
-    and a tight tolerance; the barrier of obstacles counts as independent of E. ``dt`` [s] is the
-    step.
+    and a tight tolerance, in any scheme and with any damping. ``dt`` [s] is the step.
+
+    Raises
+    ------
+    InputError
+        With obstacles (their barrier and friction depend on E), or where the step was halved.
     """
+    gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
     kept: dict[str, Any] = {}
 
     def forward(material: ElementMaterial) -> np.ndarray:
         body = make(mesh.with_material(material))
-        start = body.state
-        kept.update(body=body, material=material, target=start.u + dt * start.v)
-        return body.step(dt).u
+        if body.contact.obstacles:
+            raise InputError("a step with obstacles has no gradient: wanted a body without contact")
+        kept.update(body=body, material=material, start=body.state)
+        u = body.step(dt).u
+        if body.last_step != dt:
+            raise InputError(f"the step of {dt:g} s was halved, so it has no gradient: take less")
+        return u
 
     def backward(outer: np.ndarray) -> MaterialGradient:
-        body, material = kept["body"], kept["material"]
-        grid, u, held = body.body.grid, body.state.u, body.held
-        given = np.where(held.fixed, 0.0, outer)
-        adjoint = body.solve_adjoint(1 / dt**2, u, given)
-        adjoint = np.where(held.fixed, 0.0, adjoint)
-        by_E, by_nu = _by_moduli(grid, mesh, material, body.body.law, u, adjoint)
-        pull = np.asarray(gravity_vector) - (u - kept["target"]) / dt**2
-        work = (adjoint * pull).sum(axis=1)[grid.space.elements]
-        by_rho = mesh.volumes * (work @ mass_shares(grid.space.order))
+        body, start, material = kept["body"], kept["start"], kept["material"]
+        twice = body.scheme is Scheme.TRAPEZOIDAL  # it has the forces of both ends
+        u, factor = body.state.u, (4 if twice else 1) / dt**2
+        given = np.where(body.held.fixed, 0.0, outer)
+        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(factor, u, given, dt))
+        known, law = (body.body.grid, mesh, material), body.body.law
+        by = [_by_moduli(*known, law, u, adjoint)]
+        if twice:
+            by.append(_by_moduli(*known, law, start.u, adjoint))
+        ahead = u - start.u
+        pull = (2 if twice else 1) * gravity - factor * (ahead - dt * start.v)
+        if body.damping:
+            speed = ahead / dt + (start.v if twice else 0.0)
+            by.append(_by_moduli(*known, Law.LINEAR, body.damping.beta * speed, adjoint))
+            pull = pull - body.damping.alpha * speed
+        work = (adjoint * pull).sum(axis=1)[known[0].space.elements]
+        by_rho = mesh.volumes * (work @ mass_shares(known[0].space.order))
+        by_E, by_nu = np.sum(by, axis=0)
         return MaterialGradient(by_E, by_nu, by_rho)
 
     return _function(forward, backward, (E, nu, rho))

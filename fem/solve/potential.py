@@ -9,6 +9,10 @@ import numpy as np
 
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports
+from ..errors import InputError
+from ..scene.components import free_motions
+from ..scene.mesh import TetMesh
+from ..scene.supports import Supports
 from .newton import Point
 
 # Forces of inertia and elasticity are known to this share of what |u| would make of them.
@@ -19,7 +23,10 @@ NEAR = 1e-2
 
 @dataclass(frozen=True)
 class Damping:
-    """Rayleigh damping C = ``mass`` M + ``stiffness`` K [1/s, s]; none by default."""
+    """Rayleigh damping C = ``mass`` M + ``stiffness`` K [1/s, s]; none by default.
+
+    K is that of the body at rest: it brakes a turn, so that bodies free to turn are refused it.
+    """
 
     mass: float = 0.0
     stiffness: float = 0.0
@@ -74,10 +81,21 @@ class Incremental:
         return self.of.contact.longest_step(u, step)
 
 
+def check_cannot_turn(mesh: TetMesh, held: Supports) -> None:
+    """Raise ``InputError`` where a piece may move freely: K at rest brakes its turns."""
+    stopped = (held.fixed | (held.springs > 0))[: len(mesh.points)]
+    if free_motions(mesh, stopped).components.size:
+        raise InputError(
+            "stiffness damping brakes the turns of a body that can move freely: wanted supports, "
+            "Damping(mass=...), or none"
+        )
+
+
 class Rayleigh:
     """Damping energy |u - start|_C^2 / 2 dt with C = alpha M + beta K at rest."""
 
     def __init__(self, of: Any, damping: Damping) -> None:
+        self.alpha = damping.mass
         self.mass = damping.mass * of.mass[:, None]
         self.beta = damping.stiffness
         self.stiffness = of.body.tangent(np.zeros((len(of.mass), 3)))

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 import torch
+from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.gradients import implicit_step, static_displacement
+from autophyx_tet.fem.solve.potential import Damping
+from autophyx_tet.fem.solve.schemes import Scheme
 
 from .bodies import shaken_box
 
@@ -59,6 +63,27 @@ def test_step_gradient():
     )
     step = lambda *f: implicit_step(make, mesh, *f, gravity_vector=G, dt=0.02)  # noqa: E731
     _compare(step, _fields(mesh), rel=1e-4)
+
+
+@pytest.mark.parametrize("scheme", list(Scheme))
+@pytest.mark.parametrize("damping", [None, Damping(mass=3.0), Damping(stiffness=0.01)])
+def test_step_gradient_of_every_scheme(scheme, damping):
+    """Also damped, and where the start's own acceleration depends on the material."""
+    mesh = shaken_box(cells=(2, 1, 1))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
+    v = np.random.default_rng(5).normal(size=mesh.points.shape)
+    options = {"supports": held, "velocity": v, "scheme": scheme, "damping": damping}
+    make = lambda m: Dynamics(m, gravity_vector=G, **options, tolerance=1e-12)  # noqa: E731
+    step = lambda *f: implicit_step(make, mesh, *f, gravity_vector=G, dt=0.02)  # noqa: E731
+    _compare(step, _fields(mesh), rel=1e-5)
+
+
+def test_contact_has_no_gradient():
+    """Its barrier depends on E: refused, not wrong."""
+    mesh = shaken_box(cells=(1, 1, 1))
+    make = lambda m: Dynamics(m, obstacles=[Plane((0, 0, -0.1))])  # noqa: E731
+    with pytest.raises(InputError, match="obstacles"):
+        implicit_step(make, mesh, *_fields(mesh), dt=0.01)
 
 
 @pytest.mark.slow
