@@ -130,10 +130,13 @@ def check_solution(mesh: TetMesh, held: Supports, solution: Solution, tolerance:
             if nu > COMPRESSIBLE
             else "check that every piece is held, that no tet is nearly flat, and that E is sane"
         )
+        thin = "the body is too thin for its length, or too stiff beside something soft"
+        if not np.isfinite(solution.residual):
+            raise ConvergenceError(f"fp64 cannot factor the stiffness of the mesh: {thin}")
         if solution.residual <= solution.floor:
             raise ConvergenceError(
                 f"round-off of fp64 leaves the displacement known to {solution.change:.0%} only: "
-                "the body is too thin for its length, or too stiff beside something soft"
+                f"{thin}"
             )
         raise ConvergenceError(
             f"linear solve ended with relative residual {solution.residual:.3g} after "

@@ -77,7 +77,9 @@ def _predictor(name: str, weights: Path | None) -> FieldPredictor:
         if not named:
             parts = with_names(parts, [f"part {i + 1}" for i in range(len(parts.part_names))])
         if film is None:
-            return retrieval.predict(parts, parse(text, retrieval.lookup.table)).field
+            return retrieval.predict(
+                parts, parse(text, retrieval.lookup.table, parts.part_names)
+            ).field
         colours = None if example.colours is None else example.colours[parts.part.clip(min=0)]
         seen = Appearance(colours=colours)
         sentence = listen(text, film.table)

@@ -50,7 +50,7 @@ def test_lists_relative_clauses_and_words_that_are_part_and_material():
         ("a bonsai in a ceramic pot", [(None, "bonsai"), ("ceramic", "pot")]),
         ("plastic leaves", [("plastic", "leaf")]),
         ("the leaves are silk", [("silk", "leaf")]),
-        ("the seat is oak wood", [("oak", "seat")]),
+        ("the seat is oak wood", [("oak wood", "seat")]),
         ("oak legs of the chair", [("oak", "leg"), ("oak", "chair")]),
         ("", []),
         ("10 cm x 20 cm", []),

@@ -107,10 +107,10 @@ def test_a_part_that_nobody_speaks_of_is_told():
     mesh = TetMesh(solid.points, solid.tets, layer, ("left leg", "seat", "back"))
     told = "the legs are oak, the seat is soft foam"
     words = AssignOptions(predictor="retrieval")  # the network has a test of its own
-    (warning,) = (w for w in assign(mesh, told, options=words).warnings if "nothing says" in w)
+    (warning,) = (w for w in assign(mesh, told, options=words).warnings if "nothing names" in w)
     assert "'back'" in warning
     assert "--part 'back=...'" in warning
-    assert not [w for w in assign(mesh, "oak").warnings if "nothing says" in w]
+    assert not [w for w in assign(mesh, "oak").warnings if "nothing names" in w]
 
 
 @pytest.mark.slow

@@ -69,6 +69,9 @@ def interface_faces(
     return faces[region[left] != region[right]]
 
 
+FLATTEST = 1e-3  # of its length: a flatter box is sampled a little beyond its sides
+
+
 def stratified(
     bounds: Float[np.ndarray, "2 3"], *, rng: np.random.Generator, count: int = 64_000
 ) -> tuple[Float[np.ndarray, "n 3"], float]:
@@ -76,7 +79,8 @@ def stratified(
 
     Returns the points [m] and the volume [m^3] of a box.
     """
-    lo, size = bounds[0], np.maximum(bounds[1] - bounds[0], np.finfo(float).tiny)
+    lo, size = bounds[0], bounds[1] - bounds[0]
+    size = np.maximum(size, FLATTEST * size.max())
     shape = np.maximum(np.round(size * (count / size.prod()) ** (1 / 3)), 1).astype(int)
     corner = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
     return lo + (corner + rng.random(corner.shape)) * size / shape, float((size / shape).prod())
