@@ -40,12 +40,14 @@ def tower(tmp_path):
 
 
 def test_every_cell_sees_its_own_colour(tower, tmp_path):
-    """On the upright cube the red half sees red, the blue one blue; the second look remembers."""
+    """On its skin the red half sees red, the blue one blue; the second look remembers."""
     voxels, eyes = voxelise(tower, "tower", "test"), Eyes()
     seen = cached_image_features(tower, voxels, eyes, cells=2 * HALF, memory=tmp_path / "cache")
     z = seen.cells[:, 2]
     red, blue = seen.values[:, 0], seen.values[:, 2]
-    apart = np.abs(z + 0.5 - HALF / 2) > 1.5  # not where the boxes touch
+    ends = (seen.cells.min(axis=0), seen.cells.max(axis=0))
+    skin = np.any([seen.cells == end for end in ends], axis=(0, 2))  # inside nothing is seen
+    apart = skin & (np.abs(z + 0.5 - HALF / 2) > 1.5)  # not where the boxes touch
     lower = z < HALF / 2
     assert (red > blue)[apart & lower].all()
     assert (blue > red)[apart & ~lower].all()
