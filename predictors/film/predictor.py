@@ -111,7 +111,8 @@ class FilmPredictor:
         share = float(found.shares[cells][:, -1 if owner is None else owner].mean())
         said = None if clause is None else clause.written
         binding = Binding(said, share, int(cells.sum()), float(found.spread[cells].mean()))
-        why = f"network: {'nothing said' if said is None else repr(said)}, {share:.0%} sure"
+        # Its share is no certainty: it is not calibrated, and so not told as one.
+        why = f"network: {'nothing said' if said is None else repr(said)}"
         if clause is not None and clause.material:
             choice = self.lookup.of_phrase(part, clause.material, clause.level, why)
             return replace(choice, weight=share, settled=False, binding=binding)
