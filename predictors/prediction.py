@@ -143,10 +143,12 @@ class Prediction:
         """Sentences about what was guessed rather than known."""
         yield from self.warnings
         looked_up = (c for c in self.choices if not (c.borrowed or c.binding))
-        own = {id(choice.clause) for choice in looked_up if choice.clause}
+        own = {id(choice.clause): choice.clause.text for choice in looked_up if choice.clause}
         for choice in self.choices:
             unsaid = choice.network and choice.binding and choice.binding.clause is None
             foreign = choice.borrowed and id(choice.clause) in own
+            # A network may give a part what is said of another by its name.
+            foreign |= choice.binding is not None and choice.binding.clause in own.values()
             say = f"say it in the text or with --part '{choice.part}=...'"
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""

@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...fem.scene.materials import Material
 from .clauses import Blend, Comparison, Quantity
-from .lexicon import Phrase, ReaderLexicon, places, words
+from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexeme
 from .quantities import number
 
@@ -140,6 +140,8 @@ def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
         nouns = [x for x in (*reversed(run[:i]), *run[i + 1 :]) if x.tag.startswith("NN")]
         beside = any(x.part for x in nouns) and not any(x.role == "material" for x in run)
         return Mention("unknown" if strange and beside else "part", lexeme)
+    if i and run[i - 1].role == "material" and set(lexeme.words[-1:]) & places() & known_parts():
+        return Mention("part", lexeme)  # "a leather back", whatever its tag
     is_adjective = lexeme.tag.startswith(("JJ", "CD", "V", "RP"))
     return Mention("modifier", lexeme if is_adjective else plain)
 

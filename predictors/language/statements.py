@@ -58,7 +58,9 @@ class Statements:
         before = self.pending.names[-1] if self.pending and self.pending.names else self.last_part
         if before and group.part and all(word.isdigit() for word in group.part):
             return (*(word for word in before if not word.isdigit()), *group.part)
-        if before and group.part[-1:] and group.part[-1] in places() and not group.named:
+        side = group.part[-1:] and group.part[-1] in places() and not group.named
+        own = bool(group.values) and group.part[-1:] and group.part[-1] in known_parts()
+        if before and side and not own:  # "a glass top" is a part of its own
             return (*group.part, before[-1])
         return group.part
 

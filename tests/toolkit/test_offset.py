@@ -164,7 +164,7 @@ def test_hollow_cupboard_converts():
     assert volume["door -1"] + volume["door 1"] == pytest.approx(DOORS, rel=0.02)
     _, solid = tetrahedralize(asset, edge_length_rel=0.2)
     assert set(solid.hollow) == set(asset.part_names)
-    assert any("taken as solid" in w and "--wall" in w for w in solid.warnings)
+    assert any("filled with tets" in w and "shell" in w for w in solid.warnings)
 
 
 @pytest.mark.slow
@@ -177,4 +177,4 @@ def test_hollow_box_converts():
     assert mesh.volume == pytest.approx(2 - 0.9 * 0.9 * 1.9, rel=0.02)
     assert not report.hollow
     _, solid = tetrahedralize(asset, edge_length_rel=0.2, epsilon_rel=5e-3)
-    assert any("taken as solid" in w for w in solid.warnings)
+    assert any("filled with tets" in w for w in solid.warnings)

@@ -31,7 +31,9 @@ def sample(
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(area, np.finfo(float).tiny)[:, None]
-    face = rng.choice(len(area), size=count, p=area / area.sum())
+    # Faces without any area are drawn like each other.
+    share = area / area.sum() if area.sum() > 0 else None
+    face = rng.choice(len(area), size=count, p=share)
     u, v = np.sort(rng.random((2, count)), axis=0)
     weight = np.stack([u, v - u, 1 - v], axis=1)
     where = np.einsum("nk,nki->ni", weight, corners[face])
