@@ -48,6 +48,11 @@ def winding_numbers(
     """Generalised winding number at ``where`` [m]: 1 inside a closed outward surface, 0 outside."""
     import igl
 
+    corners = points[faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    faces = faces[area.any(axis=1)]  # a point or a line winds around nothing, and crashes igl
+    if not len(faces):
+        return np.zeros(len(where))
     return np.asarray(igl.fast_winding_number(points, _int64(faces), where), dtype=np.float64)
 
 
