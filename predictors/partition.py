@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .hearing.clauses import HeardClause
+from .hearing.vocabulary import stem
 from .voxels import PartVoxels
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
@@ -106,6 +107,7 @@ def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.n
 
 def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
-    name = f"{part} {' '.join(clause.parts) or clause.material or clause.text}"
+    spoken = clause.parts or map(stem, (clause.material or clause.text).split())
+    name = f"{part} {' '.join(spoken)}"
     options = (name, *(f"{name} {i}" for i in range(2, len(taken) + 3)))
     return next(option for option in options if option not in taken)
