@@ -133,10 +133,12 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
             draft.like(found)
     clauses = tuple(_clause(text, draft, lexicon, mended=lexed.mended) for draft in drafts)
     taken = [(x.start, x.end) for draft in drafts for x in draft.lexemes]
+    spoken = {word for draft in drafts for name in draft.names for word in name}
     unread = tuple(
         x.text for x in lexed.lexemes
         if (x.role in ("number", "told", "material") or not x.known)
         and not any(start <= x.start < end for start, end in taken)
+        and not (x.part and set(x.words) <= spoken)  # "the soil is moist soil"
     )  # fmt: skip
     return Sentence(text, clauses, unread, tuple(dict.fromkeys(lexed.notes)))
 

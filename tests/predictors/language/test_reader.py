@@ -197,6 +197,11 @@ def test_designations_of_standards_name_their_family(agree, table):
         assert table.exact(said.material).category == category, text
 
 
+def test_a_part_that_is_called_after_a_material_is_read(table):
+    for text in ("the soil is moist soil", "soil: sand; foliage: leaves"):
+        assert parse(text, table, ["soil", "foliage"]).unread == (), text
+
+
 def test_what_no_clause_takes_is_unread(table):
     for text, word in [
         ("the seat is oak, yield 250 MPa", "yield 250 MPa"),
