@@ -11,7 +11,7 @@ from ..fem.scene.mesh import TetMesh
 from ..predictors.grid import Grid
 from ..predictors.voxels import PartVoxels
 
-_PAIRS = 1 << 21  # pairs of a box and a cell at a time: about 200 MB of temporaries
+_PAIRS = 1 << 19  # pairs of a tet and a column at a time: about 100 MB of temporaries
 _ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
 
 
@@ -46,12 +46,25 @@ def containing_tets(mesh: TetMesh, grid: Grid) -> Int[np.ndarray, "nx ny nz"]:
     """Tet around each cell centre (the first, on a common face), -1 outside, shape of the grid."""
     corners = grid.to_index(mesh.points[mesh.tets])  # in cells, so that centres are integers
     inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    # The barycentric coordinates are gradient @ x + offset.
+    gradient = np.concatenate([inverse, -inverse.sum(axis=1, keepdims=True)], axis=1)
+    offset = -np.einsum("tij,tj->ti", gradient, corners[:, 0]) + [0.0, 0.0, 0.0, 1.0]
     owner = np.full(grid.shape, len(mesh.tets), dtype=np.int64)
     lower, upper = corners.min(axis=1) - _ON_FACE, corners.max(axis=1) + _ON_FACE
-    for tet, cell in _cell_boxes(lower, upper, grid.shape):
-        local = np.einsum("nij,nj->ni", inverse[tet], cell - corners[tet, 0])
-        inside = (local >= -_ON_FACE).all(axis=1) & (local.sum(axis=1) <= 1 + _ON_FACE)
-        np.minimum.at(owner, tuple(cell[inside].T), tet[inside])
+    for tet, x, y in _columns(lower[:, :2], upper[:, :2], grid.shape[:2]):
+        height = gradient[tet, :, 2]
+        rest = np.einsum("nij,nj->ni", gradient[tet, :, :2], np.stack([x, y], axis=1))
+        rest += offset[tet] + _ON_FACE  # inside where height * z >= -rest, of every face
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -rest / height
+        bottom = np.where(height > 0, crossing, lower[tet, 2:]).max(axis=1)
+        top = np.where(height < 0, crossing, upper[tet, 2:]).min(axis=1)
+        first = np.ceil(bottom).clip(0, grid.shape[2]).astype(np.int64)
+        last = np.floor(top).clip(-1, grid.shape[2] - 1).astype(np.int64)
+        count = np.maximum(last - first + 1, 0) * ((height != 0) | (rest >= 0)).all(axis=1)
+        pair, above = _unrolled(count)
+        cells = x[pair], y[pair], first[pair] + above
+        np.minimum.at(owner, cells, tet[pair])
     return np.where(owner < len(mesh.tets), owner, -1)
 
 
@@ -61,26 +74,29 @@ def _rasterised(mesh: TetMesh, grid: Grid) -> np.ndarray:
     return np.where(owner >= 0, mesh.region[owner], -1)
 
 
-def _cell_boxes(
-    lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int, int]
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (box, cell) of every cell whose centre lies in a box, in bounded portions.
+def _columns(
+    lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int]
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Pairs of a box and a column (x, y) of cells through it, in bounded portions.
 
-    ``lower`` and ``upper`` (n, 3) are fractional cell indices, centres are whole numbers; cells
+    ``lower`` and ``upper`` (n, 2) are fractional cell indices, centres are whole numbers; columns
     outside the grid of ``shape`` are left out.
     """
     lo = np.maximum(np.ceil(lower), 0).astype(np.int64)
     hi = np.minimum(np.floor(upper), np.array(shape) - 1).astype(np.int64)
     counts = np.maximum(hi - lo + 1, 0)
     sizes = counts.prod(axis=1)
-    ends = np.cumsum(sizes)
-    total = int(ends[-1]) if len(ends) else 0
-    for start in range(0, total, _PAIRS):
-        pair = np.arange(start, min(start + _PAIRS, total))
-        box = np.searchsorted(ends, pair, side="right")
-        rest = pair - (ends - sizes)[box]
-        ny, nz = counts[box, 1], counts[box, 2]
-        yield box, lo[box] + np.stack([rest // (ny * nz), rest // nz % ny, rest % nz], axis=1)
+    portion = np.cumsum(sizes) // _PAIRS  # a box stays whole
+    for boxes in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(portion)) + 1):
+        pair, at = _unrolled(sizes[boxes])
+        box = boxes[pair]
+        yield box, lo[box, 0] + at // counts[box, 1], lo[box, 1] + at % counts[box, 1]
+
+
+def _unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _stamp_missing(mesh: TetMesh, grid: Grid, label: np.ndarray) -> np.ndarray:

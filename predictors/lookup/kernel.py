@@ -5,7 +5,6 @@ After NeRF2Physics (Zhai et al. 2024), without its language model.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from functools import cached_property
 from typing import NamedTuple
@@ -15,6 +14,7 @@ from jaxtyping import Float
 
 from ...fem.scene.materials import Material, MaterialTable
 from ..encoders.protocol import TextEncoder
+from .row_vectors import kept_vectors, row_text
 
 KERNEL_WIDTH = 0.1  # of the softmax over cosines: NeRF2Physics' temperature
 
@@ -46,7 +46,9 @@ class RowKernel:
 
     @cached_property
     def _embedded_rows(self) -> Float[np.ndarray, "rows dim"]:
-        return self.encoder.text([_description(row) for row in self.rows])
+        if self._given_encoder is None:
+            self._embedded.update(kept_vectors())
+        return self._embed([row_text(row) for row in self.rows])
 
     def cosines(self, query: str) -> Float[np.ndarray, "rows"]:
         """Cosine of a query with each of ``rows``."""
@@ -71,8 +73,3 @@ class RowKernel:
         if new:
             self._embedded.update(zip(new, self.encoder.text(new), strict=True))
         return np.stack([self._embedded[text] for text in texts])
-
-
-def _description(row: Material) -> str:
-    """Return what is embedded of a row: its name without the small print, and an everyday word."""
-    return ", ".join([re.sub(r"\s*\(.*\)", "", row.name), *row.aliases[:2]])

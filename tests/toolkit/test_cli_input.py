@@ -5,7 +5,9 @@ import json
 import pytest
 import trimesh
 
-from .command import run_cli
+from .command import run_cli, run_here
+
+CALLS = [run_here, pytest.param(run_cli, marks=pytest.mark.slow)]  # and each as a user would
 
 
 def _empty(folder):
@@ -55,15 +57,16 @@ BAD_ASSETS = (
 )
 
 
+@pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("verb", ["convert", "run"])
-def test_bad_asset_ends_in_one_line_and_leaves_nothing(verb, tmp_path):
+def test_bad_asset_ends_in_one_line_and_leaves_nothing(verb, call, tmp_path):
     for number, (make, code, words) in enumerate(BAD_ASSETS):
         folder = tmp_path / str(number)
         folder.mkdir()
         asset = folder / make(folder)
         before = sorted(folder.rglob("*"))
         target = folder / ("out.msh" if verb == "convert" else "out")
-        done = run_cli(verb, asset, "-o", target, "--json")
+        done = call(verb, asset, "-o", target, "--json")
         assert done.returncode == code, (make.__name__, done.stderr)
         lines = done.stderr.strip().splitlines()
         assert len(lines) == 1, (make.__name__, done.stderr)
@@ -81,37 +84,41 @@ BAD_WORDS = (
 )
 
 
-def test_bad_words_end_in_one_line_and_leave_nothing(cube_msh, tmp_path):
+@pytest.mark.parametrize("call", CALLS)
+def test_bad_words_end_in_one_line_and_leave_nothing(call, cube_msh, tmp_path):
     for options, code, words in BAD_WORDS:
-        done = run_cli("assign", cube_msh, *options, "-o", tmp_path / "m.msh")
+        done = call("assign", cube_msh, *options, "-o", tmp_path / "m.msh")
         assert done.returncode == code, (options, done.stderr)
         assert len(done.stderr.strip().splitlines()) == 1, (options, done.stderr)
         assert words in done.stderr, options
         assert not list(tmp_path.iterdir()), options
 
 
-def test_bad_output_is_refused_before_the_work(cube, tmp_path):
+@pytest.mark.parametrize("call", CALLS)
+def test_bad_output_is_refused_before_the_work(call, cube, tmp_path):
     for output in ("missing/folder/out.msh", "out.docx"):
-        done = run_cli("convert", cube, "-o", tmp_path / output)
+        done = call("convert", cube, "-o", tmp_path / output)
         assert done.returncode == 3, output
         assert len(done.stderr.strip().splitlines()) == 1, (output, done.stderr)
 
 
-def test_missing_texture_is_a_warning(tmp_path):
+@pytest.mark.parametrize("call", CALLS)
+def test_missing_texture_is_a_warning(call, tmp_path):
     """An OBJ whose MTL names an image that is not there converts, with a warning (exit 0)."""
     cube = trimesh.creation.box((0.1, 0.1, 0.1))
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in cube.vertices)
     faces = "".join("f " + " ".join(f"{i + 1}/1" for i in face) + "\n" for face in cube.faces)
     (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{vertices}vt 0 0\nusemtl skin\n{faces}")
     (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
-    done = run_cli("convert", tmp_path / "a.obj", "-o", tmp_path / "a.msh", "--json")
+    done = call("convert", tmp_path / "a.obj", "-o", tmp_path / "a.msh", "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert any("gone.png" in warning for warning in document["warnings"])
 
 
-def test_simulate_without_material_says_what_to_do(cube_msh, tmp_path):
-    done = run_cli("simulate", cube_msh, "-o", tmp_path / "s.vtu")
+@pytest.mark.parametrize("call", CALLS)
+def test_simulate_without_material_says_what_to_do(call, cube_msh, tmp_path):
+    done = call("simulate", cube_msh, "-o", tmp_path / "s.vtu")
     assert done.returncode == 3
     assert "assign" in done.stderr
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from autophyx_tet.toolkit.cli.main import main
 
-from .command import run_cli
+from .command import run_cli, run_here
 
 
 def printed(capsys, *arguments):
@@ -34,10 +34,10 @@ def test_a_configuration_that_is_none_or_wrong_is_refused(tmp_path):
     (tmp_path / "no.toml").write_text("size = = 3")
     (tmp_path / "unknown.toml").write_text("sizes = 3")
     call = ("convert", "a.obj", "-o", "a.msh", "--config")
-    broken = run_cli(*call, tmp_path / "no.toml")
+    broken = run_here(*call, tmp_path / "no.toml")
     assert broken.returncode == 3
     assert len(broken.stderr.strip().splitlines()) == 1
-    assert run_cli(*call, tmp_path / "unknown.toml").returncode == 2
+    assert run_here(*call, tmp_path / "unknown.toml").returncode == 2
 
 
 @pytest.mark.slow
