@@ -26,5 +26,5 @@ def run_here(*arguments):
         try:
             code = main([*map(str, arguments)])
         except SystemExit as stop:  # what the option parser does with words that it cannot read
-            code = stop.code
+            code = int(stop.code or 0)
     return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
