@@ -31,6 +31,7 @@ class Keeps(StrEnum):
     ROLLERS = "points held in some directions"
     PRESCRIBED = "prescribed displacements"
     SPRINGS = "springs"
+    QUADRATIC = "quadratic elements"
     COLUMNS = "further columns"
     REMARKS = "remarks"
     HARMONICS = "spherical harmonics"

@@ -28,7 +28,7 @@ import autophyx_tet as apx
 import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
-from autophyx_tet.toolkit.options import ConvertOptions, ExportOptions, SimulateOptions
+from autophyx_tet.toolkit.options import ConvertOptions, ExportOptions
 from autophyx_tet.toolkit.report.picture import render_png, story
 from PIL import Image
 
@@ -48,15 +48,15 @@ bench.export("bench.glb")
 
 # %% [markdown]
 # ## Mesh, materials, our answer
-# CalculiX gets linear tets, so ours are linear here too: the same discrete problem, not only the
-# same body.
+# CalculiX gets the quadratic tets that ours are too: the same discrete problem, not only the same
+# body.
 
 # %%
 solid = apx.convert("bench.glb", options=ConvertOptions(edge_length_rel=0.04))
 text = "the legs and the plank are oak, the cushion is firm foam"
 body = apx.assign(solid.mesh, text, asset=solid.asset)
 up = solid.asset.up
-ours = apx.simulate(body.mesh, up=up, options=SimulateOptions(order=1))
+ours = apx.simulate(body.mesh, up=up)
 largest = ours.solved.max_displacement
 print(f"{len(body.mesh.tets):,} tets, {body.mesh.mass:.1f} kg, sags by {largest * 1e6:.1f} µm")
 Image.open(

@@ -188,6 +188,8 @@ class ExportOptions:
     """Axis against gravity; by default what the mesh's sidecar says, else z."""
     gravity: float = 9.81
     """Acceleration of gravity [m/s^2] in the scene."""
+    order: Literal[1, 2] | None = None
+    """Order of the elements of a CalculiX deck; by default 2 while `simulate` takes it too."""
 
 
 @dataclass(frozen=True)

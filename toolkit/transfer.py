@@ -175,6 +175,7 @@ def export(
             names=options.names,
             up=options.up or (known.up if known else "z"),
             gravity=options.gravity,
+            order=options.order,
         )
         files = _publish(done.files, output.parent, mesh)
     result = ExportResult(body, target, done, files)

@@ -1,4 +1,8 @@
-"""CalculiX and Abaqus .inp: a ready-to-run gravity-sag deck with one material a bin."""
+"""CalculiX and Abaqus .inp: a ready-to-run gravity-sag deck with one material a bin.
+
+Its elements are those of our own static solver: quadratic tets (C3D10, whose node order is VTK's)
+while those are affordable, else linear ones (C3D4).
+"""
 
 from __future__ import annotations
 
@@ -7,23 +11,33 @@ from pathlib import Path
 
 import numpy as np
 
+from ...fem.discrete.constraints import node_supports
+from ...fem.discrete.space import Space, make_space
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
+from ...fem.scene.supports import Supports
+from ...fem.solve.discretisation_error import affordable_order
 from ..files import writing
 from ..registry import MATERIAL, Format, Keeps, Program
 from .material_bins import Bins
 from .scene_options import SceneOptions
 
 _A_LINE = 16  # entries of a set on one line, the format's limit
+_ELEMENT = {1: "C3D4", 2: "C3D10"}
 
 
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write the deck; ``ccx STEM`` then writes displacement and stress to STEM.frd and .dat."""
+    space = make_space(mesh, options.order or affordable_order(mesh))
+    axis = "xyz".index(options.up)
+    supports = node_supports(options.supports or find_supports(mesh, axis)[0], space)
     with writing(path) as target, target.open("w", encoding="ascii", newline="\n") as file:
         file.write("*HEADING\nGravity sag; SI units: m, kg, s, N, Pa\n")
-        file.writelines(_mesh(mesh, bins))
+        file.writelines(_nodes(space))
+        file.writelines(_elements(mesh, space, bins))
+        file.writelines(_springs(supports, first=len(mesh.tets) + 1))
         file.writelines(_materials(bins))
-        file.writelines(_step(mesh, options))
+        file.writelines(_step(supports, options.gravity, axis))
     return [path]
 
 
@@ -33,22 +47,36 @@ CALCULIX = Program(
             "CalculiX and Abaqus deck",
             (".inp",),
             write=_write,
-            keeps=frozenset({Keeps.REGIONS, Keeps.HELD, Keeps.ROLLERS, Keeps.PRESCRIBED}),
+            keeps=frozenset(
+                {
+                    Keeps.REGIONS,
+                    Keeps.HELD,
+                    Keeps.ROLLERS,
+                    Keeps.PRESCRIBED,
+                    Keeps.SPRINGS,
+                    Keeps.QUADRATIC,
+                }
+            ),
             binned=MATERIAL,
         ),
     )
 )
 
 
-def _mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
+def _nodes(space: Space) -> Iterator[str]:
+    """All nodes, the points of the mesh first; those alone are printed with their results."""
     yield "*NODE, NSET=NALL\n"
     yield from (
         f"{i}, {_number(x)}, {_number(y)}, {_number(z)}\n"
-        for i, (x, y, z) in enumerate(mesh.points.tolist(), 1)
+        for i, (x, y, z) in enumerate(space.nodes.tolist(), 1)
     )
-    ids = np.column_stack([np.arange(1, len(mesh.tets) + 1), mesh.tets + 1])
+    yield f"*NSET, NSET=POINTS, GENERATE\n1, {space.points}, 1\n"
+
+
+def _elements(mesh: TetMesh, space: Space, bins: Bins) -> Iterator[str]:
+    ids = np.column_stack([np.arange(1, len(mesh.tets) + 1), space.elements + 1])
     for bin_id in range(len(bins)):
-        yield f"*ELEMENT, TYPE=C3D4, ELSET=BIN{bin_id + 1}\n"
+        yield f"*ELEMENT, TYPE={_ELEMENT[space.order]}, ELSET=BIN{bin_id + 1}\n"
         yield from (", ".join(map(str, row)) + "\n" for row in ids[bins.label == bin_id].tolist())
     yield "*ELSET, ELSET=EALL\n"
     yield from _list([f"BIN{i + 1}" for i in range(len(bins))])
@@ -67,9 +95,22 @@ def _materials(bins: Bins) -> Iterator[str]:
         yield f"*SOLID SECTION, ELSET=BIN{i}, MATERIAL=MAT{i}\n"
 
 
-def _step(mesh: TetMesh, options: SceneOptions) -> Iterator[str]:
-    axis = "xyz".index(options.up)
-    supports = options.supports or find_supports(mesh, axis)[0]
+def _springs(supports: Supports, first: int) -> Iterator[str]:
+    """Springs to the ground, a set for every axis and stiffness; element ids from ``first``.
+
+    A stiffness without a decimal point is an axis to CalculiX, which skips the line.
+    """
+    nodes, axes = np.nonzero(supports.springs)
+    stiffness = supports.springs[nodes, axes]
+    kinds, label = np.unique(np.stack([axes, stiffness], axis=1), axis=0, return_inverse=True)
+    for i, (axis, k) in enumerate(kinds.tolist()):
+        members = np.flatnonzero(label.ravel() == i)
+        yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{i + 1}\n"
+        yield from (f"{first + m}, {nodes[m] + 1}\n" for m in members)
+        yield f"*SPRING, ELSET=SPRING{i + 1}\n{int(axis) + 1}\n{k:.12e}\n"
+
+
+def _step(supports: Supports, gravity: float, axis: int) -> Iterator[str]:
     down = -np.eye(3, dtype=int)[axis]
     yield "*STEP\n*STATIC\n*BOUNDARY\n"
     for component in range(3):
@@ -77,8 +118,8 @@ def _step(mesh: TetMesh, options: SceneOptions) -> Iterator[str]:
         values = supports.values[held, component].tolist()
         for node, value in zip((held + 1).tolist(), values, strict=True):
             yield f"{node}, {component + 1}, {component + 1}, {_number(value)}\n"
-    yield f"*DLOAD\nEALL, GRAV, {_number(options.gravity)}, {down[0]}., {down[1]}., {down[2]}.\n"
-    yield "*NODE FILE\nU, RF\n*EL FILE\nS\n*NODE PRINT, NSET=NALL\nU\n*END STEP\n"
+    yield f"*DLOAD\nEALL, GRAV, {_number(gravity)}, {down[0]}., {down[1]}., {down[2]}.\n"
+    yield "*NODE FILE\nU, RF\n*EL FILE\nS\n*NODE PRINT, NSET=POINTS\nU\n*END STEP\n"
 
 
 def _number(value: float) -> str:

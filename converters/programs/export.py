@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from ...fem.errors import UsageError
 from ...fem.scene.mesh import TetMesh, material_of
@@ -37,6 +37,7 @@ def export_mesh(
     up: UpAxis = "z",
     gravity: float = 9.81,
     supports: Supports | None = None,
+    order: Literal[1, 2] | None = None,
 ) -> Exported:
     """Write what ``target`` reads, one of ``PROGRAMS``; ``out`` without a suffix is a stem.
 
@@ -58,6 +59,8 @@ def export_mesh(
         Acceleration [m/s^2], downwards.
     supports
         What holds the body in the CalculiX and SOFA scenes; None: as in ``fem.scenarios.sag``.
+    order
+        Order of the elements of a CalculiX deck, 1 or 2; None: as in ``fem.solve_static``.
 
     Raises
     ------
@@ -71,7 +74,7 @@ def export_mesh(
     if suffix not in program.suffixes:
         raise UsageError(f"{out}: {target} is written as {' or '.join(program.suffixes)}")
     path = out if out.suffix else out.with_name(out.name + suffix)
-    form, options = program.format(suffix), SceneOptions(names, up, gravity, supports)
+    form, options = program.format(suffix), SceneOptions(names, up, gravity, supports, order)
     if form.write is None:
         raise UsageError(f"{out}: {form.title} is not written")
     material_of(mesh)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -17,12 +18,17 @@ from .material_bins import NameStyle
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """Names of the arrays, the axis against gravity, its size [m/s^2], and what holds the body."""
+    """What the user says beside the mesh.
+
+    ``names`` of the arrays, the axis ``up`` against gravity, its size ``gravity`` [m/s^2], the
+    ``supports`` that hold the body, and the ``order`` of the elements; None: the program's choice.
+    """
 
     names: NameStyle = "symbols"
     up: UpAxis = "z"
     gravity: float = 9.81
     supports: Supports | None = None
+    order: Literal[1, 2] | None = None
 
     def items(self, mesh: TetMesh) -> Iterator[Keeps]:
         """What the files for ``mesh`` have to keep; what does not vary is no value a tet."""
@@ -31,6 +37,8 @@ class SceneOptions:
                 yield item
         if self.supports is not None:
             yield from _held(self.supports)
+        if self.order == 2:
+            yield Keeps.QUADRATIC
 
 
 _VARYING = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ _SCENE = """<?xml version="1.0"?>
     <DiagonalMass vertexMass="{masses}"/>
     <TetrahedronFEMForceField method="large" youngModulus="{young}" poissonRatio="{poisson}"
       localStiffnessFactor="{factors}"/>
-    <FixedProjectiveConstraint indices="{held}"/>
+{constraints}
   </Node>
 </Node>
 """
@@ -51,7 +52,7 @@ def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
         young=repr(young),
         poisson=repr(float(material.nu @ mesh.volumes / mesh.volume)),
         factors=_row(material.E / young),
-        held=_row(np.flatnonzero(supports.fixed.all(axis=1))),
+        constraints="\n".join(_constraints(supports.fixed)),
     )
     write_msh(mesh_path, mesh)
     with writing(path) as target:
@@ -65,10 +66,24 @@ SOFA = Program(
             "SOFA scene",
             (".scn",),
             write=_write,
-            keeps=frozenset({Keeps.REGIONS, Keeps.E, Keeps.HELD}),
+            keeps=frozenset({Keeps.REGIONS, Keeps.E, Keeps.HELD, Keeps.ROLLERS}),
         ),
     )
 )
+
+
+def _constraints(fixed: np.ndarray) -> Iterator[str]:
+    """One constraint for every set of directions in which ``fixed`` (points, 3) holds points."""
+    for directions in np.unique(fixed[fixed.any(axis=1)], axis=0):
+        held = _row(np.flatnonzero((fixed == directions).all(axis=1)))
+        if directions.all():
+            yield f'    <FixedProjectiveConstraint indices="{held}"/>'
+        else:
+            which = _row(directions.astype(int))
+            yield (
+                f'    <PartialFixedProjectiveConstraint indices="{held}" '
+                f'fixedDirections="{which}"/>'
+            )
 
 
 def _row(values: np.ndarray) -> str:

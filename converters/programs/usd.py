@@ -1,4 +1,9 @@
-"""USD: an ASCII stage with a TetMesh, a subset and a deformable material a bin, values a tet."""
+"""USD: an ASCII stage with a deformable TetMesh, a subset and a material a bin, values a tet.
+
+The schemas of deformable bodies are written under their canonical names (``physics:``, which
+Newton reads) and their older ones (``omniphysics:``, which Isaac Lab and Omniverse read). They know
+one material a body: a body of several has their mean bound to it, and each to its own subset.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +16,19 @@ from ...fem.errors import UsageError
 from ...fem.scene.mesh import TetMesh, material_of
 from ..files import writing
 from ..registry import MATERIAL, Format, Program
-from .material_bins import Bins
+from .material_bins import Bins, bin_materials
 from .scene_options import SceneOptions
+
+_SPACES = ("physics", "omniphysics")
+_BODY = (
+    "MaterialBindingAPI",
+    "PhysicsCollisionAPI",
+    "PhysicsDeformableBodyAPI",
+    "PhysicsVolumeDeformableSimAPI",
+    "OmniPhysicsDeformableBodyAPI",
+    "OmniPhysicsVolumeDeformableSimAPI",
+)
+_MATERIAL = ("PhysicsVolumeDeformableMaterialAPI", "OmniPhysicsDeformableMaterialAPI")
 
 
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
@@ -28,7 +44,9 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
         file.writelines(_tet_mesh(mesh, bins))
         file.write('    def Scope "Materials"\n    {\n')
         for i in range(len(bins)):
-            file.writelines(_material(bins, i))
+            file.writelines(_material(f"bin{i + 1}", bins, i))
+        if len(bins) > 1:
+            file.writelines(_material("mean", bin_materials(mesh, bins=1), 0))
         file.write("    }\n}\n")
     return [path]
 
@@ -39,11 +57,18 @@ USD = Program((Format("USD stage", (".usda",), write=_write, keeps=MATERIAL, bin
 def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     material = material_of(mesh)
     low, high = mesh.bounds
-    yield '    def TetMesh "Body" (\n        prepend apiSchemas = ["MaterialBindingAPI"]\n'
+    points, tets = (", ".join(map(_tuple, rows)) for rows in (mesh.points, mesh.tets))
+    yield f'    def TetMesh "Body" (\n        prepend apiSchemas = [{_quoted(_BODY)}]\n'
     yield "    )\n    {\n"
     yield f"        float3[] extent = [{_tuple(low)}, {_tuple(high)}]\n"
-    yield f"        point3f[] points = [{', '.join(map(_tuple, mesh.points))}]\n"
-    yield f"        int4[] tetVertexIndices = [{', '.join(map(_tuple, mesh.tets))}]\n"
+    yield f"        point3f[] points = [{points}]\n"
+    yield f"        int4[] tetVertexIndices = [{tets}]\n"
+    for space in _SPACES:
+        yield f"        point3f[] {space}:restShapePoints = [{points}]\n"
+        yield f"        int4[] {space}:restTetVtxIndices = [{tets}]\n"
+        yield f"        float {space}:mass = {mesh.mass!r}\n"
+    bound = "mean" if len(bins) > 1 else "bin1"
+    yield f"        rel material:binding = </World/Materials/{bound}>\n"
     faces = mesh.boundary.faces
     yield f"        int3[] surfaceFaceVertexIndices = [{', '.join(map(_tuple, faces))}]\n"
     for name in ("E", "nu", "rho"):
@@ -63,16 +88,18 @@ def _tet_mesh(mesh: TetMesh, bins: Bins) -> Iterator[str]:
     yield "    }\n"
 
 
-def _material(bins: Bins, i: int) -> Iterator[str]:
-    """Canonical attributes, and the older names that Omniverse and Isaac Lab read."""
-    schemas = '"PhysicsVolumeDeformableMaterialAPI", "OmniPhysicsDeformableMaterialAPI"'
-    yield f'        def Material "bin{i + 1}" (\n'
-    yield f"            prepend apiSchemas = [{schemas}]\n        )\n        {{\n"
+def _material(name: str, bins: Bins, i: int) -> Iterator[str]:
+    yield f'        def Material "{name}" (\n'
+    yield f"            prepend apiSchemas = [{_quoted(_MATERIAL)}]\n        )\n        {{\n"
     values = {"youngsModulus": bins.E[i], "poissonsRatio": bins.nu[i], "density": bins.rho[i]}
-    for space in ("physics", "omniphysics"):
-        for name, value in values.items():
-            yield f"            float {space}:{name} = {float(value)!r}\n"
+    for space in _SPACES:
+        for attribute, value in values.items():
+            yield f"            float {space}:{attribute} = {float(value)!r}\n"
     yield "        }\n"
+
+
+def _quoted(names: tuple[str, ...]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
 
 
 def _tuple(values: np.ndarray) -> str:

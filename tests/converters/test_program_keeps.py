@@ -122,9 +122,16 @@ def test_regions_are_in_the_files_or_told(tmp_path):
 def held_in(file) -> dict[tuple[int, int], float]:
     """Prescribed displacement [m] by point and component, from a deck or a SOFA scene."""
     if file.suffix == ".scn":
-        held = ElementTree.parse(file).getroot().find(".//FixedProjectiveConstraint")
-        assert held is not None
-        return {(int(i), axis): 0.0 for i in held.attrib["indices"].split() for axis in range(3)}
+        body = ElementTree.parse(file).getroot().find("Node")
+        assert body is not None
+        return {
+            (int(i), axis): 0.0
+            for held in body
+            if held.tag.endswith("FixedProjectiveConstraint")
+            for i in held.attrib["indices"].split()
+            for axis, said in enumerate(held.attrib.get("fixedDirections", "1 1 1").split())
+            if said == "1"
+        }
     block = file.read_text().partition("*BOUNDARY\n")[2].partition("*")[0]
     rows = [line.split(", ") for line in block.splitlines()]
     return {(int(i) - 1, int(axis) - 1): float(value) for i, axis, _, value in rows}
@@ -136,13 +143,13 @@ def test_supports_are_in_the_scene_or_told(tmp_path):
     none = Supports.none(len(BOX.points))
     kinds = {
         Keeps.HELD: none.with_fixed([0, 3], (0, 1, 2)),
-        Keeps.ROLLERS: none.with_fixed([1, 2], 2),
+        Keeps.ROLLERS: none.with_fixed([1, 2], 2).with_fixed([2, 5], 0),
         Keeps.PRESCRIBED: none.with_fixed([4], (0, 1, 2), 0.125),
         Keeps.SPRINGS: none.with_springs([5], 1e3),
     }
     for name, form in CASES:
         for item, supports in kinds.items():
-            done = exported(name, form, tmp_path, mesh, supports=supports)
+            done = exported(name, form, tmp_path, mesh, supports=supports, order=1)
             given = {item} | ({Keeps.HELD} if item is Keeps.PRESCRIBED else set())
             assert set(done.lost) == given - form.keeps, f"{name}: {item}"
             if item in form.keeps:
@@ -152,3 +159,53 @@ def test_supports_are_in_the_scene_or_told(tmp_path):
                     for i, a in zip(points, axes, strict=True)
                 }
                 assert held_in(done.files[0]) == expected, f"{name}: {item}"
+
+
+def springs_in(file) -> dict[tuple[int, int], float]:
+    """Stiffness [N/m] of the springs of a deck by point and component."""
+    found = re.findall(
+        r"TYPE=SPRING1.*\n((?:\d+, \d+\n)+)\*SPRING.*\n(\d)\n(.*)\n", file.read_text()
+    )
+    return {
+        (int(row.split(", ")[1]) - 1, int(axis) - 1): float(k)
+        for rows, axis, k in found
+        for row in rows.splitlines()
+    }
+
+
+def test_springs_and_quadratic_elements_are_in_the_deck(tmp_path):
+    """Every spring with its axis and stiffness; ten nodes a tet, edges in VTK's order."""
+    mesh = BOX.with_material(ElementMaterial.uniform(N, E=1e6, nu=0.3, rho=1e3))
+    held = Supports.none(len(BOX.points)).with_springs([3, 5], (0.0, 2e3, 7e2))
+    held = held.with_springs([5], (0.0, 0.0, 1e2))
+    (deck,) = export_mesh(mesh, "calculix", tmp_path / "deck", supports=held, order=2).files
+    assert springs_in(deck) == {(3, 1): 2e3, (5, 1): 2e3, (3, 2): 7e2, (5, 2): 8e2}
+    text = deck.read_text()
+    table = text.partition("NSET=NALL\n")[2].partition("*")[0].splitlines()
+    nodes = np.array([row.split(",")[1:] for row in table], dtype=float)
+    rows = text.partition("TYPE=C3D10, ELSET=BIN1\n")[2].partition("*")[0].splitlines()
+    tets = np.array([row.split(",")[1:] for row in rows], dtype=int) - 1
+    ends = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]  # of nodes 5 to 10, CalculiX's manual
+    middles = np.stack([nodes[tets[:, list(pair)]].mean(axis=1) for pair in ends], axis=1)
+    np.testing.assert_allclose(nodes[tets[:, 4:]], middles, atol=1e-12)
+    for name, form in CASES:
+        lost = exported(name, form, tmp_path, mesh, order=2).lost
+        assert (Keeps.QUADRATIC in lost) == (Keeps.QUADRATIC not in form.keeps), name
+
+
+def test_usd_binds_a_material_to_the_body_itself(tmp_path):
+    """A reader that looks at no subset finds a deformable body with the mean of its materials."""
+    for kinds in (1, 2):
+        kind = np.arange(N) % kinds
+        mesh = BOX.with_material(
+            ElementMaterial(10.0 ** (4 + kind), 0.3 + 0 * kind, 500.0 + 400 * kind)
+        )
+        (stage,) = export_mesh(mesh, "usd", tmp_path / str(kinds)).files
+        text = stage.read_text()
+        body = text.partition("GeomSubset")[0]
+        assert "PhysicsDeformableBodyAPI" in body
+        assert "PhysicsVolumeDeformableSimAPI" in body
+        name = re.findall(r"material:binding = </World/Materials/(\w+)>", body)
+        assert len(name) == 1
+        density = re.findall(rf'"{name[0]}".*?physics:density = (\S+)', text, re.DOTALL)
+        np.testing.assert_allclose(float(density[0]), mesh.mass / mesh.volume, rtol=1e-12)
