@@ -1,0 +1,149 @@
+"""Particles: places, volumes, material and class of what is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from ..scene.material import lame_parameters, wave_speed
+from .classes import MaterialClass, Substance
+
+JELLY = Substance()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Particles:
+    """Particles of a body at rest, in SI.
+
+    Parameters
+    ----------
+    x, volume
+        Places [m], shape (n, 3), and volumes [m^3], shape (n,).
+    E, nu, rho
+        Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3], each (n,).
+    part
+        Index into ``parts`` of every particle, shape (n,).
+    parts
+        Names of the parts.
+    substance
+        Index into ``substances`` of every particle, shape (n,).
+    substances
+        Class and yield of the matter.
+    velocity
+        Velocity at the start [m/s], shape (n, 3).
+
+    Raises
+    ------
+    InputError
+        Where there are none, shapes differ, or a value is not finite or has the wrong sign.
+    """
+
+    x: Float[np.ndarray, "n 3"]
+    volume: Float[np.ndarray, "n"]
+    E: Float[np.ndarray, "n"]
+    nu: Float[np.ndarray, "n"]
+    rho: Float[np.ndarray, "n"]
+    part: Int[np.ndarray, "n"]
+    parts: tuple[str, ...] = ("body",)
+    substance: Int[np.ndarray, "n"]
+    substances: tuple[Substance, ...] = field(default=(JELLY,))
+    velocity: Float[np.ndarray, "n 3"]
+
+    def __post_init__(self) -> None:
+        if not len(self.x):
+            raise InputError("no particles: the body is thinner than the grid, or empty")
+        sides = {
+            "volume": self.volume > 0,
+            "E": self.E > 0,
+            "nu": (self.nu >= 0) & (self.nu < 0.5),
+            "rho": self.rho > 0,
+            "x": np.isfinite(self.x).all(axis=1),
+            "velocity": np.isfinite(self.velocity).all(axis=1),
+        }
+        for name, good in sides.items():
+            values = getattr(self, name)
+            if len(values) != len(self.x):
+                raise InputError(f"{len(values)} values of {name} for {len(self.x)} particles")
+            good = good & np.isfinite(values).reshape(len(values), -1).all(axis=1)
+            if not good.all():
+                first = int(np.flatnonzero(~good)[0])
+                raise InputError(
+                    f"{name} = {values[first]} at particle {first} ({int((~good).sum())} of "
+                    f"{len(values)} bad): wanted finite values in SI, of the right sign"
+                )
+        for name, names in (("part", self.parts), ("substance", self.substances)):
+            ids = getattr(self, name)
+            if len(ids) != len(self.x) or ids.min() < 0 or ids.max() >= len(names):
+                raise InputError(f"{name} of the particles: wanted {len(self.x)} ids below "
+                                 f"{len(names)}")  # fmt: skip
+
+    @classmethod
+    def of(
+        cls,
+        x: np.ndarray,
+        volume: float | np.ndarray,
+        *,
+        E: float | np.ndarray,
+        nu: float | np.ndarray,
+        rho: float | np.ndarray,
+        substance: Substance = JELLY,
+        velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    ) -> Particles:
+        """Particles of one part and one class; numbers are for all of them or one for each."""
+        x = np.array(x, dtype=np.float64)
+
+        def each(value: float | np.ndarray) -> np.ndarray:
+            return np.broadcast_to(np.asarray(value, dtype=np.float64), len(x)).copy()
+
+        none = np.zeros(len(x), dtype=np.int64)
+        return cls(
+            x=x, volume=each(volume), E=each(E), nu=each(nu), rho=each(rho), part=none,
+            substance=none.copy(), substances=(substance,),
+            velocity=np.broadcast_to(np.asarray(velocity, dtype=np.float64), x.shape).copy(),
+        )  # fmt: skip
+
+    @property
+    def mass(self) -> Float[np.ndarray, "n"]:
+        """Mass [kg] of every particle."""
+        return self.rho * self.volume
+
+    @property
+    def kinds(self) -> Int[np.ndarray, "n"]:
+        """Class of every particle."""
+        return np.array([int(s.kind) for s in self.substances])[self.substance]
+
+    @property
+    def wave_speed(self) -> Float[np.ndarray, "n"]:
+        """Speed of pressure waves [m/s]; of a fluid by its bulk modulus."""
+        found = wave_speed(self.E, self.nu, self.rho)
+        for i, substance in enumerate(self.substances):
+            if substance.kind == MaterialClass.FLUID and substance.bulk is not None:
+                own = self.substance == i
+                found[own] = np.sqrt(substance.bulk / self.rho[own])
+        return found
+
+    @property
+    def numbers(self) -> Float[np.ndarray, "n 3"]:
+        """What the kernel of the class of every particle is given beside Lame's parameters."""
+        lam, mu = lame_parameters(self.E, self.nu)
+        bulk = lam + 2 * mu / 3
+        found = np.zeros((len(self.x), 3))
+        for i, substance in enumerate(self.substances):
+            own = self.substance == i
+            found[own] = np.array([substance.numbers(0.0)] * int(own.sum())).reshape(-1, 3)
+            if substance.kind == MaterialClass.FLUID and substance.bulk is None:
+                found[own, 0] = bulk[own]
+        return found
+
+
+def block_places(
+    low: Sequence[float], high: Sequence[float], spacing: float, *, along: int = 2
+) -> Float[np.ndarray, "n 3"]:
+    """Places [m] of ``along``^3 particles a cell that fill the box from ``low`` to ``high`` [m]."""
+    h = spacing / along
+    axes = [a + h * (np.arange(round((b - a) / h)) + 0.5) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
