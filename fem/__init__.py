@@ -2,7 +2,7 @@
 
 In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
 Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
-Read: scene, conditions, laws, discrete, linalg, contact, result, solve, scenarios, verdicts.
+Read: scene, conditions, laws, discrete, linalg, contact, damping, result, solve, scenarios.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
 """
@@ -44,7 +44,7 @@ _HOME = {
     "solve_nonlinear": "solve.nonlinear",
     "solve_averaged": "solve.nodal_pressure",
     "Dynamics": "solve.dynamics",
-    "Damping": "solve.potential",
+    "Damping": "damping.rayleigh",
     "Scheme": "solve.schemes",
     "natural_modes": "solve.modal",
     "static_displacement": "solve.gradients",

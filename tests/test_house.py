@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
-        "discrete", "linalg", "contact", "result", "mpm", "solve", "scenarios", "safety",
+        "discrete", "linalg", "contact", "damping", "result", "mpm", "solve", "scenarios", "safety",
         "verdicts",
     ),
     "predictors": (

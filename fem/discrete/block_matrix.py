@@ -32,14 +32,6 @@ class BlockMatrix:
             k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
         )
 
-    def add(self, other: BlockMatrix, factor: float) -> None:
-        """Add ``factor`` times ``other``, a matrix of the same pattern, in place."""
-        from . import kernels_matrix as k
-
-        size, device = self.values.shape[0], self.values.device
-        inputs = [factor, other.values, self.values]
-        start_warp().launch(k.add_scaled, size, inputs=inputs, device=device)
-
     def times(self, x: np.ndarray) -> np.ndarray:
         """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
         wp = start_warp()

@@ -91,16 +91,6 @@ def add_diagonal(
 
 
 @wp.kernel
-def add_scaled(
-    factor: wp.float64,
-    other: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
-    s = wp.tid()
-    values[s] = values[s] + factor * other[s]
-
-
-@wp.kernel
 def fix_rows(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),

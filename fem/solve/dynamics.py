@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..contact.barrier import Contact
+from ..damping.rayleigh import Damping, Rayleigh
 from ..deprecation import renamed_options
 from ..device import checked_device, one_thread
 from ..discrete.assembly import discretise
@@ -19,7 +20,7 @@ from ..discrete.forces import load_vector, node_counts
 from ..discrete.mass import lumped_mass
 from ..discrete.space import Space, extend_linear
 from ..errors import ConvergenceError, InputError
-from ..laws.law import LAWS, Law
+from ..laws.law import Law
 from ..linalg.reused import RepeatedSolver
 from ..result import Motion, MotionResult, locking_share
 from ..scene.mesh import TetMesh, material_of
@@ -30,7 +31,7 @@ from ..validation import checked_count, checked_positive, checked_rows, checked_
 from .discretisation_error import motion_order
 from .method import FrameProgress
 from .newton import minimise
-from .potential import Damping, Incremental, Rayleigh, check_cannot_turn
+from .potential import Incremental
 from .schemes import Forecast, Kinematics, Scheme, Step
 
 logger = logging.getLogger(__name__)
@@ -100,9 +101,8 @@ class Dynamics:
             rows = checked_rows("forces", forces, node_counts(self.space), "N")
             self.load[: len(rows)] += rows
         self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
-        if damping and damping.stiffness and LAWS[law].finite:
-            check_cannot_turn(mesh, self.held)
-        self.damping = Rayleigh(self, damping) if damping else None
+        known = (grid, material_of(mesh), self.mass)
+        self.damping = Rayleigh(*known, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
         self.rigidity = _rigidity(mesh, grid.space)
@@ -116,6 +116,7 @@ class Dynamics:
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         start = Kinematics(u, v, self._acceleration(u, v))
         self.state = self._measured(0.0, start, 0)
+        self.last_step: Step | None = None  # shorter than the one asked for where that was halved
         self._forget()
 
     def _forget(self) -> None:
@@ -127,7 +128,7 @@ class Dynamics:
         force = self.load - self.response(u).force - self.held.springs * u
         force += self.contact.forces(u, len(u))
         if self.damping:
-            force -= self.damping.force(v, 1.0)
+            force -= self.damping.force(u, v)
         mass = np.where(self.mass > 0, self.mass, 1.0)[:, None]
         return np.where(self.held.fixed, 0.0, force / mass)
 
@@ -192,7 +193,7 @@ class Dynamics:
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
         self.contact.check_faces(u)
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
-        self._before, self._dt = now, dt
+        self._before, self._dt, self.last_step = now, dt, step
         self._forecast.add(a)
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
@@ -203,7 +204,7 @@ class Dynamics:
         ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
         target = np.where(fixed, old, step.target)
-        potential = Incremental(self, step.factor, target, step.dt)
+        potential = Incremental(self, step.factor, target, step.dt, old)
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
@@ -211,14 +212,9 @@ class Dynamics:
             u, count = found.u, count + found.iterations
         return u, count
 
-    @property
-    def last_step(self) -> float:
-        """Length [s] of the last step: a share of the one asked for where that was halved."""
-        return self._dt
-
-    def solve_adjoint(self, factor: float, u: np.ndarray, b: np.ndarray, dt: float) -> np.ndarray:
-        """Solve H x = b with the Hessian [N/m] of a step of ``dt`` [s] that ended at ``u``."""
-        potential = Incremental(self, factor, u, dt)
+    def solve_adjoint(self, step: Step, u: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Solve H x = b with the Hessian [N/m] of a ``step`` that ended at ``u`` [m]."""
+        potential = Incremental(self, step.factor, u, step.dt, step.now.u)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
 
 

@@ -39,22 +39,29 @@ class MaterialGradient(NamedTuple):
     rho: np.ndarray
 
 
+Stress = Callable[[LameParameters], np.ndarray]
+
+
+def _elastic_stress(grid: Discretisation, law: str, u: np.ndarray) -> Stress:
+    """First Piola stress (tets, points, 3, 3) [Pa] of the displacement ``u`` [m] by the moduli."""
+    H = displacement_gradients(grid, u, element_points(grid.space.order))
+    return lambda lame: first_piola(law, H, lame)
+
+
 def _by_moduli(
     grid: Discretisation,
     mesh: TetMesh,
     material: ElementMaterial,
-    law: str,
-    u: np.ndarray,
+    stress: Stress,
     adjoint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives by E and nu of -adjoint . internal force; P is linear in (lam, mu)."""
+    """Derivatives by E and nu of -adjoint . force of a ``stress`` that is linear in the moduli."""
     where = element_points(grid.space.order)
-    H = displacement_gradients(grid, u, where)
     along = displacement_gradients(grid, adjoint, where)
     weight = mesh.volumes / len(where)
 
     def work(lame: LameParameters) -> np.ndarray:
-        return -weight * np.einsum("tqij,tqij->t", along, first_piola(law, H, lame))
+        return -weight * np.einsum("tqij,tqij->t", along, stress(lame))
 
     zero, one = np.zeros(()), np.ones(())
     by_lam, by_mu = work(LameParameters(one, zero)), work(LameParameters(zero, one))
@@ -130,7 +137,8 @@ def static_displacement(
         solution = solve_system(matrix, rhs, **known, tolerance=tolerance)
         check_solution(mesh, held, solution, tolerance)
         adjoint = np.where(held.fixed, 0.0, solution.x)
-        by_E, by_nu = _by_moduli(grid, mesh, material, Law.LINEAR, u, adjoint)
+        stress = _elastic_stress(grid, Law.LINEAR, u)
+        by_E, by_nu = _by_moduli(grid, mesh, material, stress, adjoint)
         share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
         lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
         return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity_vector)))
@@ -166,30 +174,28 @@ def implicit_step(
         body = make(mesh.with_material(material))
         if body.contact.obstacles:
             raise InputError("a step with obstacles has no gradient: wanted a body without contact")
-        kept.update(body=body, material=material, start=body.state)
+        kept.update(body=body, material=material)
         u = body.step(dt).u
-        if body.last_step != dt:
+        if body.last_step is None or body.last_step.dt != dt:
             raise InputError(f"the step of {dt:g} s was halved, so it has no gradient: take less")
         return u
 
     def backward(outer: np.ndarray) -> MaterialGradient:
-        body, start, material = kept["body"], kept["start"], kept["material"]
-        twice = body.scheme is Scheme.TRAPEZOIDAL  # it has the forces of both ends
-        u, factor = body.state.u, (4 if twice else 1) / dt**2
+        body, material = kept["body"], kept["material"]
+        u, step = body.state.u, body.last_step
+        start, law, grid = step.now, body.body.law, body.body.grid
+        twice = step.scheme is Scheme.TRAPEZOIDAL  # it has the forces of both ends
         given = np.where(body.held.fixed, 0.0, outer)
-        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(factor, u, given, dt))
-        known, law = (body.body.grid, mesh, material), body.body.law
-        by = [_by_moduli(*known, law, u, adjoint)]
-        if twice:
-            by.append(_by_moduli(*known, law, start.u, adjoint))
-        ahead = u - start.u
-        pull = (2 if twice else 1) * gravity - factor * (ahead - dt * start.v)
+        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(step, u, given))
+        stresses = [_elastic_stress(grid, law, x) for x in ((u, start.u) if twice else (u,))]
+        pull = (2 if twice else 1) * gravity - step.factor * (u - start.u - dt * start.v)
         if body.damping:
-            speed = ahead / dt + (start.v if twice else 0.0)
-            by.append(_by_moduli(*known, Law.LINEAR, body.damping.beta * speed, adjoint))
+            speed = (u - start.u) / dt + (start.v if twice else 0.0)
             pull = pull - body.damping.alpha * speed
-        work = (adjoint * pull).sum(axis=1)[known[0].space.elements]
-        by_rho = mesh.volumes * (work @ mass_shares(known[0].space.order))
+            stresses += body.damping.stresses(u, start.u, start.v if twice else None, dt)
+        work = (adjoint * pull).sum(axis=1)[grid.space.elements]
+        by_rho = mesh.volumes * (work @ mass_shares(grid.space.order))
+        by = [_by_moduli(grid, mesh, material, stress, adjoint) for stress in stresses]
         by_E, by_nu = np.sum(by, axis=0)
         return MaterialGradient(by_E, by_nu, by_rho)
 

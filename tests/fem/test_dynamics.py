@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.damping.rayleigh import Damping
 from autophyx_tet.fem.discrete.assembly import discretise
 from autophyx_tet.fem.discrete.mass import consistent_mass, lumped_mass
 from autophyx_tet.fem.errors import InputError
@@ -10,7 +11,6 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere, gripper
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
-from autophyx_tet.fem.solve.potential import Damping
 from autophyx_tet.fem.solve.schemes import Scheme
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -222,9 +222,3 @@ def test_no_ball_falls_through_a_face_unseen():
     ball = Sphere((0.3, 0.2, 0.61), 0.1, (0, 0, -1.0))
     with pytest.raises(InputError, match="through a face"):
         Dynamics(mesh, supports=held, obstacles=[ball]).run(0.02, 20)
-
-
-def test_stiffness_damping_of_a_free_body_is_refused():
-    """With the stiffness at rest it would take the spin of a free cube."""
-    with pytest.raises(InputError, match="brakes the turns"):
-        Dynamics(shaken_box(E=1e5), damping=Damping(stiffness=0.01))

@@ -1,0 +1,93 @@
+"""Viscosity: a stress that resists the rate of strain and leaves turns alone (Kelvin & Voigt).
+
+Over a step of dt the rate is (E - E_0) / dt with Green's strains at its ends. Its stress is then
+the derivative of dt |rate|^2 / 2 by the displacement, with Hooke's law as the norm: a turn of any
+size costs nothing, and small motions see exactly the stiffness at rest times their velocity.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import start_warp
+from ..discrete.assembly import Discretisation
+from ..discrete.block_matrix import BlockMatrix
+from ..discrete.elastic import Response
+from ..discrete.quadrature import element_points
+from ..discrete.strain import displacement_gradients
+from ..scene.material import LameParameters
+
+
+class Viscosity:
+    """Viscous force of a body of the Lame parameters ``lame`` [Pa s] (tets,)."""
+
+    def __init__(self, grid: Discretisation, lame: LameParameters) -> None:
+        self.grid = grid
+        arrays = [self._array(np.asarray(m)) for m in lame]
+        self._arrays = [grid.points, grid.elements, grid.quadrature, *arrays]
+
+    def _array(self, values: np.ndarray) -> Any:
+        wp = start_warp()
+        dtype = wp.vec3d if values.ndim == 2 else wp.float64
+        return wp.array(values, dtype=dtype, device=self.grid.device)
+
+    def force(
+        self, u: Float[np.ndarray, "nodes 3"], v: Float[np.ndarray, "nodes 3"]
+    ) -> Float[np.ndarray, "nodes 3"]:
+        """Force [N] with which nodes at the displacement ``u`` [m] resist their velocity ``v``."""
+        return self._response(1.0, u, v, rate=True).force
+
+    def step(
+        self, u: Float[np.ndarray, "nodes 3"], start: Float[np.ndarray, "nodes 3"], dt: float
+    ) -> Response:
+        """Potential [J] and force [N] at the end ``u`` of a step of ``dt`` [s] from ``start``."""
+        return self._response(1 / dt, u, start, rate=False)
+
+    def _response(self, scale: float, u: np.ndarray, along: np.ndarray, *, rate: bool) -> Response:
+        from . import kernels_viscosity as k
+
+        wp = start_warp()
+        fields = [self._array(u), self._array(along)]
+        tets, device = len(self.grid.space.elements), self.grid.device
+        energy = wp.empty(tets, dtype=wp.float64, device=device)
+        force = wp.zeros_like(fields[0])
+        inputs = [*self._arrays, scale, *fields, rate, energy, force]
+        wp.launch(k.energy_and_force, tets, inputs=inputs, device=device)
+        return Response(float(energy.numpy().sum()), force.numpy())
+
+    def add_tangent(
+        self, matrix: BlockMatrix, u: np.ndarray, start: np.ndarray, dt: float, *, projected: bool
+    ) -> None:
+        """Add the second derivative [N/m] of the potential of ``step`` to ``matrix``.
+
+        ``projected``: no tet has a negative part.
+        """
+        from . import kernels_viscosity as k
+
+        inputs = [*self._arrays, 1 / dt, self._array(u), self._array(start), projected]
+        inputs += [self.grid.pattern.slots, matrix.values]
+        tets, device = len(self.grid.space.elements), self.grid.device
+        start_warp().launch(k.tangent, tets, inputs=inputs, device=device)
+
+    def stress(
+        self, u: np.ndarray, along: np.ndarray, lame: LameParameters, *, rate: bool
+    ) -> Float[np.ndarray, "tets points 3 3"]:
+        """First Piola stress at the points of ``element_points``, linear in ``lame`` (broadcast).
+
+        For the change of strain from the displacement ``along`` to ``u`` [m]; ``rate``: for the
+        velocity ``along``.
+        """
+        from . import kernels_viscosity as k
+
+        wp = start_warp()
+        where = element_points(self.grid.space.order)
+        H, G = (displacement_gradients(self.grid, field, where) for field in (u, along))
+        given = [wp.array(x.reshape(-1, 3, 3), dtype=wp.mat33d, device="cpu") for x in (H, G)]
+        moduli = [np.broadcast_to(m, H.shape[:2]).astype(float).ravel() for m in lame]
+        moduli = [wp.array(m, dtype=wp.float64, device="cpu") for m in moduli]
+        P = wp.empty_like(given[0])
+        wp.launch(k.stress, len(P), inputs=[*given, rate, *moduli, P], device="cpu")
+        return P.numpy().reshape(H.shape)
