@@ -14,6 +14,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -25,6 +26,7 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, LameParameters
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.hearing.clauses import HeardClause, HeardSentence
+from autophyx_tet.predictors.language.binding import Bound
 from autophyx_tet.predictors.language.clauses import Clause, Sentence
 from autophyx_tet.toolkit.options import AssignOptions
 
@@ -32,6 +34,14 @@ HERE = Path(__file__).resolve().parent
 ROOMS = ("fem", "predictors", "converters", "toolkit")
 TEXT = "the legs are oak"  # and the seat is left to the network
 CELLS = 12  # of its grid: the way is the same as on a fine one
+
+
+@cache
+def place_of(file: str) -> tuple[str, ...]:
+    """Folders and name of a file of ours, () for all others."""
+    path = Path(file)
+    place = path.relative_to(HERE.parent).parts if path.is_relative_to(HERE.parent) else ()
+    return place if place[:1] and place[0] in ROOMS else ()
 
 
 @dataclass
@@ -56,13 +66,10 @@ class Walk:
         sys.setprofile(None)
 
     def _noted(self, frame: FrameType, event: str, _: object) -> None:
-        path = Path(frame.f_code.co_filename)
-        if event != "call" or not path.is_relative_to(HERE.parent):
-            return
-        place = path.relative_to(HERE.parent).parts
-        if place[0] not in ROOMS:
-            return
         code = frame.f_code
+        place = place_of(code.co_filename) if event == "call" else ()
+        if not place:
+            return
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         if not any(self.carries(frame.f_locals.get(name)) for name in names):
             return
@@ -78,7 +85,7 @@ class Walk:
         return len(self.stays) - len({stay.room for stay in self.stays})
 
 
-READ = (Sentence, Clause, HeardSentence, HeardClause)  # what a text becomes
+READ = (Sentence, Bound, Clause, HeardSentence, HeardClause)  # what a text becomes
 
 
 def parts_mesh() -> TetMesh:

@@ -1,7 +1,4 @@
-"""From a text to the material of every part: words where they settle it, a predictor for the rest.
-
-The text is read here, once; whatever comes after takes its clauses.
-"""
+"""From clauses to the material of every part: words where they settle it, else a predictor."""
 
 from __future__ import annotations
 
@@ -11,9 +8,7 @@ from dataclasses import replace
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
-from .chat import ChatEndpoint
-from .interpreter import interpret
-from .language.reader import parse
+from .language.binding import Bound
 from .lookup.lookup import Lookup
 from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
@@ -22,7 +17,7 @@ from .voxels import PartVoxels
 
 def predict_materials(
     parts: PartVoxels,
-    text: str,
+    bound: Bound,
     *,
     predictor: Predictor | str,
     overrides: Mapping[str, str] | None = None,
@@ -34,7 +29,6 @@ def predict_materials(
     up: UpAxis = "z",
     appearance: Callable[[], Appearance] | None = None,
     table: MaterialTable | None = None,
-    interpreter: ChatEndpoint | None = None,
 ) -> Prediction:
     """Return the material of every part.
 
@@ -42,8 +36,8 @@ def predict_materials(
     ----------
     parts
         The cells [m] of every part.
-    text
-        What the user says of the object.
+    bound
+        What the user says of the object, and of which part.
     predictor
         Who finds what words leave open, or its name in ``PREDICTORS``.
     overrides, materials, values, alpha, volumes
@@ -54,8 +48,8 @@ def predict_materials(
         The axis that points up.
     appearance
         Gives what is seen of the cells; called only where words leave a part open.
-    table, interpreter
-        The materials, by default those of the package; a language model that reads the text.
+    table
+        The materials, by default those of the package.
 
     Raises
     ------
@@ -64,20 +58,18 @@ def predict_materials(
         predictor finds that cannot do it.
     """
     predictor, table = _named(predictor, table), table or load_table()
-    read = interpret(interpreter, text, table, parts.part_names) if interpreter else None
-    sentence = read or parse(text, table, parts.part_names)
     settled = Lookup(table=table).settle(
-        parts.part_labels, sentence, overrides=overrides, materials=materials, values=values,
+        parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
         alpha=alpha, volumes=volumes,
     )  # fmt: skip
     choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
     left_open = [c.part for i, c in enumerate(choices) if not c.settled and i in parts.part]
     if not left_open:
-        made = Prediction.of(parts, choices, sentence, alpha=alpha)
+        made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     else:
         _check_alpha(alpha, predictor, left_open[0])
         made = predictor.predict(
-            parts, sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
+            parts, bound.sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
         )
     return replace(made, warnings=settled.warnings)
 

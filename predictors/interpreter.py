@@ -1,4 +1,4 @@
-"""A sentence read by a language model into the same clauses, each checked against the text.
+"""A text read once for an asset: by the built-in reader, or by a language model that it checks.
 
 The built-in reader stays the fall-back, and the check: what the model left out or reads otherwise
 is told. A clause that quotes words which the text does not have, or numbers that are not in it, is
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 from ..fem.errors import InputError
 from ..fem.scene.materials import CATEGORIES, MaterialTable, key
 from .chat import ChatEndpoint
+from .language.binding import Bound, bind
 from .language.clauses import Clause, Degree, Measure, Quantity, Scope, Sentence, Subject
 from .language.reader import parse
 
@@ -34,6 +36,32 @@ Answer with JSON alone: {{"clauses": [CLAUSE, ...]}}. A CLAUSE has
 Leave out what the sentence does not say. Guess nothing."""
 
 
+def read_sentence(
+    text: str,
+    labels: Sequence[Sequence[str]],
+    table: MaterialTable,
+    *,
+    interpreter: ChatEndpoint | None = None,
+) -> Bound:
+    """Read a text, and say which of its clauses speak of which part.
+
+    Parameters
+    ----------
+    text
+        What the user says of the object.
+    labels
+        For each part its name, then all other words that the asset has for it.
+    table
+        Whose rows are materials.
+    interpreter
+        A language model that reads the text.
+    """
+    names = [own[0] for own in labels]
+    if interpreter is None:
+        return bind(parse(text, table, names), labels)
+    return bind(interpret(interpreter, text, table, names), labels)
+
+
 def interpret(
     endpoint: ChatEndpoint, text: str, table: MaterialTable, names: Sequence[str] = ()
 ) -> Sentence:
@@ -52,7 +80,7 @@ def interpret(
             raise InputError(f"{endpoint.model} answered no clauses")
     except InputError as error:
         note = f"the interpreter was not used, the built-in reader was: {error}"
-        return Sentence(text, own.clauses, own.unread, (*own.notes, note))
+        return replace(own, notes=(*own.notes, note))
     clauses, notes = [], []
     for number, item in enumerate(given[:MOST_CLAUSES], 1):
         try:
@@ -61,8 +89,9 @@ def interpret(
             notes.append(f"clause {number} of the interpreter is left out: {error}")
     if not clauses:
         notes.append("the interpreter's clauses were all left out: the built-in reader was used")
-        return Sentence(text, own.clauses, own.unread, (*own.notes, *notes))
-    return Sentence(text, tuple(clauses), (), (*notes, *_differences(own, clauses)))
+        return replace(own, notes=(*own.notes, *notes))
+    notes += _differences(own, clauses)
+    return Sentence(text, tuple(clauses), (), tuple(notes), own.thing)
 
 
 def _clause(item: Any, text: str, table: MaterialTable) -> Clause:

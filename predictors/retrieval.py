@@ -8,6 +8,7 @@ from typing import ClassVar
 from ..fem.scene.materials import MaterialTable
 from .asset import UpAxis
 from .encoders.protocol import TextEncoder
+from .language.binding import bind
 from .language.clauses import Sentence
 from .lookup.lookup import Lookup
 from .prediction import PartChoice, Prediction
@@ -39,6 +40,7 @@ class RetrievalPredictor:
         """Return the choices themselves; see ``Predictor``. What is seen is not asked for."""
         if choices is None:
             choices = self.lookup.settle(
-                parts.part_labels, sentence, alpha=alpha, volumes=parts.volumes
-            ).choices
+                parts.part_labels, bind(sentence, parts.part_labels), alpha=alpha,
+                volumes=parts.volumes,
+            ).choices  # fmt: skip
         return Prediction.of(parts, choices, sentence, alpha=alpha)

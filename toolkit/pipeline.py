@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,8 @@ from .simulation.simulate import simulate
 from .walls.wall_options import WallOptions
 
 if TYPE_CHECKING:
+    from ..fem.scene.materials import MaterialTable
+    from ..predictors.language.binding import Bound
     from ..predictors.prediction import Prediction
 
 
@@ -101,33 +103,35 @@ def assign(
     """
     from ..converters.material_sampling import sample_material
     from ..converters.voxelisation import divided_by_voxels
-    from .walls.built_parts import Called, Walls, build_parts, with_walls
+    from .walls.built_parts import Walls, build_parts, with_walls
+    from .walls.part_words import Called
 
     options = (options or AssignOptions()).checked()
-    if output is not None:
-        check_mesh(output)
-    if field_output is not None:
-        check_file(field_output, (".npz",))
+    _check_outputs(output, field_output)
     mesh, sidecar, seen, warnings = read_known(mesh, asset)
     said = Walls.said(walls, sidecar, mesh.region_names)
-    found = _predicted(mesh, text, sidecar, seen, options)
+    bound, table = _read(text, mesh, sidecar, options)
+    called = Called.of(mesh, sidecar, bound, table)
+    found = _predicted(mesh, bound, sidecar, seen, options, called.usual_materials(), table)
     if len(found.choices) > len(mesh.region_names):
         mesh = divided_by_voxels(mesh, found.parts, found.parents)
         sidecar = sidecar.divided(found.parts)
-    built = build_parts(mesh, found.choices, Called.of(mesh, sidecar, text), said)
-    sampled = sample_material(mesh, with_walls(found.field, built))
-    far = f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
-    apparent = (one.warning for one in built if one.warning)
-    doubts = tuple(found.doubts())
+        called = called.divided(mesh, sidecar, found.parents)
+    built = build_parts(mesh, found.choices, called, said)
+    field = with_walls(found.field, built)
+    sampled = sample_material(mesh, field)
+    far = [f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"]
+    apparent = filter(None, (one.warning for one in built))
+    doubts = (*found.doubts(), *filter(None, (one.doubt for one in built)))
     result = Assignment(
         mesh=sampled.mesh,
         text=text,
-        field=with_walls(found.field, built),
+        field=field,
         choices=found.choices,
         built=built,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *doubts, *apparent, *([far] if sampled.unmatched else [])),
+        warnings=(*warnings, *doubts, *apparent, *(far if sampled.unmatched else ())),
         doubts=doubts,
     )
     if options.strict:
@@ -136,32 +140,56 @@ def assign(
     return _written(result, output, field_output)
 
 
+def _check_outputs(output: Path | None, field_output: Path | None) -> None:
+    if output is not None:
+        check_mesh(output)
+    if field_output is not None:
+        check_file(field_output, (".npz",))
+
+
+def _read(
+    text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
+) -> tuple[Bound, MaterialTable]:
+    """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
+    from ..fem.scene.materials import load_table
+    from ..predictors.chat import ChatEndpoint
+    from ..predictors.interpreter import read_sentence
+    from .io.own_materials import with_own_rows
+
+    table = with_own_rows(options.table) if options.table else load_table()
+    interpreter = ChatEndpoint.at(options.interpreter) if options.interpreter else None
+    labels = sidecar.labels_of(mesh.region_names)
+    return read_sentence(text, labels, table, interpreter=interpreter), table
+
+
 def _predicted(
-    mesh: TetMesh, text: str, sidecar: Sidecar, seen: Asset | None, options: AssignOptions
+    mesh: TetMesh,
+    bound: Bound,
+    sidecar: Sidecar,
+    seen: Asset | None,
+    options: AssignOptions,
+    usual: Mapping[str, tuple[str, str]],
+    table: MaterialTable,
 ) -> Prediction:
     """What words and the predictor make of the regions of a mesh."""
     from ..converters.voxelisation import voxelize
     from ..predictors.assignment import predict_materials
-    from ..predictors.chat import ChatEndpoint
     from ..predictors.lookup.numbers import numbers_of_parts
     from .appearance import appearance_of
-    from .io.own_materials import with_own_rows
-    from .walls.built_parts import Called
 
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
     return predict_materials(
         voxels,
-        text,
+        bound,
         predictor=options.predictor,
         overrides=pairs(options.part),
         materials=pairs(options.material),
         values=numbers_of_parts(options.set),
-        table=with_own_rows(options.table) if options.table else None,
-        interpreter=ChatEndpoint.at(options.interpreter) if options.interpreter else None,
+        table=table if options.table else None,
         alpha=options.alpha,
         volumes=mesh.region_volumes().tolist(),
-        usual=Called.of(mesh, sidecar, text).usual_materials(),
+        usual=usual,
         up=sidecar.up,
         appearance=seen and partial(appearance_of, seen, voxels, encoder=options.encoder),
     )

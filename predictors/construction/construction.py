@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ...fem.scene.materials import Material, MaterialTable, Span
-from .kinds import Kind, content_named, first_phrase, head_of_name, kinds_named, middle
+from ..hearing.vocabulary import stem
+from .kinds import Kind, content_named, head_of_name, kinds_named, middle
 
 Form = Literal["solid", "walls in its shape", "shell", "unknown"]
 
@@ -78,35 +79,54 @@ class Construction:
         return f"taken as a wall of {_millimetres(self.wall)}{held}: {self.why}"
 
 
-class _Words:
-    """What the names of a part and the text say that it is."""
+@dataclass(frozen=True)
+class ThingWords:
+    """What the names of a part and the text say that it is.
 
-    def __init__(self, names: Sequence[str], object_names: Sequence[str], text: str) -> None:
-        phrase = first_phrase(text)
-        said = phrase if object_names or text else []
-        self.said = frozenset(said)
-        self.heads = [head_of_name(name) for name in names]
-        self.heads += [said, *(head_of_name(name) for name in object_names)]
+    Parameters
+    ----------
+    heads
+        Of its name, its other labels, the text and the name of the whole: stems up to the head.
+    said
+        Stems of what the text says that it is.
+    """
 
+    heads: tuple[tuple[str, ...], ...]
+    said: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(
+        cls, names: Sequence[str], *, thing: Sequence[str] = (), object_name: str = ""
+    ) -> ThingWords:
+        """Return the words of a part.
+
+        Parameters
+        ----------
+        names
+            Its name, then all other words the asset has for it.
+        thing, object_name
+            What the text says that the object is, and what the asset is called: of the main part
+            only.
+        """
+        said = [stem(word) for word in thing]
+        heads = [*map(head_of_name, names), said, head_of_name(object_name)]
+        return cls(tuple(tuple(head) for head in heads if head), frozenset(said))
+
+    @property
     def kinds(self) -> tuple[Kind, ...]:
         """Kinds of the first name that has any."""
-        return next((found for head in self.heads if head and (found := kinds_named(head))), ())
+        return next((found for head in self.heads if (found := kinds_named(head))), ())
 
-
-def usual_material(
-    names: Sequence[str], object_names: Sequence[str], text: str
-) -> tuple[str, str] | None:
-    """Kind of a thing so called, and the row of the table that it is usually made of."""
-    kinds = _Words(names, object_names, text).kinds()
-    return next(((kind.name, kind.material) for kind in kinds if kind.material), None)
+    def usual_material(self) -> tuple[str, str] | None:
+        """Kind of a thing so called, and the row of the table that it is usually made of."""
+        return next(((kind.name, kind.material) for kind in self.kinds if kind.material), None)
 
 
 def construction_of(
-    names: Sequence[str],
+    part: str,
+    words: ThingWords,
     material: Material,
     *,
-    object_names: Sequence[str] = (),
-    text: str = "",
     hull_share: float = 1.0,
     smallest_side: float = 1.0,
     wall: float | None = None,
@@ -119,12 +139,10 @@ def construction_of(
 
     Parameters
     ----------
-    names
-        Its name, then all other words the asset has for it.
+    part, words
+        Its name, and what it is called and said to be.
     material
         What it is made of.
-    object_names, text
-        What the asset is called, and what the user says that it is: of the main part only.
     hull_share, smallest_side
         Its volume by that of its convex hull [1], and the smallest side of its box [m].
     wall, solid, filling, in_mesh
@@ -133,7 +151,6 @@ def construction_of(
     contents
         What things are called after that may hold it, "milk carton"; of no use to the full.
     """
-    part, words = names[0], _Words(names, object_names, text)
     if solid or in_mesh:
         return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
     inside = _filled(filling)
@@ -144,7 +161,7 @@ def construction_of(
         return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
     if words.said & _SOLID:
         return Construction(part, "solid", "the text says so")
-    kind, hollow = _of_material(words.kinds(), material), bool(words.said & _HOLLOW)
+    kind, hollow = _of_material(words.kinds, material), bool(words.said & _HOLLOW)
     if kind and kind.hollow == "always" and not filling and kind.holds:
         return _maybe_full(_shell(part, kind), kind, words, contents)
     if kind and (kind.hollow == "always" or (kind.hollow == "often" and (hollow or filling))):
@@ -176,12 +193,12 @@ def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span)
 
 
 def _maybe_full(
-    built: Construction, kind: Kind, words: _Words, contents: MaterialTable | None
+    built: Construction, kind: Kind, words: ThingWords, contents: MaterialTable | None
 ) -> Construction:
     """A container of which nothing says whether it is full: half, of what it is called after."""
     if "empty" in words.said:
         return built
-    heads = [head for head in words.heads if head and kind in kinds_named(head)]
+    heads = [head for head in words.heads if kind in kinds_named(head)]
     rows = [content_named(head, contents) for head in heads] if contents else []
     found = next(filter(None, rows), None)
     if found is None:

@@ -2,13 +2,12 @@
 
 A thing is what the head of its name says: a bottle opener is no bottle, an object no box. So a
 kind's words must end the name ("water_bottle_02"), or the first noun phrase of a sentence ("an
-empty steel can of ...", but not "the legs can bend" nor "a lid for a bottle").
+empty steel can", but not "the legs can bend").
 """
 
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,19 +17,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ...fem.errors import InputError
-from ...fem.scene.materials import Material, MaterialTable, Span, key
+from ...fem.scene.materials import Material, MaterialTable, Span
 from ..hearing.vocabulary import name_words, stem
 
 PATH = Path(__file__).parents[2] / "fem" / "data" / "walls.csv"
-# Where a noun phrase ends: words of grammar, a closed class, and what says that it is full.
-_ENDS = frozenset(
-    "of with without is are was be made full filled containing holding storing in on for and or "
-    "from that which has have having to by as at under over its whose weighing "
-    "covered coated wrapped painted lined attached mounted".split()
-)
-_BEFORE = re.compile(r"^\W*((this|it|there|that|here)\s+is\s+|an image of\s+)?", re.IGNORECASE)
-_FULL = re.compile(r"\b(?:full of|filled with|holding|containing)\s+([\w\s-]+)", re.IGNORECASE)
-_OF = re.compile(r"^[\w\s-]*?\bof\s+([\w\s-]+)", re.IGNORECASE)
 _GENERIC = frozenset({"drink", "beverage", "food"})  # words for anything that one may hold
 # Behind the head of a name: what modellers append to it.
 _TAIL = frozenset(
@@ -117,44 +107,10 @@ def head_of_name(name: str) -> list[str]:
     return stems
 
 
-def first_phrase(text: str) -> list[str]:
-    """Stems of the first noun phrase of a sentence: what it says that the object is."""
-    rest = _BEFORE.sub("", text, count=1)
-    stems: list[str] = []
-    for word in re.findall(r"[^\W_]+(?:-[^\W_]+)*|[^\w\s]", rest.replace("'s", "")):
-        if word.lower() in _ENDS or not word[0].isalnum():
-            break
-        stems.append(stem(word))
-    return stems
-
-
-def contents_of(text: str, contents: MaterialTable, materials: MaterialTable) -> Material | None:
-    """What a text says that a thing is full of: "full of beans", "a can of beans".
-
-    What is a material too stands after "of" for that: "a box of paper", "a bottle of glass".
-    """
-    full, of = _FULL.search(text), _OF.search(text)
-    if full:
-        return _last_phrase(full.group(1), contents)
-    found = _last_phrase(of.group(1), contents) if of else None
-    known = found and {key(name) for name in (found.name, *found.aliases)} & set(materials.phrases)
-    return found if of and not known and kinds_named(first_phrase(text)) else None
-
-
 def content_named(stems: Sequence[str], contents: MaterialTable) -> Material | None:
     """What stands before the head of a name that is called after it: of "milk carton", milk."""
     before = stems[-2] if len(stems) > 1 else ""
     return None if before in _GENERIC else contents.phrases.get(before)
-
-
-def _last_phrase(text: str, contents: MaterialTable) -> Material | None:
-    """The longest phrase of a table that ends the first phrase of a text."""
-    words = text.split()
-    ends = [i for i, word in enumerate(words) if word.lower() in _ENDS]
-    words = words[: min(ends, default=len(words))]
-    phrases = (key(" ".join(words[i:])) for i in range(len(words)))
-    rows = (contents.phrases.get(name) for phrase in phrases for name in (phrase, stem(phrase)))
-    return next((row for row in rows if row), None)
 
 
 def middle(span: Span) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..language.binding import bind
 from ..language.reader import parse
 from ..lookup.lookup import Lookup
 from ..normalisation import DEFAULT
@@ -66,8 +67,8 @@ class RetrievalBaseline:
             volumes = [float((part == p).sum()) for p in range(int(part.max()) + 1)]
             labels = [(f"part {p + 1}",) for p in range(len(volumes))]
             said = "; ".join(filter(None, example.said)) or "This is an object."
-            sentence = parse(said, lookup.table)
-            chosen = lookup.settle(labels, sentence, volumes=volumes).choices
+            read = bind(parse(said, lookup.table), labels)
+            chosen = lookup.settle(labels, read, volumes=volumes).choices
             value = torch.tensor(np.array([DEFAULT.normalise(*c.value) for c in chosen]))
             return value.float()[part.clamp(min=0)].movedim(-1, 0)[None], None
 

@@ -16,8 +16,8 @@ import numpy as np
 from ...fem.scene.materials import MaterialTable, load_table
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
-from ..hearing.clauses import HeardClause, HeardSentence
-from ..hearing.hints import Heard, HintedEncoder, hear
+from ..hearing.clauses import HeardClause
+from ..hearing.hints import Heard, HintedEncoder
 from ..normalisation import DEFAULT, Normalisation
 from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
@@ -82,10 +82,15 @@ class FilmModel:
 
         return load_checkpoint(self._weights)
 
+    @cached_property
+    def words(self) -> HintedEncoder:
+        """The same for what the network hears: sentence, hints of the lexicon, subject."""
+        return HintedEncoder(self.encoder, normalisation=self.network.normalisation)
+
     def infer(
         self,
         parts: PartVoxels,
-        sentence: HeardSentence,
+        heard: Heard,
         *,
         up: UpAxis = "z",
         appearance: Appearance | None = None,
@@ -96,6 +101,8 @@ class FilmModel:
 
         Parameters
         ----------
+        heard
+            What is said of the parts, as ``words`` embeds it.
         up
             The axis that points up.
         appearance
@@ -106,8 +113,6 @@ class FilmModel:
             Views from so many sides are averaged; their spread is reported.
         """
         frame = Frame.of(parts, up)
-        encoder = HintedEncoder(self.encoder, normalisation=self.network.normalisation)
-        heard = hear(sentence, parts.part_labels, self.table, encoder)
         scene = self._scene(parts, frame, heard, appearance or Appearance(), names)
         values, shares = self._run(scene, frame, turns)
         normalisation = self.network.normalisation

@@ -15,6 +15,8 @@ from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
 from ..hearing.clauses import HeardSentence
+from ..hearing.hints import hear
+from ..language.binding import bind
 from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup
 from ..normalisation import Normalisation
@@ -58,11 +60,12 @@ class FilmPredictor:
         own. See ``Predictor``; ``alpha`` moves nothing here.
         """
         if choices is None:
-            choices = self.lookup.settle(parts.part_labels, sentence, volumes=parts.volumes).choices
+            bound = bind(sentence, parts.part_labels)
+            choices = self.lookup.settle(parts.part_labels, bound, volumes=parts.volumes).choices
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, choice in enumerate(choices) if not choice.settled and i in there]
         seen = appearance() if appearance else None
-        heard = HeardSentence.of(sentence)
+        heard = hear(HeardSentence.of(sentence), parts.part_labels, self.table, self.model.words)
         found = self.model.infer(parts, heard, up=up, appearance=seen)
         pieces = self._pieces(parts, left_open, found)
         decided = [
@@ -87,9 +90,8 @@ class FilmPredictor:
         names: bool = True,
     ) -> MaterialField:
         """Return what the network finds by itself, no value looked up; see ``FilmModel.infer``."""
-        found = self.model.infer(
-            parts, sentence, up=up, appearance=appearance, names=names, turns=1
-        )
+        heard = hear(sentence, parts.part_labels, self.table, self.model.words)
+        found = self.model.infer(parts, heard, up=up, appearance=appearance, names=names, turns=1)
         E, nu, rho = found.normalisation.physical(found.values)
         labels = parts.part.astype(np.int64)
         return MaterialField(

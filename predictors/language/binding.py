@@ -10,6 +10,7 @@ from .clauses import Clause, Sentence
 from .lexicon import Phrase, known_parts, part_name_words, part_words, positions, words
 
 How = Literal["name", "label", "synonym", "rest", "whole"]
+GENERAL: tuple[How, ...] = ("rest", "whole")  # not by a word for the part
 # Of one word: what the part itself is called, its last word before the others; what else the asset
 # calls it; another word for the same; a word inside another ("top" in "tabletop").
 HEAD, WORD, LABEL, SYNONYM, INSIDE = 5, 4, 3, 2, 1
@@ -25,16 +26,19 @@ class BoundPart(NamedTuple):
 
 @dataclass(frozen=True)
 class Bound:
-    """Clauses of every part.
+    """A sentence, and which of its clauses speak of every part.
 
     Parameters
     ----------
+    sentence
+        What was read.
     parts
         One for each part of the asset.
     unbound
         Indices of clauses that speak of no part of it.
     """
 
+    sentence: Sentence
     parts: tuple[BoundPart, ...]
     unbound: tuple[int, ...]
 
@@ -97,7 +101,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     taken = {k for part in bound for k in part.clauses}
     idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
     left = sorted({*lost, *whole, *rest} - taken - idle)
-    return Bound(tuple(bound), tuple(left))
+    return Bound(sentence, tuple(bound), tuple(left))
 
 
 def _is_other(clause: Clause) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 # What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
@@ -118,6 +118,8 @@ class Clause:
         What picks a row among its relatives: "green", "tempered".
     certainty
         1 where it was read as it stands; lower where spelling or structure was guessed.
+    says_matter
+        Whether it says anything of a material: a name, a kind, a level, a number, a relation.
     """
 
     text: str
@@ -140,13 +142,14 @@ class Clause:
     condition: str = ""
     certainty: float = 1.0
 
-    @property
-    def says_matter(self) -> bool:
-        """Whether it says anything of a material: a name, a kind, a level, a number, a relation."""
-        return bool(
+    says_matter: bool = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        says = (
             self.material or self.kind or self.unknown or self.excluded or self.stiffness
             or self.density or self.character or self.numbers or self.comparisons
         )  # fmt: skip
+        object.__setattr__(self, "says_matter", bool(says))
 
 
 @dataclass(frozen=True)
@@ -164,9 +167,12 @@ class Sentence:
     notes
         What the reader took upon itself, each a sentence for the user: a spelling that was mended,
         a language that is not English.
+    thing
+        Words of its first noun phrase, without plurals: what it says that the object is.
     """
 
     text: str
     clauses: tuple[Clause, ...] = ()
     unread: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    thing: tuple[str, ...] = ()

@@ -7,13 +7,14 @@ say how these hang together: ``data/words.toml`` names what each of them does.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
 from .clauses import Sentence
 from .drafts import Draft, finished
 from .groups import join_comparisons
-from .lexicon import lexicon_of, words
+from .lexicon import Phrase, lexicon_of, words
 from .lexing import Lexeme, lex
 from .statements import Statements
 
@@ -51,7 +52,28 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     lexed = lex(text, lexicon, names)
     statements = Statements(lexicon)
     _walk(join_comparisons(lexed.lexemes), statements)
-    return finished(text, statements.drafts, lexed, lexicon)
+    sentence = finished(text, statements.drafts, lexed, lexicon)
+    return replace(sentence, thing=_first_phrase(lexed.lexemes))
+
+
+def _first_phrase(lexemes: Sequence[Lexeme]) -> Phrase:
+    """Words of the first noun phrase, up to one that joins: "this is a can of ..." is "a can".
+
+    What a participle says of the noun before it comes first: "a ball inflated with ...".
+    """
+    phrase, noun = list[str](), False
+    for lexeme in lexemes:
+        before = lexeme.role == "coat" and not noun  # "a painted drum"
+        if (lexeme.role in _CONNECTORS or lexeme.role in ("on", "sign")) and not before:
+            if phrase and phrase[-1] != "image":  # "an image of a chair"
+                break
+            phrase = []
+        elif phrase and lexeme.dep == "acl":
+            return (*lexeme.words, *phrase)
+        else:
+            phrase += lexeme.words
+            noun = noun or lexeme.tag.startswith("NN")
+    return tuple(phrase)
 
 
 def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:

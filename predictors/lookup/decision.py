@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from ...fem.scene.materials import Material, MaterialTable, key
 from ..hearing.binding import NamedPart
-from ..language.clauses import Clause, Degree, Subject
+from ..language.clauses import Clause, Degree
 from ..prediction import PartChoice
 from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
@@ -26,6 +26,7 @@ _SPOKEN_DEGREE: dict[Degree, tuple[str, ...]] = {
     1: ("soft", "flexible", "very soft"), 2: ("soft", "flexible"), 3: (),
     4: ("hard", "rigid", "stiff"), 5: ("hard", "rigid", "stiff"),
 }  # fmt: skip
+_HEARD_DEGREE: dict[str | None, Degree] = {"soft": 2, "stiff": 4}  # of what a network hears
 
 
 @dataclass(frozen=True)
@@ -114,18 +115,18 @@ class Decider:
 
     def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
         """Choose for a part what a phrase names, a predictor having found the part for it."""
-        degree: Degree | None = {"soft": 2, "stiff": 4}.get(level or "")  # type: ignore
-        said = PartStatement(
-            (Clause(phrase, (0, 0), Subject("none"), phrase, phrase, stiffness=degree),)
-        )
-        row = self._named(said.clauses[0], said)
-        return self._placed(PartChoice(part, row, row.value(), 1.0, 0.5, why), said, None)
+        degree = _HEARD_DEGREE.get(level)
+        row = self._named(phrase, phrase, degree)
+        stiffness = degree if row is self.table.exact(phrase) else None
+        value = value_at(row, stiffness=stiffness, density=None, absolute=False)
+        return PartChoice(part, row, value, 1.0, PLACE[stiffness or 3], why)
 
     def _row_of(self, part: NamedPart, said: PartStatement) -> PartChoice:
         """Choose the row, at the middle of its ranges."""
         naming, deciding = said.naming, said.deciding
         if naming is not None and not (said.whole and part.material):
-            row = self._named(naming, said)
+            material = naming.material or ""
+            row = self._named(naming.phrase or material, material, said.first("stiffness"))
             why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
             choice = _choice(part, row, why, clause=naming, settled=not said.open)
             return replace(choice, borrowed=said.borrowed)
@@ -141,15 +142,13 @@ class Decider:
             return self._by_meaning(part, said)
         return self._among(part, said, deciding)
 
-    def _named(self, clause: Clause, said: PartStatement) -> Material:
-        """Return the row that a clause names, or its soft or hard relative where one is said."""
-        words = clause.phrase or clause.material or ""
-        degree = said.first("stiffness")
+    def _named(self, words: str, material: str, degree: Degree | None) -> Material:
+        """Return the row that words name, or its soft or hard relative where one is said."""
         for adjective in _SPOKEN_DEGREE[degree] if degree else ():
             row = self.table.phrases.get(f"{adjective} {words}".lower())
             if row is not None:
                 return row
-        return self.table.exact(clause.material or "")
+        return self.table.exact(material)
 
     def _among(self, part: NamedPart, said: PartStatement, deciding: Clause) -> PartChoice:
         """Choose the row nearest in meaning of those that can be as is said, without a name."""
@@ -258,10 +257,5 @@ def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list
         told.append(
             f"part {part.name!r}: only what covers it is said, {choice.row.name}: it is taken as "
             "made of it"
-        )
-    for filling in dict.fromkeys(clause.filling for clause in said.clauses if clause.filling):
-        told.append(
-            f"part {part.name!r} is said to hold {filling}: its mass counts it as solid "
-            f"{choice.row.name}; --wall makes it hollow"
         )
     return told

@@ -16,7 +16,7 @@ from ...fem.scene.materials import MaterialTable, MaterialValue, key, load_table
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
 from ..hearing.vocabulary import vocabulary_of
-from ..language.binding import BoundPart, bind, parts_called
+from ..language.binding import GENERAL, Bound, BoundPart, parts_called
 from ..language.clauses import Clause, Sentence, Subject
 from ..language.reader import parse
 from ..prediction import PartChoice
@@ -48,7 +48,7 @@ class Lookup:
     def settle(
         self,
         part_labels: Sequence[Sequence[str]],
-        sentence: Sentence,
+        bound: Bound,
         *,
         overrides: Mapping[str, str] | None = None,
         materials: Mapping[str, str] | None = None,
@@ -62,8 +62,8 @@ class Lookup:
         ----------
         part_labels
             For each part its name, then all other words the asset has for it.
-        sentence
-            What the user says of the object.
+        bound
+            What the user says of the object, and of which part.
         overrides, materials, values
             For single parts: free text, the exact name of a material of the table, and numbers for
             E [Pa], nu [1], rho [kg/m^3].
@@ -77,7 +77,7 @@ class Lookup:
             NamedPart.of(labels, vocabulary, volume)
             for labels, volume in zip(part_labels, volumes or [0.0] * len(part_labels), strict=True)
         ]
-        statements, warnings = self._statements(parts, part_labels, sentence, overrides or {})
+        statements, warnings = self._statements(parts, bound, overrides or {})
         choices = []
         for part, said in zip(parts, statements, strict=True):
             volume = sum(p.volume for p, s in zip(parts, statements, strict=True) if s == said)
@@ -103,12 +103,11 @@ class Lookup:
     def _statements(
         self,
         parts: Sequence[NamedPart],
-        part_labels: Sequence[Sequence[str]],
-        sentence: Sentence,
+        bound: Bound,
         overrides: Mapping[str, str],
     ) -> tuple[list[PartStatement], list[str]]:
         """What is said of each part: by name, of all of them, by an option, or by elimination."""
-        bound = bind(sentence, part_labels)
+        sentence = bound.sentence
         warnings = [*sentence.notes, *_unread(sentence)]
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
@@ -166,7 +165,7 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
     ways = {how for _, how in bonds}
     return PartStatement(
         tuple(sentence.clauses[k] for k, _ in bonds),
-        borrowed=ways <= {"rest", "whole"},
+        borrowed=ways <= {*GENERAL},
         whole=ways == {"whole"},
     )
 

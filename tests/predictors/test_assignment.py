@@ -15,10 +15,12 @@ from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.hearing.binding import NamedPart, overlap, unbound_clauses
 from autophyx_tet.predictors.hearing.clauses import HeardClause
-from autophyx_tet.predictors.hearing.hints import HintedEncoder, hear
+from autophyx_tet.predictors.hearing.hints import HintedEncoder
 from autophyx_tet.predictors.hearing.parser import listen
 from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
+from autophyx_tet.predictors.interpreter import read_sentence
 from autophyx_tet.predictors.partition import SPECK, partition
+from autophyx_tet.predictors.prediction import Prediction
 from autophyx_tet.predictors.voxels import PartVoxels
 
 TABLE = load_table()
@@ -39,11 +41,14 @@ class Model(FilmModel):
         super().__init__()
         self.found, self.asked = found, 0
 
-    def infer(self, parts, sentence, **_) -> Inference:
+    @property
+    def words(self) -> HintedEncoder:
+        return HintedEncoder(NoEncoder())
+
+    def infer(self, parts, heard, **_) -> Inference:
         """Return what is found, with what is heard of the sentence beside it."""
         self.asked += 1
         assert self.found is not None
-        heard = hear(sentence, parts.part_labels, TABLE, HintedEncoder(NoEncoder()))
         return self.found._replace(of_pieces=heard.of_pieces, unbound=heard.unbound)
 
 
@@ -52,6 +57,11 @@ class NoEncoder:
 
     def text(self, sentences) -> np.ndarray:
         return np.ones((len(sentences), 1), dtype=np.float32)
+
+
+def assigned(parts: PartVoxels, text: str, **options) -> Prediction:
+    """The materials of parts under a text."""
+    return predict_materials(parts, read_sentence(text, parts.part_labels, TABLE), **options)
 
 
 def network(found: Inference | None = None) -> FilmPredictor:
@@ -71,7 +81,7 @@ def test_the_network_is_not_asked_where_words_settle_everything():
         (("mat_3", "Metal_Chrome"), "the rest is rubber"),
     ):
         film = network()
-        found = predict_materials(block(*names), text, predictor=film)
+        found = assigned(block(*names), text, predictor=film)
         assert film.model.asked == 0, text
         assert found.parts.part_names == names
         assert all(choice.settled for choice in found.choices), text
@@ -113,7 +123,7 @@ def test_a_part_is_divided_where_two_clauses_speak_of_it(speck):
     """The pieces are the halves, each with the exact values of its material; specks are not."""
     parts = block("blob", cells=12)
     assert not speck or 8 < SPECK * parts.part.size
-    found = predict_materials(
+    found = assigned(
         parts, "oak legs, soft foam seat", predictor=network(halves(parts, speck=speck))
     )
     assert sorted(found.parts.part_names) == ["blob leg", "blob seat"]
@@ -146,7 +156,7 @@ def test_every_clause_gets_a_part_if_there_are_enough():
     shares = np.zeros_like(found.shares)
     shares[parts.part == 0], shares[parts.part == 1] = [0.9, 0.1, 0], [0.6, 0.3, 0.1]
     film = network(found._replace(shares=shares))
-    told = predict_materials(parts, "oak legs, soft foam seat", predictor=film)
+    told = assigned(parts, "oak legs, soft foam seat", predictor=film)
     assert [choice.row.name for choice in told.choices] == [
         TABLE.exact("oak").name,
         TABLE.exact("soft foam").name,
@@ -157,22 +167,22 @@ def test_every_clause_gets_a_part_if_there_are_enough():
 def test_what_speaks_of_nothing_is_told():
     """No part is called handle, and words settle all parts: the clause is not lost silently."""
     knife, text = block("blade", "grip"), "steel blade, rubber grip, oak handle"
-    found = predict_materials(knife, text, predictor="retrieval")
+    found = assigned(knife, text, predictor="retrieval")
     assert found.unbound == ("oak handle",)
     assert any("'oak handle'" in doubt for doubt in found.doubts())
     option = {"grip": "oak handle"}  # the way out that the doubt names; now rubber has no part
-    found = predict_materials(knife, text, overrides=option, predictor="retrieval")
+    found = assigned(knife, text, overrides=option, predictor="retrieval")
     assert found.unbound == ("rubber grip",)
     rest = "steel blade, the rest is rubber"
-    assert not predict_materials(knife, rest, predictor="retrieval").unbound
+    assert not assigned(knife, rest, predictor="retrieval").unbound
 
 
 def test_alpha_moves_words_only():
     """--alpha works where words name the material, and says so where they do not."""
-    soft = predict_materials(block("geometry_0"), "oak", alpha=0.0, predictor=network())
+    soft = assigned(block("geometry_0"), "oak", alpha=0.0, predictor=network())
     assert soft.choices[0].value.E == pytest.approx(TABLE.exact("oak").E.min)
     with pytest.raises(UsageError, match=r"--alpha.*'blob'.*--predictor retrieval"):
-        predict_materials(block("blob"), "the legs are oak", alpha=0.0, predictor=network())
+        assigned(block("blob"), "the legs are oak", alpha=0.0, predictor=network())
 
 
 @pytest.mark.slow
@@ -193,7 +203,7 @@ def test_a_thing_in_one_piece_is_divided_as_a_person_would(category, text, named
     label = rasterise(torch.tensor(made.rows), cells=48)[0].numpy().astype(np.int64)
     truth = np.where(label == EMPTY, -1, label)
     parts = PartVoxels(Grid(np.zeros(3), 0.02, truth.shape), np.minimum(truth, 0), ("geometry_0",))
-    found = predict_materials(parts, text, predictor="film")
+    found = assigned(parts, text, predictor="film")
     right = 0
     for index, word in named.items():
         cells = truth == index

@@ -2,15 +2,10 @@
 
 import pytest
 from autophyx_tet.fem.scene.materials import load_contents, load_table
-from autophyx_tet.predictors.construction.construction import construction_of, usual_material
-from autophyx_tet.predictors.construction.kinds import (
-    contents_of,
-    first_phrase,
-    head_of_name,
-    kinds_named,
-    load_kinds,
-)
+from autophyx_tet.predictors.construction.construction import ThingWords, construction_of
+from autophyx_tet.predictors.construction.kinds import head_of_name, kinds_named, load_kinds
 from autophyx_tet.predictors.construction.masses import SHAPE, densities_of, mass_interval
+from autophyx_tet.predictors.language.reader import parse
 
 TABLE, CONTENTS = load_table(), load_contents()
 STEEL = TABLE.exact("steel")
@@ -45,18 +40,10 @@ def test_the_head_of_a_name_decides():
     assert {name: kind(name) for name in rows} == rows
 
 
-def test_the_first_phrase_of_a_text_says_what_it_is():
-    """Up to the first word of grammar: neither a lid for a bottle nor legs that can bend."""
-    rows = {
-        "This is a metal can full of coffee.": "a metal can",
-        "an empty glass bottle": "an empty glass bottle",
-        "a lid for a bottle": "a lid",
-        "the legs can bend": "the leg can bend",
-        "steel, like a car": "steel",
-        "": "",
-    }
-    assert {text: " ".join(first_phrase(text)) for text in rows} == rows
-    assert not kinds_named(first_phrase("the legs can bend"))
+def test_a_sentence_about_what_a_thing_does_names_no_kind():
+    """Legs that can bend are no can, whatever comes last."""
+    assert not kinds_named(parse("the legs can bend", TABLE).thing)
+    assert kinds_named(parse("This is a steel can.", TABLE).thing)
 
 
 def test_every_kind_has_a_material_of_the_table():
@@ -68,9 +55,14 @@ def test_every_kind_has_a_material_of_the_table():
             assert row.category in ("", category), row.name
 
 
+def words(text):
+    """What a text says of a lone part called "body"."""
+    return ThingWords.of(["body"], thing=parse(text, TABLE).thing)
+
+
 def of(text="", material="steel", **said):
     """The construction of a lone part called "body"."""
-    return construction_of(["body"], TABLE.exact(material), text=text, **said)
+    return construction_of("body", words(text), TABLE.exact(material), **said)
 
 
 def test_who_decides():
@@ -94,8 +86,8 @@ def test_a_bottle_is_as_thick_as_its_material_allows():
     """Glass in millimetres, plastic in tenths: the row of the material's category."""
     glass, plastic = of("a bottle", material="glass"), of("a bottle", material="PET")
     assert glass.wall.min > plastic.wall.max
-    assert usual_material(["body"], (), "a wine bottle") == ("glass bottle", "soda-lime glass")
-    assert usual_material(["body"], (), "a thing") is None
+    assert words("a wine bottle").usual_material() == ("glass bottle", "soda-lime glass")
+    assert words("a thing").usual_material() is None
     assert of("a steel bolt").form == "solid"
 
 
@@ -121,18 +113,8 @@ def test_intervals_of_masses():
     assert anything.min <= 300 < 7800 <= anything.max
 
 
-def test_contents():
-    """What it is full of; what it is a can of, if that is no material; what it is named for."""
-    rows = {
-        "a metal can full of ground coffee": "ground coffee (contents)",
-        "a bottle of wine on a table": "wine (contents)",
-        "a can of beans": "beans (contents)",
-        "a bottle of glass": None,
-        "a coffee table of oak": None,
-        "a steel bolt": None,
-    }
-    found = {text: contents_of(text, CONTENTS, TABLE) for text in rows}
-    assert {text: row and row.name for text, row in found.items()} == rows
+def test_what_a_thing_is_called_after_may_be_in_it():
+    """A milk carton may hold milk, if nothing says that it is empty."""
     carton = of("a milk carton", material="paper and cardboard", contents=CONTENTS)
     assert carton.filling == "milk (contents)"
     assert carton.inside.min == 0

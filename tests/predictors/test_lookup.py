@@ -7,6 +7,7 @@ import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table, outside_band
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.interpreter import read_sentence
 from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.lookup.lookup import Lookup
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
@@ -22,8 +23,7 @@ LOOKUP = Lookup()
 
 
 def choose(labels, text, **options):
-    names = [label[0] for label in labels]
-    return LOOKUP.settle(labels, parse(text, TABLE, names), **options).choices
+    return LOOKUP.settle(labels, read_sentence(text, labels, TABLE), **options).choices
 
 
 def materials(parts, text, **options):

@@ -73,7 +73,10 @@ def test_unknown_predictors_are_named_in_one_line():
 
 
 def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
-    """One parse of the text for each call of ``assign``, and no clause of it is read twice."""
+    """One parse of the text for each call of ``assign``, and no clause of it is read twice.
+
+    Walls too: what a thing is and what it is full of comes from the clauses.
+    """
     parsed, read = [], Counter()
     lex, materials = reader.lex, statement.Reader._materials
 
@@ -101,6 +104,16 @@ def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
         options=AssignOptions(part=(f"seat={option}",), predictor="retrieval", cells=8),
     )
     assert parsed == [text, option]
+    parsed.clear()
+    text = "an aluminium can full of coffee"
+    can = apx.assign(
+        box_mesh((0.06, 0.06, 0.1), (2, 2, 2)),
+        text,
+        options=AssignOptions(predictor="retrieval", cells=8),
+    )
+    assert parsed == [text]
+    assert can.built[0].construction.form == "shell"
+    assert can.built[0].construction.filling == "ground coffee (contents)"
 
 
 @pytest.fixture

@@ -22,6 +22,16 @@ def assigned(text, walls=None, mesh=None):
     return apx.assign(mesh, text, options=LOOKUP, walls=walls)
 
 
+def joined(names, one, other):
+    """Two bodies as two regions of a mesh."""
+    return TetMesh(
+        np.concatenate([one.points, other.points]),
+        np.concatenate([one.tets, other.tets + len(one.points)]),
+        region=np.repeat([0, 1], [len(one.tets), len(other.tets)]),
+        region_names=names,
+    )
+
+
 def test_a_steel_can_of_stated_wall_weighs_area_times_wall():
     """m = rho A t, 1 % less at the edges, counted once; E is beta of steel's; both are told."""
     wall = 2e-4
@@ -67,6 +77,27 @@ def test_a_full_thing_weighs_what_it_holds():
     assert 0.9 * sand.rho.min * 0.95 * volume < result.mesh.mass < 1.1 * sand.rho.max * volume
 
 
+def test_only_the_part_that_is_said_to_be_full_is():
+    """Of a bottle and its cap the bottle; what the whole is full of, its main part."""
+    bottle, cap = (
+        box_mesh((0.1, 0.1, 0.2), (2, 2, 2)),
+        box_mesh((0.03,) * 3, (1,) * 3, lo=(1, 0, 0)),
+    )
+    for names, text in (
+        (("bottle", "cap"), "a plastic bottle filled with water and a steel cap"),
+        (("mesh_0", "mesh_1"), "a plastic bottle full of water"),
+    ):
+        rows = assigned(text, mesh=joined(names, bottle, cap)).part_rows()
+        assert [row["construction"]["filling"] for row in rows] == ["water (contents)", ""], text
+
+
+def test_what_a_solid_thing_is_said_to_hold_is_told():
+    """Its mass does not count it, and that is a doubt."""
+    said = assigned("a steel can full of ground coffee", WallOptions(solid=True))
+    assert any("does not count it" in doubt and "--part-wall" in doubt for doubt in said.doubts)
+    assert not assigned("a steel can full of ground coffee").doubts
+
+
 def test_unknown_parts_and_materials_are_told():
     with pytest.raises(UsageError, match="no part 'lid'"):
         assigned("steel", WallOptions(part_wall=("lid=0.001",)))
@@ -79,12 +110,7 @@ def test_unknown_parts_and_materials_are_told():
 def test_a_name_of_the_whole_speaks_of_its_main_part():
     """A car's body is a shell; its wheel, a twentieth of it, is what its own words say."""
     body, wheel = box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((0.3, 0.3, 0.3), (1, 1, 1), lo=(2, 0, 0))
-    mesh = TetMesh(
-        np.concatenate([body.points, wheel.points]),
-        np.concatenate([body.tets, wheel.tets + len(body.points)]),
-        region=np.repeat([0, 1], [len(body.tets), len(wheel.tets)]),
-        region_names=("panel", "wheel"),
-    )
+    mesh = joined(("panel", "wheel"), body, wheel)
     rows = assigned("a steel car", mesh=mesh).part_rows()
     assert [row["construction"]["form"] for row in rows] == ["shell", "unknown"]
     assert Body.of(mesh, 1).smallest_side == pytest.approx(0.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -42,6 +43,10 @@ class Sidecar:
                 "metres_per_unit": asset.metres_per_unit,
             },
         )
+
+    def labels_of(self, regions: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+        """For each region its name, then all other words that the asset has for it."""
+        return tuple((name, *self.labels.get(name, ())) for name in regions)
 
     def divided(self, parts: PartVoxels) -> Sidecar:
         """Return the sidecar of a mesh whose regions are the parts."""

@@ -12,22 +12,18 @@ import numpy as np
 from ...fem.errors import UsageError
 from ...fem.scene.apparent import WallShare, apparent_material
 from ...fem.scene.boundary import boundary_faces, face_areas
-from ...fem.scene.materials import Material, MaterialValue, key, load_contents, load_table
+from ...fem.scene.materials import Material, MaterialValue, load_contents, load_table
 from ...fem.scene.mesh import TetMesh
-from ...predictors.construction.construction import (
-    Construction,
-    construction_of,
-    usual_material,
-)
-from ...predictors.construction.kinds import contents_of, middle
+from ...predictors.construction.construction import Construction, ThingWords, construction_of
+from ...predictors.construction.kinds import middle
 from ...predictors.construction.masses import MassInterval, densities_of, mass_interval
 from ...predictors.field import MaterialField
 from ...predictors.prediction import GUESS, PartChoice
 from ..io.sidecar import Sidecar
 from ..surfaces.layer import hull_share, wall_share
+from .part_words import Called, material_inside
 from .wall_options import EVERY, WallOptions
 
-MAIN_SHARE = 0.5  # of the volume: the part that a file's name and "this is a ..." speak of
 FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
@@ -69,7 +65,8 @@ class Body:
 class BuiltPart:
     """How a part is built, the material that stands for it, and its mass.
 
-    ``apparent`` E [Pa], nu [1], rho [kg/m^3] where its walls are smeared over its elements.
+    ``apparent`` E [Pa], nu [1], rho [kg/m^3] where its walls are smeared over its elements;
+    ``said_filling`` is the row of what it is said to be full of.
     """
 
     construction: Construction
@@ -78,6 +75,7 @@ class BuiltPart:
     share: WallShare | None = None
     inside_E: float = 0.0
     solid_mass: float = 0.0
+    said_filling: str = ""
 
     @property
     def warning(self) -> str:
@@ -92,6 +90,17 @@ class BuiltPart:
                 f"kept, dents are not; --part-wall '{part}=solid' keeps it solid"
             )
         return ""
+
+    @property
+    def doubt(self) -> str:
+        """What was said to be in it and is not counted, for want of room."""
+        built = self.construction
+        if not self.said_filling or built.filling:
+            return ""
+        return (
+            f"part {built.part!r} is said to hold {self.said_filling}: its mass does not count it, "
+            f"for it is {built.sentence}; --part-wall '{built.part}=METRES' makes room"
+        )
 
     def row(self) -> dict[str, Any]:
         """What a part's row says of it."""
@@ -137,54 +146,19 @@ class Walls:
         for wall in filter(None, (options.wall, *walls.values())):
             if not 0 < wall < np.inf:
                 raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {wall:g}")
-        return cls(options, {name: material_inside(said) for name, said in fillings.items()})
+        table = load_table()
+        return cls(options, {name: material_inside(said, table) for name, said in fillings.items()})
 
     def of(self, part: str) -> dict[str, Any]:
         """Return what is said of one part, as ``construction_of`` takes it."""
         own = self.options.by_part()
-        return {
+        told = {
             "wall": own.get(part, self.options.wall),
             "solid": own[part] is None if part in own else self.options.solid,
-            "filling": self.fillings.get(part, self.fillings.get(EVERY)),
             "in_mesh": part in self.options.held,
         }
-
-
-def material_inside(name: str) -> Material:
-    """Return what is called so: contents first ("coffee" is ground, no wood), then materials."""
-    contents = load_contents()
-    return contents.exact(name) if key(name) in contents.phrases else load_table().exact(name)
-
-
-@dataclass(frozen=True)
-class Called:
-    """What the parts of a mesh and the whole of it are called, and what a text says that it is."""
-
-    labels: Sequence[Sequence[str]]
-    volumes: Sequence[float]
-    object_name: str
-    text: str
-
-    @classmethod
-    def of(cls, mesh: TetMesh, sidecar: Sidecar, text: str) -> Called:
-        """Gather the words for the regions of a mesh."""
-        names = [(name, *sidecar.labels.get(name, ())) for name in mesh.region_names]
-        known = sidecar.source.get("name") or ""
-        return cls(names, mesh.region_volumes().tolist(), known, text)
-
-    def usual_materials(self) -> dict[str, tuple[str, str]]:
-        """Return, by part, the kind of hollow thing that it is called and its usual material."""
-        found = ((own[0], usual_material(**self.names(i))) for i, own in enumerate(self.labels))
-        return {part: usual for part, usual in found if usual}
-
-    def names(self, part: int) -> dict[str, Any]:
-        """Return the words for a part; what the whole is called only for its main part."""
-        main = self.volumes[part] >= MAIN_SHARE * sum(self.volumes)
-        return {
-            "names": self.labels[part],
-            "object_names": (self.object_name,) if main and self.object_name else (),
-            "text": self.text if main else "",
-        }
+        filling = self.fillings.get(part, self.fillings.get(EVERY))
+        return told | ({"filling": filling} if filling else {})
 
 
 def build_parts(
@@ -192,16 +166,25 @@ def build_parts(
 ) -> tuple[BuiltPart, ...]:
     """Return how every region of a mesh [m] is built, in the order of the regions."""
     return tuple(
-        _built(Body.of(mesh, region), choice, called.names(region), said.of(choice.part))
+        _built(
+            Body.of(mesh, region),
+            choice,
+            called.words(region),
+            {"filling": called.filling(region), **said.of(choice.part)},
+            called.said_filling(region),
+        )
         for region, choice in enumerate(choices)
     )
 
 
-def _built(body: Body, choice: PartChoice, names: Mapping[str, Any], said: dict) -> BuiltPart:
+def _built(
+    body: Body, choice: PartChoice, words: ThingWords, said: dict[str, Any], said_filling: str
+) -> BuiltPart:
     shape = {"hull_share": body.hull_share(), "smallest_side": body.smallest_side}
     table, contents = load_table(), load_contents()
-    said = {**said, "filling": said["filling"] or contents_of(names["text"], contents, table)}
-    construction = construction_of(material=choice.row, contents=contents, **names, **shape, **said)
+    construction = construction_of(
+        choice.part, words, choice.row, contents=contents, **shape, **said
+    )
     shares = {wall: body.share(wall) for wall in dict.fromkeys(construction.wall or ())}
     rho, volume = choice.value.rho, body.volume
     interval = mass_interval(
@@ -210,10 +193,11 @@ def _built(body: Body, choice: PartChoice, names: Mapping[str, Any], said: dict)
         volume=volume,
         wall_volume=lambda wall: shares[wall].volume * volume,
     )
-    built = BuiltPart(construction, interval, solid_mass=rho * volume)
+    filling = said["filling"]
+    built = BuiltPart(construction, interval, solid_mass=rho * volume, said_filling=said_filling)
     if construction.form != "shell":
         return built
-    share, filling = body.share(construction.thickness), said["filling"]
+    share = body.share(construction.thickness)
     built = replace(built, share=share, inside_E=filling.value().E if filling else 0.0)
     value = apparent_material(
         choice.value, share, inside_rho=middle(construction.inside), inside_E=built.inside_E

@@ -243,3 +243,33 @@ def test_reading_takes_less_than_a_frame(table):
     for _ in range(5):
         parse(text, table)
     assert (time.process_time() - start) / 5 < 0.1
+
+
+def test_the_first_phrase_says_what_the_object_is(table):
+    """Up to a word that joins: neither a lid for a bottle nor what the can is full of."""
+    rows = {
+        "This is a metal can full of coffee.": "a metal can",
+        "an empty glass bottle": "an empty glass bottle",
+        "a lid for a bottle": "a lid",
+        "a box made of steel": "made a box",
+        "a painted steel drum": "a painted steel drum",
+        "a steel drum painted red": "a steel drum",
+        "an image of wine bottles": "wine bottle",
+        "steel, like a car": "steel",
+        "": "",
+    }
+    assert {text: " ".join(parse(text, table).thing) for text in rows} == rows
+
+
+def test_what_a_thing_is_full_of_is_its_filling(table, clauses_of):
+    """Of a can of beans the beans; a bottle of glass and a table of oak are made of it."""
+    rows = {
+        "a metal can full of ground coffee": "ground coffee (contents)",
+        "a bottle of wine on a table": "wine (contents)",
+        "a can of beans": "beans (contents)",
+        "a bottle of glass": None,
+        "a coffee table of oak": None,
+        "a steel bolt": None,
+    }
+    found = {text: next(iter(parse(text, table).clauses)).filling for text in rows}
+    assert found == rows
