@@ -59,6 +59,8 @@ class Substance:
         Bulk modulus K [Pa] of a fluid; None: that of E and nu.
     tension, fracture_energy
         Tensile strength f_t [Pa] and fracture energy G_f [J/m^2] of jelly; None: it does not tear.
+    seed
+        Of the scatter of the tensile strength.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class Substance:
     bulk: float | None = None
     tension: float | None = None
     fracture_energy: float | None = None
+    seed: int = 0
 
     def __post_init__(self) -> None:
         for name in ("yield_stress", "hardening", "viscosity", "friction"):

@@ -32,6 +32,11 @@ class ClassSpan(NamedTuple):
     count: int
 
     @property
+    def rigid(self) -> bool:
+        """Whether these are rigid bodies."""
+        return self.kind == MaterialClass.STATIONARY
+
+    @property
     def carries(self) -> bool:
         """Whether the elastic deformation is not the whole."""
         plastic = self.kind in (MaterialClass.METAL, MaterialClass.VISPLAS, MaterialClass.SNOW)
@@ -69,7 +74,8 @@ class Cloud:
 
     def _keys(self) -> np.ndarray:
         tears = np.array([s.tears for s in self.particles.substances])
-        return 2 * self.particles.kinds + tears[self.particles.substance]
+        tears = tears[self.particles.substance] & (self.particles.rigid < 0)
+        return 2 * self.particles.kinds + tears
 
     def _sorted(self, x: np.ndarray) -> np.ndarray:
         """Order by class, and by the first node within it."""
@@ -96,10 +102,14 @@ class Cloud:
             return wp.array(np.ascontiguousarray(values[order]), dtype=dtype, device=self.device)
 
         struct.x, struct.rest = put(given.x, types.vec3), put(given.x, types.vec3)
-        struct.v, struct.k = put(given.velocity, types.vec3), put(given.numbers, types.vec3)
+        struct.v, struct.k = (
+            put(given.velocity, types.vec3),
+            put(given.numbers(self.lattice.spacing), types.vec3),
+        )
         scalars = {"m": given.mass, "volume": given.volume, "mu": mu, "lam": lam, "q": states}
         for name, values in scalars.items():
             setattr(struct, name, put(values, self.real))
+        struct.body = wp.array(given.rigid[order].astype(np.int32), dtype=int, device=self.device)
         for name in ("C", "H", "total"):
             setattr(struct, name, wp.zeros(len(self), dtype=types.mat33, device=self.device))
         return struct
@@ -117,7 +127,7 @@ class Cloud:
         inner = np.empty(len(again), dtype=np.int64)
         inner[self.order] = np.arange(len(again))
         moved = inner[again]
-        for name in (*CHANGING, "rest", "m", "volume", "mu", "lam", "k"):
+        for name in (*CHANGING, "rest", "m", "volume", "mu", "lam", "k", "body"):
             array = getattr(self.struct, name)
             array.assign(array.numpy()[moved])
         self.order = again

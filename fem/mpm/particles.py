@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
 from ..scene.material import lame_parameters, wave_speed
 from .classes import MaterialClass, Substance
+from .fracture import CrackBand, crack_band, scattered
 
 JELLY = Substance()
 
@@ -35,6 +36,8 @@ class Particles:
         Class and yield of the matter.
     velocity
         Velocity at the start [m/s], shape (n, 3).
+    rigid
+        Number of the rigid body of every particle, shape (n,); -1 where it deforms.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class Particles:
     substance: Int[np.ndarray, "n"]
     substances: tuple[Substance, ...] = field(default=(JELLY,))
     velocity: Float[np.ndarray, "n 3"]
+    rigid: Int[np.ndarray, "n"]
 
     def __post_init__(self) -> None:
         if not len(self.x):
@@ -104,6 +108,7 @@ class Particles:
             x=x, volume=each(volume), E=each(E), nu=each(nu), rho=each(rho), part=none,
             substance=none.copy(), substances=(substance,),
             velocity=np.broadcast_to(np.asarray(velocity, dtype=np.float64), x.shape).copy(),
+            rigid=none - 1,
         )  # fmt: skip
 
     @property
@@ -113,31 +118,52 @@ class Particles:
 
     @property
     def kinds(self) -> Int[np.ndarray, "n"]:
-        """Class of every particle."""
-        return np.array([int(s.kind) for s in self.substances])[self.substance]
+        """Class of every particle; a rigid body is stationary in itself."""
+        found = np.array([int(s.kind) for s in self.substances])[self.substance]
+        return np.where(self.rigid >= 0, int(MaterialClass.STATIONARY), found)
+
+    @property
+    def held(self) -> Bool[np.ndarray, "n"]:
+        """Particles that never move: stationary, and of no rigid body."""
+        return (self.kinds == MaterialClass.STATIONARY) & (self.rigid < 0)
 
     @property
     def wave_speed(self) -> Float[np.ndarray, "n"]:
-        """Speed of pressure waves [m/s]; of a fluid by its bulk modulus."""
+        """Speed of pressure waves [m/s]; of a fluid by its bulk modulus, of what is rigid zero."""
         found = wave_speed(self.E, self.nu, self.rho)
         for i, substance in enumerate(self.substances):
             if substance.kind == MaterialClass.FLUID and substance.bulk is not None:
                 own = self.substance == i
                 found[own] = np.sqrt(substance.bulk / self.rho[own])
-        return found
+        return np.where(self.kinds == MaterialClass.STATIONARY, 0.0, found)
 
-    @property
-    def numbers(self) -> Float[np.ndarray, "n 3"]:
-        """What the kernel of the class of every particle is given beside Lame's parameters."""
+    def numbers(self, spacing: float) -> Float[np.ndarray, "n 3"]:
+        """What the kernel of every particle's class is given, on a grid of ``spacing`` [m]."""
         lam, mu = lame_parameters(self.E, self.nu)
-        bulk = lam + 2 * mu / 3
         found = np.zeros((len(self.x), 3))
         for i, substance in enumerate(self.substances):
             own = self.substance == i
-            found[own] = np.array([substance.numbers(0.0)] * int(own.sum())).reshape(-1, 3)
+            found[own] = substance.numbers(0.0)
             if substance.kind == MaterialClass.FLUID and substance.bulk is None:
-                found[own, 0] = bulk[own]
+                found[own, 0] = (lam + 2 * mu / 3)[own]
+            if substance.tears:
+                band = self.crack_band(i, spacing)
+                found[own, 0], found[own, 1] = band.tension, band.softening
         return found
+
+    def crack_band(self, substance: int, spacing: float) -> CrackBand:
+        """Strength and softening of the particles of a substance that tears."""
+        found, own = self.substances[substance], self.substance == substance
+        if found.tension is None or found.fracture_energy is None:
+            raise InputError(f"substance {substance} does not tear")
+        tension = scattered(found.tension, int(own.sum()), found.seed)
+        return crack_band(tension, found.fracture_energy, self.E[own], spacing)
+
+    def only(self, keep: Bool[np.ndarray, "n"]) -> Particles:
+        """The particles of a mask."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        kept = {name: a[keep] for name, a in arrays.items() if isinstance(a, np.ndarray)}
+        return replace(self, **kept)
 
 
 def block_places(

@@ -78,29 +78,39 @@ class MpmSolver:
         courant: float = COURANT,
         step: float | None = None,
     ) -> None:
-        self.cloud = Cloud(particles, lattice, checked_device(device))
+        self._held = particles.held
+        if self._held.all():
+            raise InputError("every particle is stationary: nothing would move")
+        self._given = particles
+        moving = particles.only(~self._held) if self._held.any() else particles
+        self.cloud = Cloud(moving, lattice, checked_device(device))
         self.lattice, self.lagrangian = lattice, lagrangian
         self.damping, self.courant, self.step = damping, courant, step
         if lagrangian and any(span.kind != 0 or span.tears for span in self.cloud.spans):
             raise InputError("weights at rest are for jelly that does not tear: lagrangian=False")
         self.time, self.substeps, self.outside = 0.0, 0, 0
         self.failure: Failure | None = None
+        held = particles.only(self._held) if self._held.any() else None
         self.substep = Substep(
-            self.cloud, walls, gravity_vector, lagrangian=lagrangian, threads=threads
+            self.cloud, walls, gravity_vector, held=held, lagrangian=lagrangian, threads=threads
         )
         self._list()
 
     @property
     def state(self) -> ParticleState:
         """The particles now."""
-        cloud = self.cloud
+        cloud, free = self.cloud, ~self._held
         H = cloud.read("H")
         for span in cloud.spans:
             if span.carries:
                 own = cloud.order[span.first : span.first + span.count]
                 H[own] = cloud.read("total")[own]
-        x, v, q = (cloud.read(name) for name in ("x", "v", "q"))
-        return ParticleState(self.time, x, v, H + np.eye(3), q)
+        given = self._given
+        x, v = given.x.copy(), np.zeros_like(given.x)
+        F, q = np.tile(np.eye(3), (len(x), 1, 1)), np.zeros(len(x))
+        x[free], v[free], q[free] = cloud.read("x"), cloud.read("v"), cloud.read("q")
+        F[free] += H
+        return ParticleState(self.time, x, v, F, q)
 
     def advance(self, duration: float, *, tell: Callable[[float], None] | None = None) -> bool:
         """Follow the particles for ``duration`` [s]; False where that failed: see ``failure``.
@@ -132,11 +142,11 @@ class MpmSolver:
         if self.lagrangian:
             self.substep.run(steps)
         else:
-            self.cloud.keep()
+            self._keep()
             self.substep.run(steps)
             if not self.cloud.survey()[MOVED] <= 1.0:
                 bad = self.cloud.survey()[NOT_FINITE] > 0
-                self.cloud.restore()
+                self._restore()
                 if bad and steps == 1:
                     self._fail("not finite", "values overflowed: take shorter steps")
                 return False
@@ -174,7 +184,7 @@ class MpmSolver:
 
     def _fail(self, kind: FailureKind, advice: str) -> None:
         """Put a failure on record, with the part of the particle that it is about."""
-        given, worst = self.cloud.particles, self._worst(kind)
+        given, worst = self._given, self._worst(kind)
         dt = self.substep.step if self.step is None else self.step
         most = np.inf
         if dt > 0:
@@ -199,7 +209,17 @@ class MpmSolver:
             return int(np.argmin(np.linalg.det(now.F)))
         if kind == "velocity":
             return int(np.argmax((now.v**2).sum(axis=1)))
-        return int(np.argmax(self.cloud.particles.wave_speed))
+        return int(np.argmax(self._given.wave_speed))
+
+    def _keep(self) -> None:
+        self.cloud.keep()
+        if self.substep.rigid is not None:
+            self.substep.rigid.keep()
+
+    def _restore(self) -> None:
+        self.cloud.restore()
+        if self.substep.rigid is not None:
+            self.substep.rigid.restore()
 
     def _list(self) -> None:
         self.substep.list_nodes()

@@ -13,7 +13,9 @@ from ..device import start_warp
 from .cloud import Cloud
 from .kernels.kernels_grid import grid_kernels
 from .kernels.kernels_transfer import move_kernel, scatter_kernel
-from .walls import Wall
+from .particles import Particles
+from .rigid import RigidBodies
+from .walls import Wall, still_nodes
 
 # What one thread launches, for both threads.
 Stage = list[list[Any]]
@@ -32,6 +34,8 @@ class Substep:
         What holds or stops nodes, in this order.
     gravity_vector
         Acceleration of gravity [m/s^2], shape (3,).
+    held
+        Stationary particles: nodes that they weigh on stand still.
     lagrangian
         Whether weights are those at rest.
     threads
@@ -44,6 +48,7 @@ class Substep:
         walls: Sequence[Wall],
         gravity_vector: Sequence[float] | np.ndarray,
         *,
+        held: Particles | None,
         lagrangian: bool,
         threads: int,
     ) -> None:
@@ -55,8 +60,15 @@ class Substep:
         self._clock = wp.zeros(2, dtype=types.real, device=self.device)
         sizes = [lattice.count, lattice.count if self.threads == 2 else 0]
         self._grids = [wp.zeros(n, dtype=types.vec4, device=self.device) for n in sizes]
-        self._impulse = wp.zeros(max(1, len(walls)), dtype=types.vec3, device=self.device)
+        self._impulse = wp.zeros(len(walls) + 1, dtype=types.vec3, device=self.device)
         self._worker = ThreadPoolExecutor(1) if self.threads == 2 else None
+        self.rigid: RigidBodies | None = None
+        if cloud.particles.rigid.max() >= 0:
+            given = cloud.particles, lattice.spacing, cloud.real, self.device
+            self.rigid = RigidBodies(*given)
+        size = lattice.count if self.rigid is not None else 0
+        self._kick = wp.zeros(size, dtype=types.vec4, device=self.device)
+        self._still = still_nodes(held, lattice)
         self._stages: list[Stage] = []
         self._graph: Any = None
 
@@ -74,10 +86,14 @@ class Substep:
         """Take steps of ``dt`` [s] in which velocities fade at the rate ``damping`` [1/s]."""
         self._clock.assign(np.array([dt, np.exp(-damping * dt)], dtype=self._clock.numpy().dtype))
 
-    def take_impulses(self) -> Float[np.ndarray, "walls 3"]:
-        """Momentum [N s] that every wall gave to the body since this was asked last."""
-        found = self._impulse.numpy().astype(np.float64)[: len(self.walls)].copy()
+    def take_impulses(self) -> Float[np.ndarray, "holders 3"]:
+        """Momentum [N s] that every wall, and then what is stationary, gave since asked last."""
+        found = self._impulse.numpy().astype(np.float64).copy()
         self._impulse.zero_()
+        if self.rigid is not None:  # what rigid bodies got more is shared as the rest is
+            size = np.linalg.norm(found[:-1], axis=1)
+            share = size / max(size.sum(), 1e-300)
+            found[:-1] += share[:, None] * self.rigid.take_push()
         return found
 
     def list_nodes(self) -> None:
@@ -87,7 +103,7 @@ class Substep:
         self.nodes = self.cloud.lattice.near(x, drift=drift)
         given = self.nodes.astype(np.int32)
         self._nodes = start_warp().array(given, dtype=int, device=self.device)
-        for grid in self._grids:
+        for grid in (*self._grids, self._kick):
             grid.zero_()
 
     def record(self, time: float) -> None:
@@ -95,6 +111,7 @@ class Substep:
         self._graph = None
         stages = [self._clears(), self._scatters(), self._advances()]
         stages += [self._holds(0.0 if self.lagrangian else time), self._moves()]
+        stages += self._settles()
         self._stages = [stage for stage in stages if any(stage)]
         if self.device != "cpu":
             wp = start_warp()
@@ -118,6 +135,9 @@ class Substep:
         for thread in range(self.threads):
             given = [0, self._nodes, self._grids[thread]]
             stage[thread].append(self._launch(kernel, len(self.nodes), given))
+        if self.rigid is not None:
+            given = [0, self._nodes, self._kick]
+            stage[0].append(self._launch(kernel, len(self.nodes), given))
         return stage
 
     def _scatters(self) -> Stage:
@@ -149,18 +169,48 @@ class Substep:
                     wp.array(found.normals, dtype=types.vec3, device=self.device),
                     wp.array(found.velocities, dtype=types.vec3, device=self.device),
                 ]
-                given = [*arrays, int(wall.touch), wall.friction, slot, self._grids[0]]
-                stage[0].append(self._launch(kernel, len(found.nodes), [*given, self._impulse]))
+                touching = 0.0 if self.rigid is None else self.rigid.touching
+                given = [*arrays, int(wall.touch), wall.friction, touching, slot, self._grids[0]]
+                given = [*given, self._impulse, self._kick]
+                stage[0].append(self._launch(kernel, len(found.nodes), given))
+        still = self._still
+        if len(still.nodes):
+            arrays = [
+                wp.array(still.nodes.astype(np.int32), dtype=int, device=self.device),
+                wp.array(still.mass, dtype=types.real, device=self.device),
+            ]
+            given = [*arrays, len(self.walls), self._grids[0], self._impulse]
+            hold = grid_kernels(self.cloud.real).hold
+            stage[0].append(self._launch(hold, len(still.nodes), given))
         return stage
 
     def _moves(self) -> Stage:
         cloud, stage = self.cloud, [[], []]
         for span in cloud.spans:
+            if span.rigid:
+                continue
             kernel = move_kernel(cloud.real, lagrangian=self.lagrangian, carries=span.carries)
             for thread, first, count in self._halves(span.first, span.count):
                 given = [first, cloud.struct, cloud.frame, self._clock, self._grids[0]]
                 stage[thread].append(self._launch(kernel, count, given))
         return stage
+
+    def _settles(self) -> list[Stage]:
+        """Rigid bodies: sum their momenta, settle, move their particles."""
+        cloud, bodies = self.cloud, self.rigid
+        if bodies is None:
+            return []
+        gathers, carries = [], []
+        for span in cloud.spans:
+            if span.rigid:
+                given = [span.first, cloud.struct]
+                summed = [*given, cloud.frame, self._grids[0], self._kick, bodies.struct]
+                gathers.append(self._launch(bodies.kernels.gather, span.count, summed))
+                moved = [*given, bodies.struct]
+                carries.append(self._launch(bodies.kernels.carry, span.count, moved))
+        settle = [bodies.struct, self._clock]
+        settles = [self._launch(bodies.kernels.settle, bodies.count, settle)]
+        return [[[*gathers, *settles, *carries], []]]
 
     def run(self, steps: int) -> None:
         """Take ``steps`` steps."""

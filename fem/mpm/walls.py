@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -12,6 +13,7 @@ from jaxtyping import Float, Int
 from ..errors import InputError
 from ..scene.obstacles import Box, Obstacle, Plane
 from .background import BackgroundGrid
+from .particles import Particles
 
 
 class Touch(IntEnum):
@@ -114,3 +116,26 @@ class Impulse:
         if not hit.any():
             raise InputError(f"an impulse of {self.momentum} N s meets no particle: move its box")
         return hit[:, None] * np.asarray(self.momentum, dtype=float) / mass[hit].sum()
+
+
+class StillNodes(NamedTuple):
+    """Numbers of the nodes that stationary particles reach, and their mass [kg] there."""
+
+    nodes: Int[np.ndarray, "nodes"]
+    mass: Float[np.ndarray, "nodes"]
+
+
+def still_nodes(held: Particles | None, lattice: BackgroundGrid) -> StillNodes:
+    """Stationary mass on the nodes of the grid, by the weights of the particles."""
+    total = np.zeros(lattice.count)
+    if held is not None:
+        first = lattice.first_nodes(held.x)
+        room = ((first >= 0) & (first < np.array(lattice.shape) - 2)).all(axis=1)
+        first, x, mass = first[room], held.x[room], held.mass[room]
+        f = (x - lattice.origin) / lattice.spacing - first
+        w = np.stack([0.5 * (1.5 - f) ** 2, 0.75 - (f - 1) ** 2, 0.5 * (f - 0.5) ** 2])
+        for a, b, c in np.ndindex(3, 3, 3):
+            share = mass * w[a, :, 0] * w[b, :, 1] * w[c, :, 2]
+            total += np.bincount(lattice.flat(first + np.array([a, b, c])), share, lattice.count)
+    nodes = np.flatnonzero(total)
+    return StillNodes(nodes, total[nodes])

@@ -34,6 +34,7 @@ def law_function(kind: MaterialClass, real: Any, tears: bool = False) -> Any:
         MaterialClass.VISPLAS: _visplas,
         MaterialClass.FLUID: _fluid,
         MaterialClass.SNOW: _snow,
+        MaterialClass.STATIONARY: _rigid,
     }
     return makers[kind](real)
 
@@ -63,6 +64,17 @@ def _jelly(real: Any) -> Any:
         return H, kirchhoff(H, mu, lam), q
 
     return jelly
+
+
+def _rigid(real: Any) -> Any:
+    """No stress: rigid bodies carry momentum alone."""
+    vec3, mat33 = _Types(real).vec3, _Types(real).mat33
+
+    @wp.func
+    def rigid(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
+        return H, mat33(), q
+
+    return rigid
 
 
 def _tearing(real: Any) -> Any:

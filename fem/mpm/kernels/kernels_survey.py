@@ -25,6 +25,7 @@ def survey_kernel(kind: MaterialClass, real: Any) -> Any:
     vec3, Cloud, Frame = types.vec3, types.Cloud, types.Frame
     volume_change = stretch_functions(real).volume_change
     fluid, snow = kind == MaterialClass.FLUID, kind == MaterialClass.SNOW
+    rigid = kind == MaterialClass.STATIONARY
 
     @wp.kernel(module="unique", enable_backward=False)
     def survey(
@@ -62,6 +63,8 @@ def survey_kernel(kind: MaterialClass, real: Any) -> Any:
             if wp.static(snow):
                 hard = cloud.k[p][2] * (real(1.0) - cloud.q[p])
                 stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))
+            if wp.static(rigid):
+                stiff = real(0.0)
             wp.atomic_max(found, wp.static(WAVE), wp.sqrt(stiff / density))
 
     return survey

@@ -36,7 +36,7 @@ def types_of(real: Any) -> Types:
 
     @wp.struct
     class Cloud:
-        """Particles: place and velocity, C, H = F - I, mass, volume at rest, Lame, class, state."""
+        """Particles: place, velocity, C, H = F - I, mass, volume, Lame, class, state, body."""
 
         x: wp.array(dtype=vec3)
         rest: wp.array(dtype=vec3)
@@ -50,6 +50,7 @@ def types_of(real: Any) -> Types:
         lam: wp.array(dtype=real)
         k: wp.array(dtype=vec3)
         q: wp.array(dtype=real)
+        body: wp.array(dtype=int)
 
     @wp.struct
     class Frame:
@@ -117,7 +118,8 @@ def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, tears: b
     spread = _spread_function(real)
     Cloud, Frame, vec4 = types.Cloud, types.Frame, types.vec4
     plastic = kind != MaterialClass.JELLY
-    kept = plastic or tears
+    kept = (plastic or tears) and kind != MaterialClass.STATIONARY
+    plastic = plastic and kept
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def scatter(
@@ -189,7 +191,7 @@ def _spread_function(real: Any) -> Any:
 
 @cache
 def gather_function(real: Any) -> Any:
-    """Velocity and its gradient C from the 27 nodes."""
+    """Velocity (and the fourth entry, averaged) and gradient C from the 27 nodes."""
     types = types_of(real)
     vec3, vec4, mat33, Frame = types.vec3, types.vec4, types.mat33, types.Frame
     weights = weight_functions(real).weights
@@ -225,7 +227,7 @@ def gather_function(real: Any) -> Any:
         b1 = s * (b1 - f[1] * v)
         b2 = s * (b2 - f[2] * v)
         C = mat33(b0[0], b1[0], b2[0], b0[1], b1[1], b2[1], b0[2], b1[2], b2[2])
-        return vec3(v[0], v[1], v[2]), C
+        return v, C
 
     return gather
 
@@ -239,7 +241,7 @@ def move_kernel(real: Any, *, lagrangian: bool, carries: bool) -> Any:
     types = types_of(real)
     place, inside, _ = weight_functions(real)
     gather = gather_function(real)
-    Cloud, Frame, vec4 = types.Cloud, types.Frame, types.vec4
+    Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def move(
@@ -257,7 +259,8 @@ def move_kernel(real: Any, *, lagrangian: bool, carries: bool) -> Any:
         g = place(frame, at)
         if inside(frame, g):
             dt = clock[0]
-            v, C = gather(frame, g, grid)
+            u, C = gather(frame, g, grid)
+            v = vec3(u[0], u[1], u[2])
             cloud.v[p] = v
             cloud.C[p] = C
             cloud.x[p] = x + dt * v

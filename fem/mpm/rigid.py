@@ -1,0 +1,94 @@
+"""Rigid bodies among the particles: stiff parts that move as one, without a limit on the step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..device import start_warp
+from .kernels.kernels_rigid import rigid_kernels
+from .particles import Particles
+
+# Share of the mass of an inner node: 0.5 at a plane surface, 0.17 half a spacing away from it.
+TOUCHING = 0.2
+# What changes with time.
+CHANGING = ("centre", "rotation", "velocity", "spin")
+
+
+def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
+    """Number of the body of every place [m]: those within ``reach`` [m] of each other are one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    pairs = KDTree(x).query_pairs(reach, output_type="ndarray")
+    ones = np.ones(len(pairs), dtype=np.int8)
+    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(x), len(x)))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+class RigidBodies:
+    """Rigid bodies of ``particles`` on a device, on a grid of ``spacing`` [m].
+
+    Their inertia is that of the particles with the affine part of their velocities, m dx^2 / 2:
+    momentum and angular momentum go to the grid and come back exactly.
+    """
+
+    def __init__(self, particles: Particles, spacing: float, real: Any, device: str) -> None:
+        wp = start_warp()
+        self.kernels = rigid_kernels(real)
+        given, mass = particles, particles.mass
+        count = int(given.rigid.max()) + 1
+        self.count = count
+        # Mass of a node that a body touches: its surface is half a spacing away then.
+        self.touching = float(TOUCHING * given.rho[given.rigid >= 0].min() * spacing**3)
+        sums, centres = np.zeros(count), np.zeros((count, 3))
+        inertia, velocity, spin = (
+            np.zeros((count, 3, 3)),
+            np.zeros((count, 3)),
+            np.zeros((count, 3)),
+        )
+        for b in range(count):
+            own = given.rigid == b
+            m, x, v = mass[own], given.x[own], given.velocity[own]
+            sums[b] = m.sum()
+            centres[b], velocity[b] = m @ x / sums[b], m @ v / sums[b]
+            arm = x - centres[b]
+            square = np.einsum("n,ni,nj->ij", m, arm, arm)
+            inertia[b] = (np.trace(square) + sums[b] * spacing**2 / 2) * np.eye(3) - square
+            turning = (m[:, None] * np.cross(arm, v)).sum(axis=0)
+            spin[b] = np.linalg.solve(inertia[b], turning)
+        struct = self.struct = self.kernels.Bodies()
+        vec3 = wp.types.vector(length=3, dtype=real)
+        mat33 = wp.types.matrix(shape=(3, 3), dtype=real)
+        struct.mass = wp.array(sums, dtype=real, device=device)
+        arrays = {"start": centres, "centre": centres, "velocity": velocity, "spin": spin}
+        arrays |= {
+            name: np.zeros((count, 3))
+            for name in ("momentum", "turning", "push", "torque", "extra")
+        }
+        for name, values in arrays.items():
+            setattr(struct, name, wp.array(values, dtype=vec3, device=device))
+        struct.approach = wp.zeros(count, dtype=real, device=device)
+        struct.inertia = wp.array(inertia, dtype=mat33, device=device)
+        eyes = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+        struct.rotation = wp.array(eyes, dtype=mat33, device=device)
+        self._kept: dict[str, Any] = {}
+
+    def take_push(self) -> Float[np.ndarray, "3"]:
+        """Momentum [N s] that walls gave beyond what their nodes say, since asked last."""
+        found = self.struct.extra.numpy().astype(np.float64).sum(axis=0)
+        self.struct.extra.zero_()
+        return found
+
+    def keep(self) -> None:
+        """Remember the state."""
+        for name in CHANGING:
+            self._kept[name] = start_warp().clone(getattr(self.struct, name))
+
+    def restore(self) -> None:
+        """Go back to what was remembered."""
+        for name, array in self._kept.items():
+            start_warp().copy(getattr(self.struct, name), array)

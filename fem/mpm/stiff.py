@@ -1,0 +1,118 @@
+"""Matter too stiff for explicit steps: stationary, rigid or softened, and counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .classes import MaterialClass, Substance
+from .particles import Particles
+from .rigid import rigid_labels
+from .stability import BUDGET, COURANT, largest_modulus
+
+# Particles this close, in spacings of the grid, are of one rigid body: two to a cell and axis.
+REACH = 0.9
+# A softened part sags by less than this share of its size: nobody sees the difference.
+INVISIBLE = 1e-3
+
+
+class Stiff(StrEnum):
+    """What happens to matter above the largest modulus that the steps allow."""
+
+    RIGID = "rigid"
+    STATIONARY = "stationary"
+    CAP = "cap"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Treatment:
+    """What was made of stiff matter.
+
+    ``particles`` with ``stationary``, ``rigid`` (in ``bodies`` bodies) and ``capped`` ones counted;
+    ``E_max`` [Pa] (n,) is what the steps of ``dt`` [s] allow, ``notes`` what to know.
+    """
+
+    particles: Particles
+    dt: float
+    E_max: Float[np.ndarray, "n"]
+    stationary: int = 0
+    rigid: int = 0
+    bodies: int = 0
+    capped: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def treated(
+    particles: Particles,
+    spacing: float,
+    *,
+    held: Bool[np.ndarray, "n"],
+    stiff: Stiff = Stiff.RIGID,
+    budget: float = BUDGET,
+    gravity: float = 9.81,
+    courant: float = COURANT,
+) -> Treatment:
+    """Decide what becomes of particles stiffer than ``budget`` substeps a second allow.
+
+    ``held`` are particles at what holds the body: stiff bodies among them stand still, free ones
+    move as rigid ones. ``gravity`` [m/s^2] says whether softening would be seen.
+    """
+    dt = 1 / budget
+    most = np.asarray(largest_modulus(particles.nu, particles.rho, spacing, dt, courant=courant))
+    hard = (particles.E > most) & (particles.kinds != MaterialClass.FLUID) & ~particles.held
+    parts = [particles.parts[i] for i in np.unique(particles.part[hard])]
+    found = Treatment(particles=particles, dt=dt, E_max=most)
+    if not hard.any():
+        return found
+    if stiff == Stiff.CAP:
+        return _capped(found, hard, parts, gravity)
+    labels = np.full(len(hard), -1)
+    labels[hard] = rigid_labels(particles.x[hard], REACH * spacing)
+    standing = np.isin(labels, np.unique(labels[hard & held])) & hard
+    if stiff == Stiff.STATIONARY:
+        standing = hard
+    free = hard & ~standing
+    numbers = np.full(len(hard), -1, dtype=np.int64)
+    numbers[free] = np.unique(labels[free], return_inverse=True)[1]
+    still = Substance(kind=MaterialClass.STATIONARY)
+    substance = np.where(standing, len(particles.substances), particles.substance)
+    changed = replace(
+        particles,
+        substance=substance,
+        substances=(*particles.substances, still),
+        rigid=numbers,
+    )
+    bodies = int(numbers.max()) + 1
+    note = (
+        f"{', '.join(parts)}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps "
+        f"a second allow: {int(standing.sum()):,} particles stand still, {int(free.sum()):,} move "
+        f"as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
+    )
+    return replace(
+        found,
+        particles=changed,
+        stationary=int(standing.sum()),
+        rigid=int(free.sum()),
+        bodies=bodies,
+        notes=(note,),
+    )
+
+
+def _capped(
+    found: Treatment, hard: Bool[np.ndarray, "n"], parts: list[str], gravity: float
+) -> Treatment:
+    """Matter softened to what the steps allow; whether that is seen is said."""
+    given, most = found.particles, found.E_max
+    E = np.where(hard, most, given.E)
+    size = float(np.ptp(given.x[hard], axis=0).max())
+    sag = float((given.rho[hard] * gravity * size / most[hard]).max())
+    seen = "invisible: " if sag < INVISIBLE else "it is seen: "
+    note = (
+        f"{', '.join(parts)}: softened from {given.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
+        f"({seen}rho g L / E is {sag:.2g} then)"
+    )
+    changed = replace(given, E=E)
+    return replace(found, particles=changed, capped=int(hard.sum()), notes=(note,))
