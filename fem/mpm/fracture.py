@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 # A crack is this many spacings wide: 0.88 to 0.94 of the fracture energy is spent at 10 and at 20
-# cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores more
-# energy than its crack needs, waves open others: up to 1.5 times as much is spent.
+# cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores
+# more energy than its crack needs, waves open others: up to 1.5 times as much is spent.
 BAND = 1.8
 # Tensile strengths of particles differ by this share (standard deviation), for no body is perfect.
 SCATTER = 0.1
