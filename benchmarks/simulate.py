@@ -31,8 +31,8 @@ STAGES = {
     "read the mesh": [("toolkit/pipeline.py", "_read")],
     "supports": [("fem/scene/support_finder.py", "find_supports")],
     "static, P2 and P1": [("fem/solve/statics.py", "solve_static")],
-    "of it ordering": [("fem/linalg/elimination.py", "plan_elimination")],
-    "of it factors": [("fem/linalg/factor.py", "known_factor")],
+    "of it ordering": [("fem/cholesky/elimination.py", "plan_elimination")],
+    "of it factors": [("fem/cholesky/factor.py", "known_factor")],
     "modes": [("fem/solve/modal.py", "natural_modes")],
     "write": [("toolkit/results/simulation.py", "write"), ("toolkit/results/settled.py", "write")],
 }

@@ -104,7 +104,7 @@ def ours_whole(case: Case, order: int, device: str = "cpu") -> dict:
 
 def measure(tool: str, meshes: str, name: str, options: argparse.Namespace, pipe) -> None:
     """Send the row of one tool: the first call on a real mesh, a second, warm one on the beam."""
-    from autophyx_tet.fem.linalg import factor
+    from autophyx_tet.fem.cholesky import factor
 
     case = cantilever(name) if meshes == "beam" else standing(real_mesh(name, options.cache))
     extra = [options.device] if tool == "ours" else []

@@ -44,6 +44,18 @@ def start_warp() -> ModuleType:
     return wp
 
 
+class Recorder:
+    """Records launches of ``size`` threads, so that a replay costs little."""
+
+    def __init__(self, size: int, device: Any) -> None:
+        self.size, self.device = size, device
+
+    def __call__(self, kernel: Any, inputs: list, size: int | tuple | None = None) -> Any:
+        """Return a launch command of ``kernel``."""
+        dim = self.size if size is None else size
+        return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
+
+
 def checked_device(device: str) -> str:
     """Return ``device`` ('cpu', 'cuda' or 'cuda:N') if this machine has it."""
     wp = start_warp()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device import start_warp
+from ..device import Recorder, start_warp
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +23,19 @@ class BlockMatrix:
         """Number of block rows."""
         return self.rows.shape[0] - 1
 
-    def multiply(self, x: Any, out: Any) -> None:
-        """Write A x to ``out``, both warp arrays of vec3d (nodes,)."""
+    def product(self, x: Any, out: Any) -> Any:
+        """Launch command that writes A x to ``out``, both warp arrays of vec3d (nodes,)."""
         from . import kernels_matrix as k
 
-        arrays = [self.rows, self.columns, self.values, x]
-        start_warp().launch(
-            k.multiply, dim=self.nodes, inputs=arrays, outputs=[out], device=out.device
-        )
+        wp, device, pattern = start_warp(), out.device, [self.rows, self.columns]
+        if not device.is_cuda:
+            return Recorder(self.nodes, device)(k.multiply, [*pattern, self.values, x, out])
+        flat = [v.view(wp.float64).flatten() for v in (self.values, x, out)]
+        return Recorder(3 * self.nodes, device)(k.multiply_scalars, [*pattern, *flat])
+
+    def multiply(self, x: Any, out: Any) -> None:
+        """Write A x to ``out``, both warp arrays of vec3d (nodes,)."""
+        self.product(x, out).launch()
 
     def times(self, x: np.ndarray) -> np.ndarray:
         """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""

@@ -137,6 +137,26 @@ def row_times(
 
 
 @wp.kernel
+def multiply_scalars(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    y: wp.array(dtype=wp.float64),
+):
+    """Product y = A x, a thread a scalar: threads of a GPU then read what lies together."""
+    i = wp.tid()
+    node = i // 3
+    c = 3 * (i - 3 * node)
+    total = wp.float64(0.0)
+    for s in range(rows[node], rows[node + 1]):
+        j = 3 * columns[s]
+        k = 9 * s + c
+        total += values[k] * x[j] + values[k + 1] * x[j + 1] + values[k + 2] * x[j + 2]
+    y[i] = total
+
+
+@wp.kernel
 def multiply(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..device import start_warp
+from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from ..errors import ConvergenceError
-from .krylov import Recorder
+from .inversion import inversion
 
 logger = logging.getLogger(__name__)
 
@@ -211,7 +211,13 @@ def coarsen(
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
     if device.is_cuda:
-        return Coarse(*P, _members(start, aggregates, count), count, None, invert(matrix))
+        return Coarse(
+            *P,
+            _members(start, aggregates, count),
+            count,
+            None,
+            inversion(len(matrix), str(device))(matrix),
+        )
     return Coarse(*P, None, count, _cholesky(matrix.numpy()), None)
 
 
@@ -227,25 +233,6 @@ def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:
     member, owner = wp.empty_like(aggregates), wp.empty_like(aggregates)
     launch(k.list_members, [start, aggregates, wp.clone(first), member, owner]).launch()
     return first, member, owner
-
-
-def invert(matrix: Any) -> Any:
-    """Invert a dense symmetric positive ``matrix`` of 6 x 6 blocks in place, on its device."""
-    from . import kernels_coarse as k
-
-    wp = start_warp()
-    size, device = len(matrix), matrix.device
-    row = wp.empty((6, size), dtype=wp.float64, device=device)
-    column = wp.empty((size, 6), dtype=wp.float64, device=device)
-    launch = Recorder(size, device)
-    pivot = launch(k.take_pivot, [matrix, 0, row, column])
-    step = launch(k.eliminate, [row, column, 0, matrix], size=(size, size))
-    for block in range(size // 6):
-        pivot.set_param_at_index(1, block)
-        step.set_param_at_index(2, block)
-        pivot.launch()
-        step.launch()
-    return matrix
 
 
 def _cholesky(matrix: np.ndarray):

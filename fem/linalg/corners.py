@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..device import start_warp
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor
+from ..device import Recorder, start_warp
 from ..discrete.assembly import Pattern
 from ..discrete.block_matrix import BlockMatrix
 from ..discrete.constraints import apply_supports
-from .elimination import planned_elimination
-from .factor import CholeskyFactor
-from .krylov import Recorder
 
 # Patterns of the corners of the last spaces, by the identity of their edges.
 _RECENT: list[tuple[np.ndarray, Pattern]] = []

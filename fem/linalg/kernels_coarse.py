@@ -1,5 +1,5 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels that make the coarse space: rigid motions, smoothing, Galerkin product, inverse."""
+"""Warp kernels that make the coarse space: rigid motions, smoothing, Galerkin product."""
 
 import warp as wp
 
@@ -239,50 +239,3 @@ def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
     if i == j:
         d = matrix[i, i]
         matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
-
-
-@wp.kernel
-def take_pivot(
-    matrix: wp.array2d(dtype=wp.float64),
-    k: wp.int32,
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
-):
-    """Block Gauss-Jordan: ``row`` = pivot^-1 times block row k, ``column`` = block column k."""
-    c = wp.tid()
-    pivot = mat66d()
-    for a in range(6):
-        for b in range(6):
-            pivot[a, b] = matrix[6 * k + a, 6 * k + b]
-    W = orthonormal(pivot)
-    inverse = W * wp.transpose(W)
-    inside = c // 6 == k
-    for a in range(6):
-        total = wp.float64(0.0)
-        for b in range(6):
-            if inside:
-                total = inverse[a, c - 6 * k]
-            else:
-                total += inverse[a, b] * matrix[6 * k + b, c]
-        row[a, c] = total
-        column[c, a] = matrix[c, 6 * k + a]
-
-
-@wp.kernel
-def eliminate(
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
-    k: wp.int32,
-    matrix: wp.array2d(dtype=wp.float64),
-):
-    """Block Gauss-Jordan: one step towards the inverse of ``matrix``, in place."""
-    i, j = wp.tid()
-    if i // 6 == k:
-        matrix[i, j] = row[i - 6 * k, j]
-        return
-    total = matrix[i, j]
-    if j // 6 == k:
-        total = wp.float64(0.0)
-    for a in range(6):
-        total -= column[i, a] * row[a, j]
-    matrix[i, j] = total

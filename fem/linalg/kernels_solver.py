@@ -118,7 +118,6 @@ def chebyshev_step(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.mat33d),
-    factor: wp.array(dtype=wp.vec3d),
     old: wp.array(dtype=wp.vec3d),
     keep: wp.float64,
     scale: wp.float64,
@@ -126,32 +125,13 @@ def chebyshev_step(
     d: wp.array(dtype=wp.vec3d),
     x: wp.array(dtype=wp.vec3d),
 ):
-    """Update r = r - A ``factor``, d = keep old + scale r, x = x + d; A old = A ``factor``."""
+    """Update r = r - A old, d = keep old + scale r, x = x + d."""
     i = wp.tid()
-    res = r[i] - row_times(rows, columns, values, factor, i)
+    res = r[i] - row_times(rows, columns, values, old, i)
     r[i] = res
     step = keep * old[i] + scale * res
     d[i] = step
     x[i] = x[i] + step
-
-
-@wp.kernel
-def products(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    out: wp.array(dtype=wp.float64),
-):
-    """Row sums of A diag(x), 3 x 3 for every node: nine threads a row read what lies together."""
-    t = wp.tid()
-    i = t // 9
-    entry = t - 9 * i
-    component = entry % 3
-    total = wp.float64(0.0)
-    for s in range(rows[i], rows[i + 1]):
-        total += values[9 * s + entry] * x[3 * columns[s] + component]
-    out[t] = total
 
 
 @wp.kernel
@@ -171,24 +151,6 @@ def subtract(
     """Update r = r - A d."""
     i = wp.tid()
     r[i] = r[i] - row_times(rows, columns, values, d, i)
-
-
-@wp.kernel
-def restrict(
-    first: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-    transfer: wp.array(dtype=mat36d),
-    r: wp.array(dtype=wp.vec3d),
-    coarse: wp.array(dtype=wp.float64),
-):
-    """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
-    a, lane = wp.tid()
-    total = vec6d()
-    for m in range(first[a] + lane, first[a + 1], wp.block_dim()):
-        total += wp.transpose(transfer[member[m]]) * r[owner[m]]
-    for c in range(6):
-        wp.tile_store(coarse, wp.tile_sum(wp.tile(total[c])), offset=6 * a + c)
 
 
 @wp.kernel
@@ -219,20 +181,6 @@ def prolong(
     for s in range(start[i], start[i + 1]):
         total += transfer[s] * coarse[aggregates[s]]
     x[i] = total
-
-
-@wp.kernel
-def dense_multiply(
-    matrix: wp.array2d(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    y: wp.array(dtype=wp.float64),
-):
-    """Product y = matrix x, one block of threads a row."""
-    i, lane = wp.tid()
-    total = wp.float64(0.0)
-    for k in range(lane, x.shape[0], wp.block_dim()):
-        total += matrix[i, k] * x[k]
-    wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)
 
 
 @wp.kernel

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device import start_warp
+from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
@@ -14,18 +14,6 @@ BLOCK = 256
 # The largest eigenvalue comes from a few Lanczos steps, which stay a little below it.
 LANCZOS_STEPS = 12
 LANCZOS_MARGIN = 1.08
-
-
-class Recorder:
-    """Records launches of ``size`` threads, so that a replay costs little."""
-
-    def __init__(self, size: int, device: Any) -> None:
-        self.size, self.device = size, device
-
-    def __call__(self, kernel: Any, inputs: list, size: int | tuple | None = None) -> Any:
-        """Return a launch command of ``kernel``."""
-        dim = self.size if size is None else size
-        return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
 
 
 class Inner:
@@ -68,7 +56,6 @@ class ConjugateGradients:
     def __init__(
         self, matrix: BlockMatrix, lower: Any, preconditioner: Any, r: Any, z: Any
     ) -> None:
-        from ..discrete import kernels_matrix
         from . import kernels_krylov as k
 
         wp = start_warp()
@@ -78,8 +65,7 @@ class ConjugateGradients:
         self.x, self.p, q, unscaled = (wp.zeros_like(r) for _ in range(4))
         self.z, self.graph = z, None
         launch = Recorder(matrix.nodes, r.device)
-        A = [matrix.rows, matrix.columns, matrix.values]
-        self.multiply = launch(kernels_matrix.multiply, [*A, self.p, q])
+        self.multiply = matrix.product(self.p, q)
         advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
         self.advance = launch(k.cg_advance, advance)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
@@ -129,7 +115,6 @@ class ConjugateGradients:
 
 def largest_eigenvalue(matrix: BlockMatrix) -> float:
     """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one."""
-    from ..discrete import kernels_matrix
     from . import kernels_krylov as k
 
     wp = start_warp()
@@ -140,7 +125,7 @@ def largest_eigenvalue(matrix: BlockMatrix) -> float:
     along, square = (wp.zeros(steps + 1, dtype=wp.float64, device=device) for _ in range(2))
     launch = Recorder(matrix.nodes, device)
     direction = launch(k.lanczos_direction, [w, square, 0, v, old])
-    multiply = launch(kernels_matrix.multiply, [matrix.rows, matrix.columns, matrix.values, v, w])
+    multiply = matrix.product(v, w)
     residual = launch(k.lanczos_residual, [v, old, along, square, 0, w])
     length, curvature = Inner(w, w, square, 0), Inner(w, v, along, 0)
     launch(k.lanczos_start, [w]).launch()

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device import start_warp
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor, NotPositive
+from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
-from .elimination import planned_elimination
-from .factor import CholeskyFactor, NotPositive
-from .krylov import ConjugateGradients, Recorder
+from .krylov import ConjugateGradients
 from .two_level import Scaled, TwoLevel, scale
 
 # Unknowns up to which the preconditioner is a direct factor.
@@ -113,11 +113,12 @@ class RepeatedSolver:
         wp.copy(current.values, matrix.values)
         pattern = [matrix.rows, matrix.columns]
         launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
-        r.assign(b)
+        size = float(np.linalg.norm(b)) or 1.0
+        r.assign(b / size)  # the V-cycle may be in single precision, whose range is small
         launch(k.block_multiply, [system.inverse, r, False, r]).launch()
-        iterations = cg.run(target, limit)
+        iterations = cg.run(target / size, limit)
         if not cg.reached:
             return None, 0 if cg.indefinite else iterations
         x = wp.empty_like(cg.x)
         launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
-        return x.numpy(), iterations
+        return size * x.numpy(), iterations

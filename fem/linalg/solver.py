@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..device import start_warp
+from ..cholesky.elimination import Elimination, planned_elimination
+from ..cholesky.factor import NotPositive, known_factor
+from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .corners import corner_pattern
-from .elimination import Elimination, planned_elimination
-from .factor import NotPositive, known_factor
-from .krylov import ConjugateGradients, Recorder
+from .krylov import ConjugateGradients
 from .two_level import Scaled, TwoLevel, scale
 
 logger = logging.getLogger(__name__)
@@ -188,27 +188,28 @@ def solve_iterative(
     name = CG_AGGREGATES if edges is None else CG_LINEAR
     cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
     launch = Recorder(system.matrix.nodes, cycle.device)
-    given = wp.array(b, dtype=wp.vec3d, device=cycle.device)
-    launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
     size = _length(b) or 1.0
-    iterations = cg.run(tolerance * size, limit)
+    unit = b / size  # the V-cycle may be in single precision, whose range is small
+    given = wp.array(unit, dtype=wp.vec3d, device=cycle.device)
+    launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+    iterations = cg.run(tolerance, limit)
     solution, residual = wp.empty_like(given), wp.empty_like(given)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
     system.matrix.multiply(cg.x, cycle.z)
     launch(k.block_multiply, [system.lower, cycle.z, False, residual]).launch()
-    error = _length(b - residual.numpy()) / size
-    x = solution.numpy().copy()
+    error = _length(unit - residual.numpy())
+    x = size * solution.numpy()
     if error <= tolerance:
         return Solution(x, error, iterations, 0.0, solver=name)
-    floor = _scaled_round_off(system, cg.x.numpy()) / size
+    floor = _scaled_round_off(system, cg.x.numpy())
     if error > floor:
         return Solution(x, error, iterations, floor, solver=name)
-    rest = wp.array(b - residual.numpy(), dtype=wp.vec3d, device=cycle.device)
+    rest = wp.array(unit - residual.numpy(), dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, rest, False, cycle.r]).launch()
-    iterations += cg.run(CORRECTED * error * size, limit)
+    iterations += cg.run(CORRECTED * error, limit)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
-    change = _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
+    change = size * _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
     return Solution(x, error, iterations, floor, change=change, solver=name)
 
 

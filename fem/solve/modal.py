@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device import checked_device, single_threaded
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor, NotPositive, known_factor
+from ..device import Recorder, checked_device, single_threaded
 from ..discrete.assembly import Discretisation, discretise, stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
@@ -15,9 +17,6 @@ from ..discrete.mass import consistent_mass, lumped_mass
 from ..discrete.space import extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.elimination import planned_elimination
-from ..linalg.factor import CholeskyFactor, NotPositive, known_factor
-from ..linalg.krylov import Recorder
 from ..linalg.lanczos import RitzPairs, lanczos
 from ..linalg.solver import MOST_ENTRIES, PIVOT
 from ..linalg.two_level import TwoLevel, scale

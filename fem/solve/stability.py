@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor, known_factor
 from ..device import single_threaded, start_warp
 from ..discrete.assembly import Discretisation, discretise, stiffness
 from ..discrete.block_matrix import BlockMatrix
@@ -15,8 +17,6 @@ from ..discrete.quadrature import element_points
 from ..discrete.strain import displacement_gradients, first_piola
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.elimination import planned_elimination
-from ..linalg.factor import CholeskyFactor, known_factor
 from ..result import LoadFactor, StaticResult
 from ..scene.material import LameParameters
 from ..scene.mesh import material_of

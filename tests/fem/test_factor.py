@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.cholesky import elimination, factor
+from autophyx_tet.fem.cholesky.elimination import dissect, join_supernodes, plan_elimination
+from autophyx_tet.fem.cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import BlockMatrix
-from autophyx_tet.fem.linalg import elimination, factor, solver
-from autophyx_tet.fem.linalg.elimination import dissect, join_supernodes, plan_elimination
-from autophyx_tet.fem.linalg.factor import CholeskyFactor, NotPositive, known_factor
+from autophyx_tet.fem.linalg import solver
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static

@@ -5,9 +5,7 @@ import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import add_diagonal
-from autophyx_tet.fem.linalg import kernels_solver
 from autophyx_tet.fem.linalg.krylov import ConjugateGradients, largest_eigenvalue
-from autophyx_tet.fem.linalg.two_level import Rows
 from autophyx_tet.fem.scene.box import box_mesh
 
 
@@ -74,13 +72,3 @@ def test_conjugate_gradients_notice_negative_curvature(matrix):
     cg.run(1e-8, 200)
     assert cg.indefinite
     assert not cg.reached
-
-
-def test_products_apart_are_the_matrix_times_a_vector(matrix):
-    """Row sums of A diag(x), summed once more, are A x: the way of a GPU, here on a CPU."""
-    wp = start_warp()
-    x = np.random.default_rng(0).normal(size=(matrix.nodes, 3))
-    given, r = (wp.array(v, dtype=wp.vec3d, device="cpu") for v in (x, np.zeros_like(x)))
-    for command in Rows(matrix, apart=True).launch(kernels_solver.subtract, given, [r]):
-        command.launch()
-    assert np.allclose(r.numpy(), -matrix.times(x), rtol=0, atol=1e-12)

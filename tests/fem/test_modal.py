@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.cholesky import factor
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.linalg import factor
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes

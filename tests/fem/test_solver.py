@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError
-from autophyx_tet.fem.linalg import kernels_solver, solver
-from autophyx_tet.fem.linalg.coarse import _cholesky, _members, _motions, boxes, invert, make_groups
+from autophyx_tet.fem.linalg import kernels_gpu, kernels_solver, solver
+from autophyx_tet.fem.linalg.coarse import (
+    _cholesky,
+    _members,
+    _motions,
+    boxes,
+    inversion,
+    make_groups,
+)
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.components import rigid_motions
 from autophyx_tet.fem.scene.material import ElementMaterial
@@ -110,7 +117,7 @@ def test_motions_that_a_group_cannot_make_are_dropped():
 
 
 def test_both_restrictions_are_the_transposed_prolongation():
-    """P^T r gathered by column, as a GPU does, and scattered by row: the dense product."""
+    """P^T r gathered by column, as a GPU does, and scattered by row; P c, as a GPU does."""
     wp = start_warp()
     rng = np.random.default_rng(0)
     start, columns = np.array([0, 2, 3, 6, 6, 8]), np.array([0, 2, 1, 0, 1, 3, 2, 3])
@@ -123,11 +130,16 @@ def test_both_restrictions_are_the_transposed_prolongation():
     one, two = (wp.zeros(4, dtype=kernels_solver.vec6d, device="cpu") for _ in range(2))
     wp.launch(kernels_solver.scatter, 5, inputs=[*P, transfer, fine, one], device="cpu")
     flat = two.view(wp.float64).flatten()
-    inputs = [*_members(*P, 4), transfer, fine, flat]
-    wp.launch_tiled(kernels_solver.restrict, dim=[4], inputs=inputs, block_dim=64, device="cpu")
+    single, given = (wp.array(v.ravel(), dtype=wp.float32, device="cpu") for v in (blocks, r))
+    inputs = [*_members(*P, 4), single, given, flat]
+    wp.launch_tiled(kernels_gpu.single_restrict, dim=[4], inputs=inputs, block_dim=64, device="cpu")
     expected = np.einsum("icaj,ic->aj", dense, r)
     assert one.numpy() == pytest.approx(expected)
-    assert two.numpy() == pytest.approx(expected)
+    assert two.numpy() == pytest.approx(expected, rel=1e-5)  # single precision
+    back = wp.zeros(15, dtype=wp.float32, device="cpu")
+    wp.launch(kernels_gpu.single_prolong, 15, inputs=[*P, single, flat, back], device="cpu")
+    prolonged = np.einsum("icaj,aj->ic", dense, two.numpy())
+    assert back.numpy().reshape(5, 3) == pytest.approx(prolonged, rel=1e-5, abs=1e-5)
 
 
 def test_gauss_jordan_inverts():
@@ -135,7 +147,8 @@ def test_gauss_jordan_inverts():
     wp = start_warp()
     half = np.random.default_rng(0).normal(size=(80, 60))
     matrix = half.T @ half
-    inverse = invert(wp.array(matrix, dtype=wp.float64, device="cpu")).numpy()
+    given = wp.array(matrix, dtype=wp.float64, device="cpu")
+    inverse = inversion(len(matrix), "cpu")(given).numpy()
     assert inverse @ matrix == pytest.approx(np.eye(60), abs=1e-10)
 
 

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..device import start_warp
+from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from ..errors import ConvergenceError
 from .elimination import Elimination
-from .krylov import Recorder
 
 
 class NotPositive(ConvergenceError):
