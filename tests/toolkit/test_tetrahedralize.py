@@ -100,7 +100,7 @@ def test_plate_thinner_than_epsilon_is_left_out_and_said():
     plate.apply_translation((3, 0, 0))
     mesh, report = converted(cube=trimesh.creation.box((1, 1, 1)), plate=plate)
     assert mesh.region_names == ("cube",)
-    assert report.thin == 1
+    assert (report.thin.count, report.thin.parts) == (1, ("plate",))
     assert any("--epsilon-rel" in w for w in report.warnings)
 
 

@@ -251,4 +251,4 @@ def wrapped(problem: Problem) -> Solids:
         raise NoFilling(f"the wrap encloses {volume:.4g} m^3, the input {enclosed:.4g} m^3")
     part = surface.part[closest((a + b + c) / 3, surface.points, surface.faces).face]
     skin = Surface(points, faces, part, edge_components(faces))
-    return Solids((Shell(points, faces, part),), skin, problem.solids.sheets)
+    return replace(problem.solids, shells=(Shell(points, faces, part),), surface=skin)

@@ -83,6 +83,19 @@ class Region:
 
 
 @dataclass(frozen=True)
+class ThinPieces:
+    """Closed pieces left out because they are thinner than ``thinnest`` [m]: how many, of which.
+
+    Most of their volume is ``thickness`` [m] thick, or more.
+    """
+
+    count: int = 0
+    parts: tuple[str, ...] = ()
+    thinnest: float = 0.0
+    thickness: float = 0.0
+
+
+@dataclass(frozen=True)
 class Distances:
     """One-sided sampled Hausdorff distances [m].
 
@@ -122,10 +135,10 @@ class ConversionReport:
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
     the share of their surface; of those ``fallen_apart`` a share of volume is in loose pieces.
     ``losses`` are those of the solids against the file as read.
-    ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` counts closed pieces
-    thinner than epsilon, which are not meshed either, ``lost`` are parts that enclose a
-    volume but got no tet, ``hollow`` parts taken as solid whose names suggest a shell, ``walls``
-    parts that have got a wall of tets.
+    ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` closed pieces that are
+    not meshed either, ``lost`` are parts that enclose a volume but got no tet, ``hollow`` parts
+    taken as solid whose names suggest a shell, ``walls`` parts that have got a wall of tets. As a
+    ``whole``, open pieces enclose what their winding number calls inside.
     """
 
     repair: RepairReport
@@ -147,9 +160,10 @@ class ConversionReport:
     losses: FileLosses = field(default_factory=FileLosses)
     fallen_apart: tuple[tuple[str, float], ...] = ()
     sheets: tuple[str, ...] = ()
-    thin: int = 0
+    thin: ThinPieces = field(default_factory=ThinPieces)
     hollow: tuple[str, ...] = ()
     walls: tuple[str, ...] = ()
+    whole: bool = False
     lost: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seed: int = 0

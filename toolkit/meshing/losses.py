@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...predictors.asset import Part
+from ..surfaces.orientation import enclosed_shares
 from ..surfaces.repair import oriented, stacked
 from ..surfaces.samples import sample, stratified
 from ..surfaces.solids import Solids
-from ..surfaces.surface import Surface, incoherence
+from ..surfaces.surface import Surface, incoherence, open_components
 from ..surfaces.triangles import closest, winding_numbers
 from ..surfaces.welding import WELD_REL, weld
 
@@ -49,11 +50,24 @@ class FileSurface(NamedTuple):
     def encloses(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are inside for certain: as read, unless that makes no body.
 
-        Patches that are coherent in themselves, but turned against each other, enclose less as
-        read than as seen; sheets that are turned to be seen may seem to enclose a little more.
+        Where sheets overlap, as leaves do, the winding number is their sum, though no direction
+        may be closed: each layer must close as many directions as one alone would have to.
+
+        What is twice inside as read and outside as seen is a cavity, its wall wound as that of a
+        body. Patches that are coherent in themselves, but turned against each other, enclose less
+        as read than as seen; sheets that are turned to be seen may seem to enclose a little more.
         """
-        read, seen = (winding > CERTAIN for winding in self._windings(where))
-        return read if self.coherent and read.sum() >= BODY * seen.sum() else seen
+        windings = self._windings(where)
+        read, seen = (winding > CERTAIN for winding in windings)
+        read &= ~((windings[0] > 1 + CERTAIN) & (windings[1] < OUTSIDE))
+        as_read = self.coherent and read.sum() >= BODY * seen.sum()
+        surface, inside = (self.read, read) if as_read else (self.seen, seen)
+        if open_components(self.seen).any():
+            which = np.flatnonzero(inside)
+            layers = np.maximum(windings[0 if as_read else 1][which], 1)
+            free = 1 - enclosed_shares(surface.points, surface.faces, where[which])
+            inside[which] = free < (1 - CERTAIN) ** layers
+        return inside
 
     def excludes(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are outside for certain, as read and as seen."""
@@ -81,20 +95,22 @@ class FileLosses:
 
     ``volume`` [m^3] is what the file's triangles enclose for certain by their winding number,
     ``lost`` the share of it, and ``lost_area`` that of the file's area, which is in no solid;
+    ``thin`` is the share in closed pieces thinner than a mesh can hold, a part of ``lost``;
     ``gained`` is the share of the solids' volume that the file does not enclose, where holes were
     closed. ``parts`` are those that lose.
     """
 
     volume: float = 0.0
     lost: float = 0.0
+    thin: float = 0.0
     lost_area: float = 0.0
     gained: float = 0.0
     parts: tuple[PartLoss, ...] = ()
 
     @property
     def bearable(self) -> bool:
-        """Whether what is lost may be left out."""
-        return self.lost <= MOST_LOST
+        """Whether what is lost may be left out: thin plates are, by name, for they are whole."""
+        return self.lost - self.thin <= MOST_LOST
 
 
 class FileSamples(NamedTuple):
@@ -150,7 +166,8 @@ def losses(
     by_area = _shares(file.on_part, far, len(names))
     return FileLosses(
         volume=file.cell * len(file.inside),
-        lost=float(outside.mean()) if len(outside) else 0.0,
+        lost=_mean(outside),
+        thin=_mean(outside & solids.plates.contain(file.inside)),
         lost_area=float(far.mean()),
         gained=_gained(file, solids),
         parts=tuple(
@@ -159,6 +176,10 @@ def losses(
             if max(v, a) > MOST_LOST
         ),
     )
+
+
+def _mean(mask: Bool[np.ndarray, "n"]) -> float:
+    return float(mask.mean()) if len(mask) else 0.0
 
 
 def _gained(file: FileSamples, solids: Solids) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.scene.boundary import boundary_faces
+from ..surfaces.rows import face_edges
 from .quality import corner_nodes
 
 # Each round splits edges that share no tet; a mesh that needs more rounds is not one of ours.
@@ -55,9 +56,9 @@ def separate(points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 
 def bare_edges(tets: np.ndarray) -> np.ndarray:
     """Edges (n, 2) with more than two faces of the boundary: several groups of tets around them."""
     faces = boundary_faces(tets).faces
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges, count = np.unique(edges, axis=0, return_counts=True)
-    return edges[count != 2]
+    directed, edge, count = face_edges(faces)
+    first = np.unique(edge, return_index=True)[1]
+    return np.sort(directed[first], axis=1)[count != 2]
 
 
 def _independent(edges: np.ndarray, tets: np.ndarray) -> np.ndarray:

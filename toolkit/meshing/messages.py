@@ -13,6 +13,8 @@ from .losses import MOST_LOST, FileLosses
 from .meshers import STUFFING
 
 MOST = 5  # names that a sentence lists
+KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
+FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 
 def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
@@ -29,11 +31,8 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
         sentences.append(
             f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
         )
-    if report.thin:
-        sentences.append(
-            f"{report.thin} closed pieces thinner than half of epsilon ({report.epsilon:.3g} m) "
-            "are left out; a smaller --epsilon-rel keeps them"
-        )
+    if report.thin.count:
+        sentences.append(_thin(report))
     if report.lost:
         sentences.append(
             f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
@@ -69,8 +68,29 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def _thin(report: ConversionReport) -> str:
+    """Which closed pieces are left out, how much that is, and what would keep them."""
+    thin, share = report.thin, report.losses.thin
+    much = f", {share:.0%} of the volume that the file encloses," if share > SHARE_TOLD else ""
+    keeping = 2 * KEPT_BY * thin.thickness / report.diagonal
+    way = (
+        f"--epsilon-rel {keeping:.2g} keeps them"
+        if keeping > FINEST
+        else f"they are {thin.thickness:.2g} m thick, too thin for tets"
+    )
+    return (
+        f"{thin.count} closed pieces thinner than {thin.thinnest:.3g} m, of {listed(thin.parts)}"
+        f"{much} are left out; {way}"
+    )
+
+
 def _closed(report: ConversionReport) -> Iterator[str]:
     """How much of the boundary and of the volume the file has only since its holes were closed."""
+    if report.whole:
+        yield (
+            "the file's open pieces close no body: inside is what they surround by their winding "
+            "number, and its boundary in their gaps is a guess; close them in a modeller"
+        )
     if report.distances.bridged_share > SHARE_TOLD:
         share = report.distances.bridged_share
         yield f"{share:.1%} of the boundary closes holes: the file has no surface there"
@@ -91,16 +111,13 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
             "surface instead, which keeps no epsilon; --mesher ftetwild tries on"
         )
     edge = f"the lattice's edge of {report.edge_length:.3g} m"
-    for name, error in report.off_volume:
-        yield f"{name!r}: its volume is {error:+.1%} off; {_finer(report)} keeps it"
-    for name, share in report.fallen_apart:
-        yield f"{name!r}: {share:.1%} of its volume fell off; {_finer(report)} keeps it"
-    if report.thin_parts:
-        shares = ", ".join(f"{name!r} ({share:.0%})" for name, share in report.thin_parts[:MOST])
-        yield (
-            f"thinner than {edge} in some or all places, where the shape is blurred: {shares}"
-            f"{_more(len(report.thin_parts))}; {_finer(report)} keeps it"
-        )
+    for what, shares, form in (
+        ("volumes are off", report.off_volume, "+.1%"),
+        ("shares of volumes fell off", report.fallen_apart, ".1%"),
+        (f"thinner than {edge} in places, where shapes are blurred", report.thin_parts, ".0%"),
+    ):
+        if shares:
+            yield f"{what}: {_worst(shares, form)}; {_finer(report)} keeps them"
     far, at = max(
         (report.distances.to_input, "the boundary is {} from the input"),
         (report.distances.from_input, "the input is {} from the boundary"),
@@ -110,6 +127,13 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
         yield f"{away}, more than {edge}; --mesher ftetwild keeps epsilon"
     if layers > 1:
         yield "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
+
+
+def _worst(shares: Sequence[tuple[str, float]], form: str) -> str:
+    """Named shares, the largest first, the first few of many."""
+    worst = sorted(shares, key=lambda one: -abs(one[1]))
+    told = ", ".join(f"{name!r} ({share:{form}})" for name, share in worst[:MOST])
+    return told + _more(len(worst))
 
 
 def _thinnest(report: ConversionReport) -> str:

@@ -15,9 +15,15 @@ from ..surfaces.surface import Surface
 from .conversion_report import Guarantee
 from .losses import MOST_LOST, FileLosses, FileSamples, FileSurface, losses
 
-# Ways to close what is open, until no volume is lost: piece by piece, all pieces together, and
-# either with caps larger than the piece itself, for those that are little more than a rim.
-CLOSINGS = (Closing(), Closing(joint=True), Closing(largest=2.0), Closing(joint=True, largest=2.0))
+# Ways to close what is open, until no volume is lost: piece by piece, all pieces together, either
+# with caps larger than the piece itself, for those that are little more than a rim; without caps.
+CLOSINGS = (
+    Closing(),
+    Closing(joint=True),
+    Closing(largest=2.0),
+    Closing(joint=True, largest=2.0),
+    Closing(joint=True, whole=True),
+)
 MOST_GAINED = 0.25  # of the volume: with more that only caps enclose, a closing has filled a room
 
 
@@ -73,7 +79,8 @@ class Preparation:
         if self.thicken is not None:
             sheet = sheet_faces(surface, thinnest=self.thinnest)
             surface = thickened(surface, sheet, self.thicken)
-        return repaired, Solids.of(surface, len(self.parts), thinnest=self.thinnest)
+        solids = Solids.of(surface, len(self.parts), thinnest=self.thinnest, whole=closing.whole)
+        return repaired, solids
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from ...fem.scene.boundary import FACES, area_vectors, boundary_faces
 from ...fem.scene.material import wave_speed
 from ...fem.scene.mesh import TetMesh, altitudes, signed_volumes
 from ...fem.verdicts import largest_explicit_step
+from ..surfaces.rows import face_edges
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -150,17 +151,12 @@ def component_count(tets: Int[np.ndarray, "tets 4"]) -> int:
 
 def boundary_kind(faces: Int[np.ndarray, "faces 3"]) -> BoundaryKind:
     """Count what keeps a triangle surface from being a closed 2-manifold."""
-    _, count = np.unique(_edges(faces), axis=0, return_counts=True)
+    count = face_edges(faces).count
     return BoundaryKind(
         faces=len(faces),
         bad_edges=int((count != 2).sum()),
         pinched_vertices=len(corner_nodes(faces)[1]) - len(np.unique(faces)),
     )
-
-
-def _edges(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges 2"]:
-    """Sorted end points of the three edges of every face."""
-    return np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
 
 
 def corner_nodes(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

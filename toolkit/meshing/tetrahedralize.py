@@ -14,18 +14,21 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
 from ..native.cache import Runner
 from ..native.child import Progress
+from ..surfaces.solids import Plates
 from .attempts import Attempts, Made, Problem, mesh_within
 from .conversion_report import (
     Attempt,
     ConversionReport,
     InputVolume,
     Region,
+    ThinPieces,
     guarantees,
     input_volume,
     measure_distances,
 )
 from .engine_run import EngineTarget, Filling, LatticeFit
 from .lattice_guarantees import lattice_guarantees
+from .losses import MOST_LOST
 from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
 from .messages import left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .preparation import Preparation, Prepared
@@ -89,8 +92,8 @@ def tetrahedralize(
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)
     problem, ready = _problem(asset, target, preparation, runner, rng, lossy=accept_broken)
-    problem = problem._replace(mesher=chosen_mesher(mesher, sampled=asset.sampled))
-    found = mesh_within(problem, max_tets)
+    mesher = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
+    found = mesh_within(problem._replace(mesher=mesher), max_tets)
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
@@ -191,8 +194,9 @@ def _report(
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
     mesh, solids, filling, names = made.mesh, problem.solids, made.filling, asset.part_names
-    missing = [name for name in names if name not in mesh.region_names]
-    sheets = tuple(names[i] for i in solids.sheets)
+    thin = _thin(solids.plates, names)
+    missing = [name for name in names if name not in (*mesh.region_names, *thin.parts)]
+    sheets = tuple(names[i] for i in solids.sheets if names[i] in missing)
     return ConversionReport(
         repair=ready.repair,
         attempts=attempts,
@@ -211,12 +215,22 @@ def _report(
         **_fit(filling.lattice, names),
         losses=ready.losses,
         sheets=sheets,
-        thin=solids.thin,
+        thin=thin,
         lost=tuple(name for name in missing if name not in sheets),
         hollow=likely_hollow(asset, mesh, ready.preparation.walls),
         walls=tuple(names[p] for p in ready.preparation.walls if names[p] in mesh.region_names),
+        whole=ready.closing.whole,
         seed=seed,
     )
+
+
+def _thin(plates: Plates, names: Sequence[str]) -> ThinPieces:
+    """What is said of the closed pieces that are left out."""
+    if not len(plates.volume):
+        return ThinPieces()
+    parts = tuple(str(names[p]) for p in np.unique(plates.surface.part))
+    thickness = plates.thickness_of(1 - MOST_LOST)
+    return ThinPieces(len(plates.volume), parts, plates.thinnest, thickness)
 
 
 def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:

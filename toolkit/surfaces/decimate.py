@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .rows import equal_rows
 from .triangles import Triangles, closest, collapsed, edge_components
 
 FEWEST = 1000  # triangles: with fewer the engine's time goes into the tets
@@ -91,12 +92,11 @@ def _fewer(now: Pieces, share: float) -> Pieces:
 def _free(surface: Pieces) -> Bool[np.ndarray, "pieces"]:
     """Which pieces are large, manifold, coherently wound and touch no other one."""
     faces, piece = surface.faces, surface.piece
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, edge, times = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
-    bad = times[edge.reshape(-1)].reshape(-1, 3).max(axis=1, initial=0) > 1
+    _, edge, times = equal_rows(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
+    bad = times[edge].reshape(-1, 3).max(axis=1, initial=0) > 1
     place = np.unique(surface.points, axis=0, return_inverse=True)[1].reshape(-1)
-    owners = np.unique(np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)]), axis=0)
-    shared = np.flatnonzero(np.bincount(owners[:, 0]) > 1)
+    owners = np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)])
+    shared = np.flatnonzero(np.bincount(owners[equal_rows(owners).first, 0]) > 1)
     bad |= np.isin(place[faces], shared).any(axis=1)
     size, spoilt = np.bincount(piece), np.bincount(piece, weights=bad)
     return (spoilt == 0) & (size >= SMALL)

@@ -1,4 +1,4 @@
-"""Holes: loops of rim edges that a fan closes, unless they are the rim of a sheet or a seam."""
+"""Holes: loops of rim edges that caps close, unless they are the rim of a sheet or a seam."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .caps import MOST_EDGES, cycle, least_area_cap
 from .surface import Surface, bulky_components, component_areas
 from .triangles import edge_components, winding_numbers
 
@@ -18,6 +19,7 @@ HOLE_SHARE = 0.69
 # on from the rim it is a whole one, but for this much. A cap would then cut that piece off.
 CRISP, SEAM_SHARE = 0.15, 0.75
 SMALL = 0.05  # of its area: the cap of a smaller hole cuts off nothing that matters
+BENT = 0.98  # of the area of its fan: a loop that a smaller cap closes is not flat
 
 
 class Closed(NamedTuple):
@@ -29,10 +31,11 @@ class Closed(NamedTuple):
 
 
 class _Loops(NamedTuple):
-    """Of each rim edge its ``loop``; of each loop the ``centre`` (n, 3) [m]."""
+    """Of each rim edge its ``loop``; of each loop the ``centre`` (n, 3) [m] and ``fan`` [m^2]."""
 
     loop: np.ndarray
     centre: np.ndarray
+    fan: np.ndarray
 
 
 def close_holes(
@@ -43,16 +46,17 @@ def close_holes(
     largest: float = HOLE_SHARE,
     joint: bool = False,
 ) -> Closed:
-    """Close loops of rim edges with a fan around their centre, except the rims of sheets.
+    """Close loops of rim edges, except the rims of sheets.
 
-    ``owner`` is the face that each directed edge is of, ``largest`` the share of its component's
-    area that a fan may have. With ``joint``, a loop stays open too where the components enclose it
-    together: it is a seam between them.
+    With a fan around their centre, or the cap of least area where they are bent. ``owner`` is the
+    face that each directed edge is of, ``largest`` the share of its component's area that a fan may
+    have. With ``joint``, a loop stays open too where the components enclose it together: it is a
+    seam between them.
     """
     if not len(edges):
         return Closed(surface)
     loops = _loops(surface, edges, owner)
-    share = _hole_share(surface, edges, owner, loops)
+    share = _hole_share(surface, owner, loops)
     fill = share <= HOLE_SHARE
     if largest > HOLE_SHARE:  # but never a flat sheet onto itself
         thick = np.zeros(len(share), dtype=bool)
@@ -60,17 +64,38 @@ def close_holes(
         fill |= thick & (share <= largest)
     if joint and (fill & (share > SMALL)).any():
         fill &= (share <= SMALL) | ~_seams(surface, edges, loops)
-    edge = fill[loops.loop]
-    number = np.cumsum(fill) - 1
-    centre = len(surface.points) + number[loops.loop[edge]]
-    faces = np.concatenate([surface.faces, np.column_stack([edges[edge][:, ::-1], centre])])
+    caps = _bent_caps(surface, edges, loops, fill)
+    fan = fill.copy()
+    fan[list(caps)] = False
+    edge = fan[loops.loop]
+    centre = len(surface.points) + (np.cumsum(fan) - 1)[loops.loop[edge]]
+    first = np.unique(loops.loop, return_index=True)[1]
+    added = [np.column_stack([edges[edge][:, ::-1], centre]), *caps.values()]
+    part = surface.part[owner]
+    parts = [part[edge], *(np.full(len(c), part[first[i]]) for i, c in caps.items())]
+    faces = np.concatenate([surface.faces, *added])
     closed = Surface(
-        np.concatenate([surface.points, loops.centre[fill]]),
+        np.concatenate([surface.points, loops.centre[fan]]),
         faces,
-        np.concatenate([surface.part, surface.part[owner[edge]]]),
+        np.concatenate([surface.part, *parts]),
         edge_components(faces),
     )
-    return Closed(closed, int(fill.sum()), int(edge.sum()))
+    return Closed(closed, int(fill.sum()), len(faces) - len(surface.faces))
+
+
+def _bent_caps(
+    surface: Surface, edges: np.ndarray, loops: _Loops, fill: Bool[np.ndarray, "loops"]
+) -> dict[int, Int[np.ndarray, "faces 3"]]:
+    """Caps of the loops to ``fill`` that are one bent cycle: a fan would cut through the body."""
+    caps = {}
+    length = np.bincount(loops.loop)
+    for loop in np.flatnonzero(fill & (length > 3) & (length <= MOST_EDGES)):
+        points = cycle(edges[loops.loop == loop])
+        if points is not None:
+            cap = least_area_cap(surface.points[points])
+            if cap.area < BENT * loops.fan[loop]:
+                caps[int(loop)] = points[cap.faces][:, ::-1]
+    return caps
 
 
 def _loops(surface: Surface, edges: np.ndarray, owner: np.ndarray) -> _Loops:
@@ -84,18 +109,18 @@ def _loops(surface: Surface, edges: np.ndarray, owner: np.ndarray) -> _Loops:
     loop = connected_components(graph, directed=False)[1][node[:, 0]]
     start = surface.points[edges[:, 0]]
     sums = np.stack([np.bincount(loop, weights=start[:, k]) for k in range(3)], axis=1)
-    return _Loops(loop, sums / np.bincount(loop)[:, None])
+    centre = sums / np.bincount(loop)[:, None]
+    a, b = (surface.points[edges[:, i]] - centre[loop] for i in (0, 1))
+    return _Loops(
+        loop, centre, np.bincount(loop, weights=np.linalg.norm(np.cross(a, b), axis=1) / 2)
+    )
 
 
-def _hole_share(
-    surface: Surface, edges: np.ndarray, owner: np.ndarray, loops: _Loops
-) -> Float[np.ndarray, "loops"]:
+def _hole_share(surface: Surface, owner: np.ndarray, loops: _Loops) -> Float[np.ndarray, "loops"]:
     """Area of the fan that would close each boundary loop, as a share of that of its component."""
-    a, b = (surface.points[edges[:, i]] - loops.centre[loops.loop] for i in (0, 1))
-    fan = np.bincount(loops.loop, weights=np.linalg.norm(np.cross(a, b), axis=1) / 2)
     mine = np.zeros(len(loops.centre))
     mine[loops.loop] = component_areas(surface)[surface.component[owner]]
-    return fan / mine
+    return loops.fan / mine
 
 
 def _seams(surface: Surface, edges: np.ndarray, loops: _Loops) -> Bool[np.ndarray, "loops"]:

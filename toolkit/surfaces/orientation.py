@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .rows import face_edges
+
 DIRECTIONS = 24  # rays from each point
 MAJORITY = 0.75  # of the rays that must agree
 DEPTH = 1e-5  # share of the size at which the sides of a face are probed
@@ -91,8 +93,7 @@ def _odd_edges(faces: Int[np.ndarray, "faces 3"]) -> bool:
 
 
 def _faces_by_edge(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges"]:
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(edges, axis=0, return_counts=True)[1]
+    return face_edges(faces).count
 
 
 def _inside(
@@ -126,6 +127,39 @@ def _inside_hull(
 
 def crossings(points, faces, where) -> Int[np.ndarray, "directions n"]:
     """How often each of ``DIRECTIONS`` rays from each point crosses the surface."""
+    rays = _shot(points, faces, where)
+    return np.bincount(rays.hit, minlength=DIRECTIONS * len(where)).reshape(DIRECTIONS, -1)
+
+
+def enclosed_shares(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    where: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n"]:
+    """Share of all directions in which each point lies on the inner side of the surface.
+
+    There a ray leaves it more often than it enters it, or the reverse where that is usual. The
+    winding number is the mean of the difference: walls that overlap in some directions make up for
+    others in which there are none.
+    """
+    rays = _shot(points, faces, where)
+    corners = points[faces[rays.face]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    way = np.sign(np.einsum("hi,hi->h", normal, _spread(DIRECTIONS)[rays.hit // len(where)]))
+    net = np.bincount(rays.hit, weights=way, minlength=DIRECTIONS * len(where))
+    net = net.reshape(DIRECTIONS, -1)
+    return np.mean(net * np.sign(net.sum(axis=0)) > 0, axis=0)
+
+
+class _Rays(NamedTuple):
+    """Crossings: the ray that ``hit``, numbered direction * points + point, and which ``face``."""
+
+    hit: np.ndarray
+    face: np.ndarray
+
+
+def _shot(points, faces, where) -> _Rays:
+    """Where ``DIRECTIONS`` rays from each point cross the surface."""
     import trimesh
     from trimesh.ray.ray_pyembree import RayMeshIntersector
 
@@ -139,8 +173,8 @@ def crossings(points, faces, where) -> Int[np.ndarray, "directions n"]:
     )
     origins = np.tile((where - centre) / scale, (DIRECTIONS, 1))
     directions = np.repeat(_spread(DIRECTIONS), len(where), axis=0)
-    ray = np.asarray(caster.intersects_id(origins, directions, multiple_hits=True)[1], np.int64)
-    return np.bincount(ray, minlength=len(origins)).reshape(DIRECTIONS, -1)
+    found = caster.intersects_id(origins, directions, multiple_hits=True)
+    return _Rays(np.asarray(found[1], np.int64), np.asarray(found[0], np.int64))
 
 
 def _spread(count: int) -> Float[np.ndarray, "count 3"]:

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from ...predictors.asset import Part
 from .holes import HOLE_SHARE, close_holes
 from .orientation import patch_sides, patch_views
+from .rows import face_edges
 from .surface import (
     Surface,
     boundary_edges,
@@ -68,11 +69,13 @@ class Closing(NamedTuple):
     """How open components are closed: each by itself, or ``joint`` with the others.
 
     Then the side of each that sees out is its outer one, and a rim from which others go on is no
-    hole. ``largest`` is the share of a component's area up to which a cap closes a hole.
+    hole. ``largest`` is the share of a component's area up to which a cap closes a hole. As a
+    ``whole`` they get no caps: what the winding number calls inside is closed where it is a half.
     """
 
     joint: bool = False
     largest: float = HOLE_SHARE
+    whole: bool = False
 
 
 def repair(
@@ -96,10 +99,12 @@ def repair(
         How what stays open is closed.
     """
     surface, changed = oriented(parts, weld_rel=weld_rel, joint=closing.joint)
-    rim, owner = unbalanced_edges(surface)
-    surface, closed_holes, added = close_holes(surface, rim, owner, **closing._asdict())
-    filled = RepairReport(closed_holes=closed_holes, added_faces=added)
-    return surface, changed + filled + _left_over(surface)
+    if not closing.whole:
+        rim = unbalanced_edges(surface)
+        how = {"largest": closing.largest, "joint": closing.joint}
+        surface, closed_holes, added = close_holes(surface, *rim, **how)
+        changed += RepairReport(closed_holes=closed_holes, added_faces=added)
+    return surface, changed + _left_over(surface)
 
 
 def oriented(
@@ -278,8 +283,7 @@ def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
 
 def _left_over(surface: Surface) -> RepairReport:
     """What stays open, non-manifold or crossing after repair."""
-    edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    count = np.unique(edges, axis=0, return_counts=True)[1]
+    count = face_edges(surface.faces).count
     many = len(surface.faces) > MOST_CROSSED
     return RepairReport(
         open_edges=int((count == 1).sum()),

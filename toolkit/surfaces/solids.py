@@ -19,6 +19,7 @@ CRISP = 0.15
 SHEET_SHARE = 0.8  # of the area of an open component that must enclose something for a solid
 # Where on a face that is asked: its centre and half-way to its corners, as barycentric weights.
 PROBES = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
+ASKED = 64  # faces of a component that are asked: its share to a few per cent
 SHEET_DEPTH = 2e-3  # share of the diagonal at which that is looked at
 PAD = 1e-9  # share of the box by which it is widened, for points on it
 
@@ -65,28 +66,63 @@ class Shell:
 
 
 @dataclass(frozen=True, eq=False)
+class Plates:
+    """Closed components of a surface with a mean thickness below ``thinnest`` [m].
+
+    ``thickness`` [m] and ``volume`` [m^3] of each.
+    """
+
+    surface: Surface
+    thinnest: float
+    thickness: np.ndarray
+    volume: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface, thinnest: float) -> Plates:
+        """Find them."""
+        thickness = _thickness(surface)
+        thin = ~open_components(surface) & (thickness < thinnest)
+        volume = np.abs(component_volumes(surface)[thin])
+        return cls(_of_components(surface, thin), thinnest, thickness[thin], volume)
+
+    def contain(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points [m] lie inside one."""
+        return np.abs(winding_numbers(self.surface.points, self.surface.faces, where)) > INSIDE
+
+    def thickness_of(self, share: float) -> float:
+        """Thickness [m] that this share of their volume has at least."""
+        order = np.argsort(-self.thickness)
+        upto = np.cumsum(self.volume[order])
+        return float(self.thickness[order][np.searchsorted(upto, share * upto[-1])])
+
+
+@dataclass(frozen=True, eq=False)
 class Solids:
     """The shells that enclose something, and the parts that are nothing but sheets.
 
-    ``surface`` holds all faces of the shells; ``sheets`` the ids of parts without any; ``thin``
-    counts the closed components left out because they are thinner than asked for.
+    ``surface`` holds all faces of the shells; ``sheets`` the ids of parts without any; ``plates``
+    the closed components left out because they are thinner than asked for.
     """
 
     shells: tuple[Shell, ...]
     surface: Surface
     sheets: tuple[int, ...]
-    thin: int = 0
+    plates: Plates
 
     @classmethod
-    def of(cls, surface: Surface, part_count: int, *, thinnest: float) -> Solids:
+    def of(
+        cls, surface: Surface, part_count: int, *, thinnest: float, whole: bool = False
+    ) -> Solids:
         """Sort the components of a repaired surface into shells and sheets.
 
-        A closed component whose mean thickness is below ``thinnest`` [m] counts as a sheet.
+        A closed component whose mean thickness is below ``thinnest`` [m] counts as a sheet. As a
+        ``whole`` all open ones are one shell, though none may tell inside from outside by itself.
         """
-        thin = ~open_components(surface) & (_thickness(surface) < thinnest)
-        kept = _of_components(surface, _solid(surface, thinnest))
+        plates = Plates.of(surface, thinnest)
+        solid = _solid(surface, thinnest)
+        kept = _of_components(surface, solid | open_components(surface) if whole else solid)
         sheets = tuple(p for p in range(part_count) if p not in set(kept.part.tolist()))
-        return cls(tuple(_shells(kept)), kept, sheets, int(thin.sum()))
+        return cls(tuple(_shells(kept)), kept, sheets, plates)
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -163,16 +199,33 @@ def _bounds(surface: Surface, count: int) -> Bool[np.ndarray, "components"]:
     a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     area = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    asked, weight = _asked(surface.component, area)
     step = SHEET_DEPTH * np.linalg.norm(np.ptp(surface.points, axis=0)) * normal / area[:, None]
-    probes = np.einsum("pk,kfi->pfi", PROBES, np.stack([a, b, c]))
-    sides = np.stack([probes - step, probes + step])
+    probes = np.einsum("pk,kfi->pfi", PROBES, np.stack([a[asked], b[asked], c[asked]]))
+    sides = np.stack([probes - step[asked], probes + step[asked]])
     winding = winding_numbers(surface.points, surface.faces, sides.reshape(-1, 3))
     low, high = np.sort(np.abs(winding).reshape(sides.shape[:3]), axis=0)
     whole = (np.abs(low - np.round(low)) < CRISP) & (np.abs(high - np.round(high)) < CRISP)
     crisp = (whole & (np.round(high) >= 1)).all(axis=0)  # also of a wall between two insides
     total = np.bincount(surface.component, weights=area, minlength=count)
-    share = np.bincount(surface.component, weights=area * crisp, minlength=count)
+    share = np.bincount(surface.component[asked], weights=weight * crisp, minlength=count)
     return share >= SHEET_SHARE * np.where(total > 0, total, 1)
+
+
+def _asked(
+    component: Int[np.ndarray, "faces"], area: Float[np.ndarray, "faces"]
+) -> tuple[Int[np.ndarray, "asked"], Float[np.ndarray, "asked"]]:
+    """Faces that stand for about ``ASKED`` equal areas of each component, and these areas."""
+    order = np.argsort(component, kind="stable")
+    upto = np.cumsum(area[order])
+    start = np.searchsorted(component[order], component[order])
+    before = np.concatenate([[0.0], upto])[start]
+    total = np.bincount(component, weights=area)[component[order]]
+    middle = (upto - before - area[order] / 2) / total
+    share = np.clip(np.floor(ASKED * middle), 0, ASKED - 1).astype(np.int64)
+    key = component[order] * ASKED + share
+    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    return order[first], np.bincount(group.reshape(-1), weights=area[order])
 
 
 def _shells(surface: Surface) -> Iterator[Shell]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .rows import face_edges
 from .triangles import edge_components
 
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
@@ -39,11 +40,8 @@ def face_orientation(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "fac
 
 def boundary_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Directed edges (n, 2) that lie on one face only, and that face."""
-    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, inverse, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    single = np.flatnonzero(count[inverse.reshape(-1)] == 1)
+    edges, edge, count = face_edges(surface.faces)
+    single = np.flatnonzero(count[edge] == 1)
     return edges[single], single // 3
 
 
@@ -53,11 +51,7 @@ def unbalanced_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     They bound what the surface lacks to enclose a volume: the rim of a hole, also where it lies on
     another wall. An edge run twice more is there twice; two faces wound apart do not count.
     """
-    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, inverse, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    inverse = inverse.reshape(-1)
+    edges, inverse, count = face_edges(surface.faces)
     way = np.where(edges[:, 0] < edges[:, 1], 1, -1)
     net = np.bincount(inverse, weights=way).astype(np.int64)
     net[count == 2] = 0
@@ -69,12 +63,9 @@ def unbalanced_edges(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
 
 def incoherence(surface: Surface) -> float:
     """Share of the edges between two faces that both run the same way: one is wound wrongly."""
-    edges = surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, edge, count = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
+    edges, edge, count = face_edges(surface.faces)
     way = np.where(edges[:, 0] < edges[:, 1], 1, -1)
-    net = np.bincount(edge.reshape(-1), weights=way)
+    net = np.bincount(edge, weights=way)
     return float((net[count == 2] != 0).mean()) if (count == 2).any() else 0.0
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .rows import equal_rows, face_edges
 from .surface import Surface, face_orientation, subset
 from .triangles import edge_components
 
@@ -50,16 +51,15 @@ def _merged(
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
-    cell = np.round((points - points.min(axis=0, initial=np.inf)) / tolerance)
-    key = np.column_stack([cell, owner])
-    _, first, group = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    cell = np.round((points - points.min(axis=0, initial=np.inf)) / tolerance).astype(np.int64)
+    first, group, _ = equal_rows(np.column_stack([cell, owner]))
     if not len(first):
-        return first, group.reshape(-1)
+        return first, group
     near = KDTree(points[first]).query_pairs(tolerance, output_type="ndarray")
     near = near[owner[first][near[:, 0]] == owner[first][near[:, 1]]]
     links = coo_matrix((np.ones(len(near)), tuple(near.T)), shape=(len(first),) * 2)
     _, label = connected_components(links, directed=False)
-    return first[np.unique(label, return_index=True)[1]], label[group.reshape(-1)]
+    return first[np.unique(label, return_index=True)[1]], label[group]
 
 
 def clean(surface: Surface, *, within_parts: bool) -> tuple[Surface, Removed]:
@@ -91,7 +91,7 @@ def _singled(surface: Surface, *, within_parts: bool) -> tuple[np.ndarray, np.nd
     side = face_orientation(surface.faces).astype(int)
     owner = surface.part if within_parts else np.zeros_like(surface.part)
     key = np.column_stack([owner, np.sort(surface.faces, axis=1)])
-    group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
+    group = equal_rows(key).group
     has_side = np.zeros((group.max() + 1, 2), dtype=bool)
     has_side[group, side] = True
     paired = (has_side[:, 0] & has_side[:, 1])[group]
@@ -107,8 +107,7 @@ def _go_on_single(
     faces: Int[np.ndarray, "faces 3"], paired: Bool[np.ndarray, "faces"]
 ) -> Bool[np.ndarray, "paired"]:
     """Of the regions of paired faces, those with more rim edges on odd numbers of other faces."""
-    edge = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edge = np.unique(edge, axis=0, return_inverse=True)[1].reshape(-1, 3)
+    edge = face_edges(faces).edge.reshape(-1, 3)
     others = np.bincount(edge[~paired].reshape(-1), minlength=edge.max() + 1)[edge[paired]]
     region = edge_components(faces[paired])
     odd, even = others % 2 == 1, (others > 0) & (others % 2 == 0)
