@@ -16,8 +16,8 @@ FLOORS = {
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
         "language", "interpreter", "hearing", "construction", "images", "partition", "prediction",
-        "lookup", "predictor", "retrieval", "film", "assignment", "datasets", "training",
-        "evaluation",
+        "lookup", "predictor", "retrieval", "film", "unipixie", "assignment", "datasets",
+        "training", "evaluation",
     ),
     "converters": (
         "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "embedding",

@@ -1,0 +1,53 @@
+"""Sizes of the UniPixie network: those of the paper, those shipped, and some for a CPU."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+THETA = 650  # numbers of a skinning body: ten weights of 64 features and a constant each
+ANCHORS = 2048  # of a spring network
+CLASSES = 8  # logits; seven are named in ``fem.mpm.classes``
+MATTER = 3  # log E, nu, log rho
+ELASTIC = 2  # log E, nu
+
+
+@dataclass(frozen=True)
+class UniPixieConfig:
+    """Sizes of encoder and decoders (UniPixie supplement, Table S2 and S4).
+
+    ``features`` numbers are given of a voxel of a cube of ``cells``; ``stem`` channels lie between
+    the two convolutions; ``latents`` tokens of ``width`` numbers describe the object. With ``own``
+    the decoder sees each voxel's features beside its place. ``predicts`` is what the decoder's
+    output means: the velocity of the flow (the paper) or where it ends, x1.
+    """
+
+    features: int = 768
+    cells: int = 64
+    width: int = 512
+    stem: int = 512
+    heads: int = 8
+    latents: int = 64
+    encoder_blocks: int = 6
+    decoder_blocks: int = 6
+    spring_blocks: int = 4
+    frequencies: int = 16
+    own: bool = False
+    predicts: Literal["velocity", "x1"] = "velocity"
+    steps: int = 15
+    method: Literal["euler", "heun"] = "heun"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for a checkpoint's metadata."""
+        return asdict(self)
+
+
+# The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and
+# the fusion of the condition are, it does not say: as Table S3's totals allow.
+PAPER = UniPixieConfig()
+CPU = UniPixieConfig(
+    features=16, cells=16, width=32, stem=32, heads=4, latents=8, encoder_blocks=1,
+    decoder_blocks=2, spring_blocks=1, frequencies=4, own=True, predicts="x1", steps=2,
+    method="euler",
+)  # fmt: skip
+NETWORKS = {"unipixie-paper": PAPER, "cpu": CPU}
