@@ -11,20 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-NAMES = (
-    "Scopia/bed1",
-    "KatorLegaz/glass-dining-table",
-    "Scopia/chair3",
-    "Scopia/farola1",
-    "Scopia/maceta",
-    "BlendSwap-CC-0/silla2",
-    "BlendSwap-CC-0/oakChair",
-    "BlendSwap-CC-0/littlePlant",
-    "KatorLegaz/classic-lamppost",
-    "KatorLegaz/cafe-chair",
-    "KatorLegaz/concrete-bench",
-    "KatorLegaz/bar-stool",
-)
+# Of which the tests make bodies too.
+NAMES = (Path(__file__).parent / "data" / "real_pieces.txt").read_text().split()
 
 DEMO_TEXT = "the pot is ceramic, the soil is moist soil, the trunk is oak, the foliage is leaves"
 

@@ -9,7 +9,7 @@ from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
 from .language.binding import Bound
-from .lookup.lookup import Lookup
+from .lookup.lookup import lookup_of
 from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
 from .voxels import PartVoxels
@@ -58,7 +58,7 @@ def predict_materials(
         predictor finds that cannot do it.
     """
     predictor, table = _named(predictor, table), table or load_table()
-    settled = Lookup(table=table).settle(
+    settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
         alpha=alpha, volumes=volumes,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -164,7 +165,8 @@ class Prediction:
                     f"nothing names the material of part {choice.part!r}: {taken} "
                     f"{choice.material}; {say}"
                 )
-        for parent in sorted({i for i in self.parents if self.parents.count(i) > 1}):
+        pieces_of = Counter(self.parents)
+        for parent in sorted(i for i, count in pieces_of.items() if count > 1):
             pieces = [self.parts.part_names[i] for i, p in enumerate(self.parents) if p == parent]
             yield (
                 f"one part of the asset is divided by its shape into "

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
-from ..fem.scene.materials import MaterialTable
+from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
 from .encoders.protocol import TextEncoder
 from .language.binding import bind
 from .language.clauses import Sentence
-from .lookup.lookup import Lookup
+from .lookup.lookup import Lookup, lookup_of
 from .prediction import PartChoice, Prediction
 from .predictor import Appearance
 from .voxels import PartVoxels
@@ -25,7 +25,8 @@ class RetrievalPredictor:
     def __init__(
         self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None
     ) -> None:
-        self.lookup = Lookup(table=table, encoder=encoder)
+        table = table or load_table()
+        self.lookup = Lookup(table=table, encoder=encoder) if encoder else lookup_of(table)
 
     def predict(
         self,

@@ -18,7 +18,7 @@ from ..hearing.clauses import HeardSentence
 from ..hearing.hints import hear
 from ..language.binding import bind
 from ..language.clauses import Sentence
-from ..lookup.lookup import Lookup
+from ..lookup.lookup import Lookup, lookup_of
 from ..normalisation import Normalisation
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
@@ -42,7 +42,9 @@ class FilmPredictor:
     ) -> None:
         self.model = FilmModel(weights=weights, table=table, encoder=encoder)
         self.table = self.model.table
-        self.lookup = Lookup(table=self.table, encoder=encoder)
+        self.lookup = (
+            Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
+        )
 
     def predict(
         self,
@@ -71,7 +73,9 @@ class FilmPredictor:
         decided = [
             replace(choices[parent], part=name)
             if parent not in left_open
-            else self._choose(found, name, pieces.parts.part == i, owner)
+            else self._choose(
+                replace(choices[parent], part=name), found, pieces.parts.part == i, owner
+            )
             for i, (name, parent, owner) in enumerate(
                 zip(pieces.parts.part_names, pieces.parents, pieces.owners, strict=True)
             )
@@ -106,9 +110,12 @@ class FilmPredictor:
         return Partition(parts, tuple(range(len(owners))), owners)
 
     def _choose(
-        self, found: Inference, part: str, cells: np.ndarray, owner: int | None
+        self, words: PartChoice, found: Inference, cells: np.ndarray, owner: int | None
     ) -> PartChoice:
-        """Choose for a piece what its clause names, else the row nearest to the values found."""
+        """Choose for a piece what its clause names, else the row nearest to the values found.
+
+        Of what ``words`` made likeliest stays whether the text was understood.
+        """
         clause = None if owner is None else found.clauses[owner]
         share = float(found.shares[cells][:, -1 if owner is None else owner].mean())
         said = None if clause is None else clause.written
@@ -116,14 +123,17 @@ class FilmPredictor:
         # Its share is no certainty: it is not calibrated, and so not told as one.
         why = f"network: {'nothing said' if said is None else repr(said)}"
         if clause is not None and clause.material:
-            choice = self.lookup.of_phrase(part, clause.material, clause.level, why)
-            return replace(choice, weight=share, settled=False, binding=binding)
+            choice = self.lookup.of_phrase(words.part, clause.material, clause.level, why)
+            return replace(
+                choice, weight=share, settled=False, binding=binding, understood=words.understood
+            )
         mean = found.values[cells].mean(axis=0)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
         row = _nearest(self.table, mean, found.normalisation)
         return PartChoice(
-            part, row, value, share, 0.5, why, settled=False, binding=binding, network="FiLM"
-        )
+            words.part, row, value, share, 0.5, why, settled=False, binding=binding,
+            network="FiLM", understood=words.understood,
+        )  # fmt: skip
 
 
 def _nearest(

@@ -19,18 +19,24 @@ class Level(NamedTuple):
     floats: bool | None = None
 
 
+# Place in the logarithmic range of a row, from "very soft" to "very stiff": halves of its halves,
+# and nearly its ends.
+SHARES = (0.04, 0.25, 0.5, 0.75, 0.96)
+
 LEVELS: dict[str, Level] = {
-    "very soft": Level(stiffness=0.04),
-    "soft": Level(stiffness=0.25),
-    "medium": Level(stiffness=0.5),
-    "stiff": Level(stiffness=0.75),
-    "very stiff": Level(stiffness=0.96),
+    **{
+        said: Level(stiffness=share)
+        for said, share in zip(
+            ("very soft", "soft", "medium", "stiff", "very stiff"), SHARES, strict=True
+        )
+    },
     "brittle": Level(stiffness=0.85, nu=0.1),
-    "very light": Level(density=0.04),
-    "light": Level(density=0.25),
-    "average weight": Level(density=0.5),
-    "dense": Level(density=0.75),
-    "very dense": Level(density=0.96),
+    **{
+        said: Level(density=share)
+        for said, share in zip(
+            ("very light", "light", "average weight", "dense", "very dense"), SHARES, strict=True
+        )
+    },
     "floats": Level(floats=True),
     "sinks": Level(floats=False),
 }

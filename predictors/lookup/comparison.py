@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 from ..language.clauses import Comparison
 from ..prediction import PartChoice
@@ -29,12 +30,12 @@ def with_relations(
     named
         Whether each part's material is said, or told by the asset: it then keeps its row.
     """
-    out, told = list(choices), []
+    out, told, called = list(choices), [], cache(parts_called)
     others = [
-        [tuple(k for k in _others(relation, parts_called, i, len(out))) for relation in said]
+        [_others(relation, called, i, len(out)) for relation in said]
         for i, said in enumerate(relations)
     ]
-    waiting = [i for i, said in enumerate(relations) if said]
+    waiting = {i: None for i, said in enumerate(relations) if said}  # in order
     while waiting:
         ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
         if not ready:
@@ -50,7 +51,8 @@ def with_relations(
                         f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
                         "and no part is called so: not used"
                     )
-        waiting = [i for i in waiting if i not in ready]
+        for i in ready:
+            del waiting[i]
     return out, told
 
 

@@ -17,11 +17,9 @@ from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
 from .numbers import with_numbers
 
-# Below this cosine a part's name says nothing of its material: measured on 30 part names, where
-# "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.
-MEANINGFUL = 0.45
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
+ALSO_COMMON = ("foam", "soft foam", "concrete", "felt")  # where a level or a kind is said
 _SPOKEN_DEGREE: dict[Degree, tuple[str, ...]] = {
     1: ("soft", "flexible", "very soft"), 2: ("soft", "flexible"), 3: (),
     4: ("hard", "rigid", "stiff"), 5: ("hard", "rigid", "stiff"),
@@ -100,7 +98,7 @@ class Decider:
 
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
-        choice = self._row_of(part, said)
+        choice, doubts = self._row_of(part, said)
         if said.override:
             choice = replace(choice, why=f"override: {said.override!r}", settled=True)
         choice = self._placed(choice, said, alpha)
@@ -109,9 +107,11 @@ class Decider:
             blend=said.first("blend"), volume=volume,
         )  # fmt: skip
         choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
+        if numbers.derivation and not said.open:
+            choice = replace(choice, settled=True)
         if {"E", "nu", "rho"} <= {number.measure for number in said.all("numbers")}:
             choice = replace(choice, settled=True, guessed=False)
-        return choice, (*_doubts_of(part, said, choice), *numbers.warnings)
+        return choice, (*doubts, *_doubts_of(part, said, choice), *numbers.warnings)
 
     def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
         """Choose for a part what a phrase names, a predictor having found the part for it."""
@@ -121,25 +121,29 @@ class Decider:
         value = value_at(row, stiffness=stiffness, density=None, absolute=False)
         return PartChoice(part, row, value, 1.0, PLACE[stiffness or 3], why)
 
-    def _row_of(self, part: NamedPart, said: PartStatement) -> PartChoice:
-        """Choose the row, at the middle of its ranges."""
+    def _row_of(self, part: NamedPart, said: PartStatement) -> tuple[PartChoice, Sequence[str]]:
+        """Choose the row, at the middle of its ranges; and say what does not fit."""
         naming, deciding = said.naming, said.deciding
         if naming is not None and not (said.whole and part.material):
             material = naming.material or ""
             row = self._named(naming.phrase or material, material, said.first("stiffness"))
             why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
             choice = _choice(part, row, why, clause=naming, settled=not said.open)
-            return replace(choice, borrowed=said.borrowed)
+            return replace(choice, borrowed=said.borrowed), ()
         label = self.table.exact(part.material) if part.material else None
         if label and not _ruled_out(label, said):
-            why = f"name: {part.material_label!r}"
-            return _choice(part, label, why, clause=deciding, understood=said.unknown is None)
+            why, understood = f"name: {part.material_label!r}", said.unknown is None
+            return _choice(part, label, why, clause=deciding, understood=understood), ()
         coating = said.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
-            return _choice(part, row, f"{coating}, which covers it", guessed=True)
+            doubt = (
+                f"part {part.name!r}: only what covers it is said, {row.name}: it is taken as made "
+                "of it"
+            )
+            return _choice(part, row, f"{coating}, which covers it", guessed=True), (doubt,)
         if deciding is None or said.unknown is not None:
-            return self._by_meaning(part, said)
+            return self._by_meaning(part, said), ()
         return self._among(part, said, deciding)
 
     def _named(self, words: str, material: str, degree: Degree | None) -> Material:
@@ -150,41 +154,41 @@ class Decider:
                 return row
         return self.table.exact(material)
 
-    def _among(self, part: NamedPart, said: PartStatement, deciding: Clause) -> PartChoice:
+    def _among(
+        self, part: NamedPart, said: PartStatement, deciding: Clause
+    ) -> tuple[PartChoice, Sequence[str]]:
         """Choose the row nearest in meaning of those that can be as is said, without a name."""
-        kind, excluded = said.kind, said.all("excluded")
         rows = rows_at(
             self.kernel.rows, stiffness=said.first("stiffness"), density=said.first("density"),
-            character=said.all("character"), excluded=excluded,
+            character=said.all("character"), excluded=said.all("excluded"),
         )  # fmt: skip
-        rows = [row for row in rows if kind is None or row.category == kind] or list(
-            self.kernel.rows
-        )
-        usual = _usual(self.table, rows)
+        fitting = [row for row in rows if said.kind in (None, row.category)]
+        rows = fitting or self.kernel.rows
         query = f"{part.spoken} {deciding.text}".strip()
-        cosines = self.kernel.cosines(query)
-        near = self.kernel.nearest(cosines, among={row.name for row in rows})
-        if cosines[self.kernel.rows.index(near.row)] < MEANINGFUL and usual:
-            near = self.kernel.nearest(cosines, among={row.name for row in usual})
-        why = f"{deciding.text!r}, nearest in meaning"
-        return _choice(
-            part, near.row, why, clause=deciding, weight=near.share, guessed=True,
-            settled=not said.open,
+        usual = {self.table.exact(word).name for word in (*COMMON, *ALSO_COMMON)}
+        names = {row.name for row in rows}
+        near = self.kernel.nearest(query, among=names, common=names & usual)
+        doubt = (
+            f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
+            f"{near.row.name} is no more than the nearest in meaning"
+        )
+        choice = _choice(
+            part, near.row, f"{deciding.text!r}, nearest in meaning", clause=deciding,
+            weight=near.share, guessed=True, settled=not said.open,
         )  # fmt: skip
+        return choice, () if fitting else (doubt,)
 
     def _by_meaning(self, part: NamedPart, said: PartStatement) -> PartChoice:
         """Choose the row nearest in meaning to the part's name; the common ones if all are far."""
         clause = next(iter(said.clauses), None)
         heard = clause.text if clause and not clause.unknown else ""
         query = f"{part.spoken} {heard}".strip()
-        cosines = self.kernel.cosines(query)
-        meaningful = bool(cosines.max() >= MEANINGFUL)
-        among = None if meaningful else {self.table.exact(word).name for word in COMMON}
-        near = self.kernel.nearest(cosines, among=among)
-        understood = said.unknown is None
+        common = {self.table.exact(word).name for word in COMMON}
+        near = self.kernel.nearest(query, common=common)
         return _choice(
             part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
-            settled=meaningful and not said.open, guessed=True, understood=understood,
+            settled=near.meaningful and not said.open, guessed=True,
+            understood=said.unknown is None,
         )  # fmt: skip
 
     def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
@@ -231,12 +235,6 @@ def _ruled_out(row: Material, said: PartStatement) -> bool:
     )
 
 
-def _usual(table: MaterialTable, rows: Sequence[Material]) -> list[Material]:
-    """Return those of ``rows`` that everyday things are made of."""
-    common = {table.exact(word).name for word in (*COMMON, "foam", "soft foam", "concrete", "felt")}
-    return [row for row in rows if row.name in common]
-
-
 def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list[str]:
     """Sentences about what was said of a part and could not be taken as it stands."""
     told = []
@@ -252,10 +250,5 @@ def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list
         told.append(
             f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
             f"{first!r} is taken, {', '.join(map(repr, others))} not"
-        )
-    if said.first("coating") and choice.why.endswith("which covers it"):
-        told.append(
-            f"part {part.name!r}: only what covers it is said, {choice.row.name}: it is taken as "
-            "made of it"
         )
     return told

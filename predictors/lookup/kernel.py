@@ -16,14 +16,18 @@ from ...fem.scene.materials import Material, MaterialTable
 from ..encoders.protocol import TextEncoder
 from .row_vectors import kept_vectors, row_text
 
+# Below this cosine a part's name says nothing of its material: measured on 30 part names, where
+# "rug" has .74 with carpet, "mattress" .49 with memory foam, but "leg" .38 with meat.
+MEANINGFUL = 0.45
 KERNEL_WIDTH = 0.1  # of the softmax over cosines: NeRF2Physics' temperature
 
 
 class Nearest(NamedTuple):
-    """The row nearest to a query, and its share of the kernel's weight."""
+    """The row nearest to a query, its share of the kernel's weight, and whether it is near."""
 
     row: Material
     share: float
+    meaningful: bool
 
 
 class RowKernel:
@@ -50,19 +54,39 @@ class RowKernel:
             self._embedded.update(kept_vectors())
         return self._embed([row_text(row) for row in self.rows])
 
-    def cosines(self, query: str) -> Float[np.ndarray, "rows"]:
-        """Cosine of a query with each of ``rows``."""
-        return self._embedded_rows @ self._embed([query])[0]
-
     def nearest(
-        self, cosines: Float[np.ndarray, "rows"], *, among: Collection[str] | None = None
+        self,
+        query: str,
+        *,
+        among: Collection[str] | None = None,
+        common: Collection[str] = (),
     ) -> Nearest:
-        """Return the row with the largest cosine, of those named ``among`` if given."""
+        """Return the row nearest to a query.
+
+        Parameters
+        ----------
+        query
+            Words of a part and of what is said of it.
+        among
+            Names of the rows that it may be; by default all.
+        common
+            Names of those to choose from where none is near; may be none.
+        """
+        cosines = self._embedded_rows @ self._embed([query])[0]
+        found = self._nearest(cosines, among)
+        if found.meaningful or not common:
+            return found
+        return self._nearest(cosines, common)._replace(meaningful=False)
+
+    def _nearest(
+        self, cosines: Float[np.ndarray, "rows"], among: Collection[str] | None
+    ) -> Nearest:
         if among is not None:
             cosines = np.where([row.name in among for row in self.rows], cosines, -np.inf)
         weight = np.exp((cosines - cosines.max()) / KERNEL_WIDTH)
         best = int(np.argmax(weight))
-        return Nearest(self.rows[best], float(weight[best] / weight.sum()))
+        share = float(weight[best] / weight.sum())
+        return Nearest(self.rows[best], share, bool(cosines[best] >= MEANINGFUL))
 
     def similarity(self, left: list[str], right: list[str]) -> Float[np.ndarray, "left right"]:
         """Cosines of two lists of texts."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable
+from typing import get_args
 
 from ...fem.scene.materials import Material, MaterialValue, Span
+from ..hearing.levels import SHARES
 from ..language.clauses import Degree
 
 # E [Pa] by degree. After the chart of E and rho of Ashby, Materials Selection in Mechanical
@@ -31,7 +33,7 @@ DENSITY: dict[Degree, Span] = {
 FLEXIBLE = Span(1e5, 1e8)
 NEARLY = 1.5  # as light as the lightest that is as stiff: aluminium beside carbon fibre
 # Place of a degree in the logarithmic range of E or rho of a row that is named.
-PLACE: dict[Degree, float] = {1: 0.04, 2: 0.25, 3: 0.5, 4: 0.75, 5: 0.96}
+PLACE: dict[Degree, float] = dict(zip(get_args(Degree), SHARES, strict=True))
 WATER = 1000.0  # [kg/m^3]
 # Words for behaviour -> the categories that behave so, by what each is known for (Ashby, fig. 4.7:
 # fracture toughness; elastomers return what they take up).

@@ -7,8 +7,10 @@ to be a guess: whoever predicts may know better. A part has one material.
 from __future__ import annotations
 
 import difflib
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
@@ -33,6 +35,12 @@ class WordChoices(NamedTuple):
 
     choices: list[PartChoice]
     warnings: tuple[str, ...]
+
+
+@lru_cache(maxsize=4)
+def lookup_of(table: MaterialTable) -> Lookup:
+    """Return the lookup of a table, with all that it has embedded before."""
+    return Lookup(table=table)
 
 
 class Lookup:
@@ -78,10 +86,12 @@ class Lookup:
             for labels, volume in zip(part_labels, volumes or [0.0] * len(part_labels), strict=True)
         ]
         statements, warnings = self._statements(parts, bound, overrides or {})
+        of_all = defaultdict[PartStatement, float](float)  # a mass is that of all it is said of
+        for part, said in zip(parts, statements, strict=True):
+            of_all[said] += part.volume
         choices = []
         for part, said in zip(parts, statements, strict=True):
-            volume = sum(p.volume for p, s in zip(parts, statements, strict=True) if s == said)
-            choice, told = self._decider.decide(part, said, alpha=alpha, volume=volume)
+            choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
             warnings += told
         choices, told = with_relations(

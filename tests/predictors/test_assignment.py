@@ -19,6 +19,7 @@ from autophyx_tet.predictors.hearing.hints import HintedEncoder
 from autophyx_tet.predictors.hearing.parser import listen
 from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
 from autophyx_tet.predictors.interpreter import read_sentence
+from autophyx_tet.predictors.lookup.lookup import Lookup, lookup_of
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.prediction import Prediction
 from autophyx_tet.predictors.voxels import PartVoxels
@@ -162,6 +163,35 @@ def test_every_clause_gets_a_part_if_there_are_enough():
         TABLE.exact("soft foam").name,
     ]
     assert told.parts is parts
+
+
+def test_what_was_not_understood_stays_so_where_the_network_decides():
+    """Its values are then the network's own, and still no answer to what was said."""
+    parts = block("blob", "leg")
+    found = halves(parts)
+    shares = np.zeros_like(found.shares)
+    shares[..., 2] = 1
+    film = network(found._replace(shares=shares))
+    blob, leg = assigned(parts, "the blob is blarg, the leg is oak", predictor=film).choices
+    assert film.model.asked == 1
+    assert blob.network
+    assert not blob.understood
+    assert leg.understood
+
+
+def test_words_are_looked_up_by_one_lookup(monkeypatch):
+    """What is embedded for the words serves the predictors too, and the next text."""
+    made, init = [], Lookup.__init__
+
+    def noted(*args, **options):
+        made.append(args)
+        init(*args, **options)
+
+    monkeypatch.setattr(Lookup, "__init__", noted)
+    lookup_of.cache_clear()
+    for predictor in ("film", "retrieval"):
+        assigned(block("leg"), "the legs are oak", predictor=predictor)
+    assert len(made) == 1
 
 
 def test_what_speaks_of_nothing_is_told():

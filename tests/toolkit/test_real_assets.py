@@ -1,6 +1,7 @@
 """The whole job on real furniture: dirty, multi-part, textured, of real size."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,20 +12,8 @@ from autophyx_tet.toolkit.io import sweethome3d
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 
-OBJECTS = [
-    "Scopia/bed1",
-    "KatorLegaz/glass-dining-table",
-    "Scopia/chair3",
-    "Scopia/farola1",
-    "Scopia/maceta",
-    "BlendSwap-CC-0/silla2",
-    "BlendSwap-CC-0/oakChair",
-    "BlendSwap-CC-0/littlePlant",
-    "KatorLegaz/classic-lamppost",
-    "KatorLegaz/cafe-chair",
-    "KatorLegaz/concrete-bench",
-    "KatorLegaz/bar-stool",
-]
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+OBJECTS = (BENCHMARKS / "data" / "real_pieces.txt").read_text().split()
 CHAIR = "KatorLegaz/cafe-chair"
 
 

@@ -12,6 +12,7 @@ from autophyx_tet.predictors.lookup.levels import DENSITY, STIFFNESS
 
 TABLE = load_table()
 DECIDER = Decider(TABLE, RowKernel(TABLE))
+GPA = Quantity("E", 2e9, "2 GPa")
 
 
 def clause(text="", material=None, **fields) -> Clause:
@@ -143,3 +144,29 @@ def test_full_numbers_settle_a_part_without_a_word():
     assert choice.value == (1e9, 0.3, 900.0)
     assert choice.settled
     assert not choice.guessed
+
+
+def test_numbers_of_an_unknown_material_stay_as_they_were_said():
+    """They settle the part, which is none the less not understood."""
+    choice, told = decide("blob", clause("blarg, 2 GPa", unknown="blarg", numbers=(GPA,)))
+    assert choice.value.E == GPA.value
+    assert choice.settled
+    assert not choice.understood
+    assert "blarg" in told[0]
+
+
+def test_where_no_matter_is_as_is_said_that_is_told():
+    """Nothing is metal, and neither metal nor anything else: the nearest of all is a guess."""
+    every = tuple({row.category for row in TABLE})
+    choice, told = decide("blob", clause("metal", kind="metal", excluded=every))
+    assert choice.guessed
+    assert "no material" in told[0]
+    assert not decide("blob", clause("metal", kind="metal"))[1]
+
+
+def test_only_what_covers_a_part_is_told():
+    choice, told = decide("knob", clause("covered with leather", coating="leather"))
+    assert choice.row is TABLE.exact("leather")
+    assert choice.guessed
+    assert "only what covers it" in told[0]
+    assert not decide("knob", clause("leather on oak", "oak", coating="leather"))[1]
