@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 from .deprecation import say_renamed
 from .discrete.space import Space
 from .discrete.strain import von_mises
+from .particle_run import ParticleRun
 from .scene.mesh import TetMesh, material_of
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
@@ -215,6 +216,8 @@ class MotionResult:
         Order of the elements: 1 or 2.
     locking_share
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
+    particles
+        The particles, where the motion is theirs.
     """
 
     frames: tuple[Motion, ...]
@@ -222,6 +225,7 @@ class MotionResult:
     points: int
     order: int = 1
     locking_share: float = 0.0
+    particles: ParticleRun | None = None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

@@ -10,8 +10,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
-        "discrete", "cholesky", "linalg", "contact", "damping", "result", "mpm", "solve",
-        "scenarios", "safety", "verdicts",
+        "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
+        "mpm", "scenarios", "safety", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

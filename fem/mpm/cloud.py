@@ -110,6 +110,7 @@ class Cloud:
         for name, values in scalars.items():
             setattr(struct, name, put(values, self.real))
         struct.body = wp.array(given.rigid[order].astype(np.int32), dtype=int, device=self.device)
+        struct.push = wp.zeros(0, dtype=types.vec3, device=self.device)
         for name in ("C", "H", "total"):
             setattr(struct, name, wp.zeros(len(self), dtype=types.mat33, device=self.device))
         return struct
@@ -130,6 +131,8 @@ class Cloud:
         for name in (*CHANGING, "rest", "m", "volume", "mu", "lam", "k", "body"):
             array = getattr(self.struct, name)
             array.assign(array.numpy()[moved])
+        if len(self.struct.push):
+            self.struct.push.assign(self.struct.push.numpy()[moved])
         self.order = again
         self.mark()
 
@@ -147,6 +150,11 @@ class Cloud:
     def write(self, name: str, values: np.ndarray) -> None:
         """Set the array ``name``, given in the order of the particles."""
         getattr(self.struct, name).assign(np.ascontiguousarray(values[self.order]))
+
+    def set_push(self, values: Float[np.ndarray, "n 3"]) -> None:
+        """Accelerations [m/s^2] of the particles by outer forces, from now on."""
+        given, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
+        self.struct.push = start_warp().array(given, dtype=vec3, device=self.device)
 
     def keep(self) -> None:
         """Remember the state."""

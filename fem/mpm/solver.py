@@ -10,7 +10,9 @@ from jaxtyping import Float
 
 from ..device import checked_device
 from ..errors import InputError
+from ..scene.material import lame_parameters
 from .background import BackgroundGrid
+from .classes import elastic_density
 from .cloud import Cloud
 from .kernels.kernels_survey import INVERTED, MOVED, NOT_FINITE, OUTSIDE, SPEED, SPREAD, WAVE
 from .particles import Particles
@@ -111,6 +113,24 @@ class MpmSolver:
         x[free], v[free], q[free] = cloud.read("x"), cloud.read("v"), cloud.read("q")
         F[free] += H
         return ParticleState(self.time, x, v, F, q)
+
+    @property
+    def elastic_energy(self) -> float:
+        """Elastic energy [J] of the particles; that of damage is not taken off."""
+        cloud, total = self.cloud, 0.0
+        given = cloud.particles
+        H, numbers = cloud.read("H"), cloud.read("k")
+        lam, mu = lame_parameters(given.E, given.nu)
+        for span in cloud.spans:
+            own = cloud.order[span.first : span.first + span.count]
+            found = elastic_density(span.kind, H[own], lam[own], mu[own], numbers[own, 0])
+            total += float(given.volume[own] @ found)
+        return total
+
+    def push(self, acceleration: Float[np.ndarray, "n 3"]) -> None:
+        """Accelerate the particles [m/s^2] by outer forces from now on."""
+        self.cloud.set_push(acceleration[~self._held])
+        self.substep.record(self.time)
 
     def advance(self, duration: float, *, tell: Callable[[float], None] | None = None) -> bool:
         """Follow the particles for ``duration`` [s]; False where that failed: see ``failure``.

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from ..device import start_warp
 from .cloud import Cloud
 from .kernels.kernels_grid import grid_kernels
-from .kernels.kernels_transfer import move_kernel, scatter_kernel
+from .kernels.kernels_transfer import move_kernel, push_kernel, scatter_kernel
 from .particles import Particles
 from .rigid import RigidBodies
 from .walls import Wall, still_nodes
@@ -135,6 +135,10 @@ class Substep:
         for thread in range(self.threads):
             given = [0, self._nodes, self._grids[thread]]
             stage[thread].append(self._launch(kernel, len(self.nodes), given))
+        cloud = self.cloud
+        if len(cloud.struct.push):
+            given = [0, cloud.struct, self._clock]
+            stage[0].append(self._launch(push_kernel(cloud.real), len(cloud), given))
         if self.rigid is not None:
             given = [0, self._nodes, self._kick]
             stage[0].append(self._launch(kernel, len(self.nodes), given))

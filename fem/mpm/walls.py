@@ -8,12 +8,21 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..errors import InputError
-from ..scene.obstacles import Box, Obstacle, Plane
+from ..scene.boundary import face_normals
+from ..scene.mesh import TetMesh
+from ..scene.obstacles import Box, Distance, Obstacle, Plane
+from ..scene.supports import Supports
 from .background import BackgroundGrid
 from .particles import Particles
+
+# How far held faces hold nodes inside the body [spacings]: on average over all places of a face
+# between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
+DEPTH = 0.66
+# And beside a held face, and around a held point.
+SIDE, AROUND = 0.75, 0.6
 
 
 class Touch(IntEnum):
@@ -38,6 +47,8 @@ class Wall:
         Coefficient of Coulomb friction [1] where it separates.
     start, end
         When it is there [s]: a release is an end.
+    axis
+        The only axis along which it holds or slides; None: by the normals of the shape.
     spin, axis_point
         Turn [rad/s] of a grip, shape (3,), about an axis through the point [m].
     """
@@ -47,6 +58,7 @@ class Wall:
     friction: float = 0.0
     start: float = 0.0
     end: float = np.inf
+    axis: int | None = None
     spin: Sequence[float] = (0.0, 0.0, 0.0)
     axis_point: Sequence[float] = (0.0, 0.0, 0.0)
 
@@ -72,8 +84,11 @@ class Wall:
         # A node on the surface is in the wall, whatever the last digit of its place.
         found = self.shape.distance(x - velocity * (time - self.start if self.moves else 0.0))
         inside = found.gap <= 1e-9 * lattice.spacing
+        normals = found.normal[inside]
+        if self.axis is not None:
+            normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
         arm = x[inside] - self.axis_point
-        return WallNodes(nodes[inside], found.normal[inside], velocity + np.cross(self.spin, arm))
+        return WallNodes(nodes[inside], normals, velocity + np.cross(self.spin, arm))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,3 +154,95 @@ def still_nodes(held: Particles | None, lattice: BackgroundGrid) -> StillNodes:
             total += np.bincount(lattice.flat(first + np.array([a, b, c])), share, lattice.count)
     nodes = np.flatnonzero(total)
     return StillNodes(nodes, total[nodes])
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPlaces:
+    """Where a body is held: outside of its held faces, and around its held points.
+
+    Parameters
+    ----------
+    samples, normals
+        Places [m] on held faces and their outward normals, shape (m, 3).
+    points
+        Held points [m] that are of no held face, shape (k, 3).
+    spacing
+        Spacing [m] of the grid.
+    velocity
+        Velocity [m/s] of what holds, shape (3,).
+    """
+
+    samples: Float[np.ndarray, "m 3"]
+    normals: Float[np.ndarray, "m 3"]
+    points: Float[np.ndarray, "k 3"]
+    spacing: float
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: Float[np.ndarray, "n 3"]) -> Distance:
+        """Distance from the held room: nodes in it down to ``DEPTH`` spacings inside the body."""
+        from scipy.spatial import KDTree
+
+        gap, normal = np.full(len(x), np.inf), np.zeros_like(x)
+        if len(self.samples):
+            row = KDTree(self.samples).query(x)[1]
+            way, normal = x - self.samples[row], -self.normals[row]
+            along = -(way * normal).sum(axis=1)
+            side = np.linalg.norm(way + along[:, None] * normal, axis=1)
+            gap = np.maximum(-(along + DEPTH * self.spacing), side - SIDE * self.spacing)
+        if len(self.points):
+            gap = np.minimum(gap, KDTree(self.points).query(x)[0] - AROUND * self.spacing)
+        return Distance(gap, normal)
+
+
+def support_walls(
+    mesh: TetMesh, supports: Supports, spacing: float, duration: float
+) -> tuple[Wall, ...]:
+    """Walls of the supports of a mesh; prescribed displacements are reached after ``duration`` [s].
+
+    ``InputError`` where there are springs.
+    """
+    if supports.springs.any():
+        raise InputError("springs: the material point method knows none; hold the places instead")
+    rows = np.concatenate([supports.fixed, supports.values * supports.fixed], axis=1)
+    kinds, which = np.unique(rows, axis=0, return_inverse=True)
+    walls = []
+    for k, row in enumerate(kinds):
+        axes, velocity = np.flatnonzero(row[:3]), tuple((row[3:] / duration).tolist())
+        if not len(axes):
+            continue
+        held = which.reshape(-1) == k
+        place = _held_places(mesh, held, spacing, velocity)
+        if len(axes) == 3:
+            walls.append(Wall(shape=place, touch=Touch.STICKY))
+        for axis in axes if len(axes) < 3 else ():
+            walls.append(Wall(shape=place, touch=Touch.SLIP, axis=int(axis)))
+    return tuple(walls)
+
+
+def _held_places(
+    mesh: TetMesh, held: Bool[np.ndarray, "points"], spacing: float, velocity: tuple[float, ...]
+) -> HeldPlaces:
+    faces = mesh.boundary.faces
+    own = faces[held[faces].all(axis=1)]
+    samples, of = _face_samples(mesh.points, own, spacing / 2)
+    normals = face_normals(mesh.points, own)[of]
+    inner = held.copy()
+    inner[own] = False
+    return HeldPlaces(samples, normals, mesh.points[inner], spacing, velocity)
+
+
+def _face_samples(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"], step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places on faces that are at most ``step`` [m] apart, and the face of each."""
+    corners = points[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    parts = np.maximum(np.ceil(edges / step), 1).astype(np.int64)
+    places, owners = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for n in np.unique(parts):
+        own = np.flatnonzero(parts == n)
+        a, b = (g.ravel() for g in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+        share = np.stack([a, b, n - a - b], axis=1)[a + b <= n] / n
+        places.append(np.einsum("sk,fki->fsi", share, corners[own]).reshape(-1, 3))
+        owners.append(np.repeat(own, len(share)))
+    return np.concatenate(places), np.concatenate(owners)

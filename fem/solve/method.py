@@ -49,5 +49,6 @@ METHODS: Registry[Method] = Registry(
         "statics": "equilibrium:METHOD",
         "dynamics": "dynamics:METHOD",
         "modal": "modal:METHOD",
+        "mpm": ".mpm.method:METHOD",
     },
 )

@@ -15,7 +15,7 @@ from autophyx_tet.fem.solve.method import Method
 
 from .bodies import faces_at, shaken_box
 
-ANSWERS = {"statics": SagResult, "dynamics": MotionResult, "modal": Modes}
+ANSWERS = {"statics": SagResult, "dynamics": MotionResult, "modal": Modes, "mpm": MotionResult}
 
 
 @pytest.fixture
@@ -29,7 +29,9 @@ def bar():
     )
 
 
-@pytest.mark.parametrize("name", METHODS.names)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == "mpm" else n for n in METHODS.names]
+)
 def test_every_method_answers_a_scene(bar, name):
     """With one of the three kinds of result, by the laws that it names."""
     method = METHODS[name]

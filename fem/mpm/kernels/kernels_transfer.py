@@ -36,7 +36,7 @@ def types_of(real: Any) -> Types:
 
     @wp.struct
     class Cloud:
-        """Particles: place, velocity, C, H = F - I, mass, volume, Lame, class, state, body."""
+        """Particles: place, velocity, C, H = F - I, mass, volume, Lame, numbers of the class."""
 
         x: wp.array(dtype=vec3)
         rest: wp.array(dtype=vec3)
@@ -51,6 +51,7 @@ def types_of(real: Any) -> Types:
         k: wp.array(dtype=vec3)
         q: wp.array(dtype=real)
         body: wp.array(dtype=int)
+        push: wp.array(dtype=vec3)
 
     @wp.struct
     class Frame:
@@ -230,6 +231,19 @@ def gather_function(real: Any) -> Any:
         return v, C
 
     return gather
+
+
+@cache
+def push_kernel(real: Any) -> Any:
+    """Kernel (first, cloud, clock): velocities grow by the accelerations ``cloud.push``."""
+    Cloud = types_of(real).Cloud
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def push(first: int, cloud: Cloud, clock: wp.array(dtype=real)):
+        p = first + wp.tid()
+        cloud.v[p] = cloud.v[p] + clock[0] * cloud.push[p]
+
+    return push
 
 
 @cache

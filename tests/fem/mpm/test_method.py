@@ -1,0 +1,136 @@
+"""The method of the scene: tets become particles, mesh points follow them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from autophyx_tet.fem import SCENARIOS, ElementMaterial, Scene, Supports, box_mesh, wind
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
+from autophyx_tet.fem.mpm.method import MpmMethod
+from autophyx_tet.fem.mpm.sampling import Followers, sample_tets
+from autophyx_tet.fem.mpm.solver import ParticleState
+from autophyx_tet.fem.scene.mesh import TetMesh
+
+from ..bodies import random_rotation, shaken_box
+
+
+def post(E=2e5, nu=0.3, cells=(2, 2, 8)):
+    """A post of 0.2 x 0.2 x 1 m."""
+    mesh = box_mesh((0.2, 0.2, 1.0), cells)
+    return mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=E, nu=nu, rho=500.0))
+
+
+def test_particles_fill_the_tets_with_their_mass():
+    """Volumes add up to the body's, every particle lies in its tet, the lattice is regular."""
+    mesh = shaken_box(cells=(3, 3, 3))
+    found = sample_tets(mesh, 0.25)
+    assert len(found.x) == 8**3
+    assert found.volume.sum() == pytest.approx(mesh.volume, rel=1e-12)
+    steps = (found.x - found.x.min(axis=0)) / 0.125
+    assert np.abs(steps - np.round(steps)).max() < 1e-9
+    corners = mesh.points[mesh.tets[found.tet]]
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    three = np.linalg.solve(edges, (found.x - corners[:, 0])[:, :, None])[:, :, 0]
+    assert three.min() > -1e-6
+    assert three.sum(axis=1).max() < 1 + 1e-6
+
+
+def test_a_part_smaller_than_the_grid_keeps_its_mass_and_is_named():
+    mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2))
+    tiny = box_mesh((0.01, 0.01, 0.01), (1, 1, 1), lo=(1.503, 0.503, 0.503))
+    points = np.concatenate([mesh.points, tiny.points])
+    tets = np.concatenate([mesh.tets, tiny.tets + len(mesh.points)])
+    region = np.repeat([0, 1], [len(mesh.tets), len(tiny.tets)])
+    both = TetMesh(points, tets, region, ("cube", "crumb"))
+    found = sample_tets(both, 0.2)
+    assert found.thin == ("crumb",)
+    crumb = region[found.tet] == 1
+    assert found.volume[crumb].sum() == pytest.approx(1e-6, rel=1e-9)
+
+
+def test_points_follow_an_affine_motion_exactly():
+    """X' = A x + b of all particles moves every point so, and its gradient is A."""
+    rng = np.random.default_rng(0)
+    rest, points = rng.random((200, 3)), rng.random((50, 3)) * 1.2 - 0.1
+    A, b = random_rotation(1) @ np.diag([1.1, 0.9, 1.3]), np.array([1.0, 2.0, 3.0])
+    follow = Followers.of(
+        points, rest, labels=np.repeat([0, 7], 25), parts=np.repeat([0, 1], 100)
+    )  # the part 7 has no particles: its points follow any
+    state = ParticleState(0.0, rest @ A.T + b, rest, np.tile(A, (200, 1, 1)), np.zeros(200))
+    assert np.allclose(follow.positions(state), points @ A.T + b, atol=1e-12)
+    assert np.allclose(follow.gradients(state), A, atol=1e-12)
+    assert (follow.near[:25] < 100).all()
+
+
+def moved(scene, grid, **given):
+    return MpmMethod(grid=grid, **given).solve(scene)
+
+
+@pytest.mark.slow
+def test_a_gust_bends_a_post_twice_as_far_as_the_steady_wind():
+    """A load put on at once swings to twice the deflection at rest, of quadratic tets."""
+    mesh = post()
+    scene = dataclasses.replace(SCENARIOS["wind"]().scene(mesh), duration=0.8, frames=40)
+    answer = moved(scene, 24)
+    assert answer.particles.lagrangian
+    tip = np.linalg.norm(answer.displacements, axis=2).max(axis=1)
+    still = wind(mesh).max_displacement
+    assert tip.max() == pytest.approx(2 * still, rel=0.05)  # large deflections, 5 cells thick
+
+
+@pytest.mark.slow
+def test_a_dropped_block_rests_on_the_ground_with_its_weight():
+    mesh = post(E=2e6)
+    scene = dataclasses.replace(SCENARIOS["drop"](height=0.1).scene(mesh), duration=2.0, frames=20)
+    answer = moved(scene, 16, damping=3.0)
+    weight = mesh.mass * 9.81
+    push = answer.obstacle_forces[-5:, 0, 2].mean()
+    assert push == pytest.approx(weight, rel=0.05)  # still ringing a little
+    low = (mesh.points + answer.displacements[-1])[:, 2].min() - scene.obstacles[0].point[2]
+    assert 0 <= low < 1.5 / 16  # within 1.5 cells of the ground
+    energy = [f.energy for f in answer.frames]
+    assert energy[-1] < energy[0]
+
+
+@pytest.mark.slow
+def test_supports_that_move_tear_a_weak_body_in_two():
+    """The ends pulled apart by a fifth: tough jelly stretches, weak jelly opens a gap."""
+    mesh = post(E=1e5, nu=0.2)
+    z = mesh.points[:, 2]
+    ends = Supports.clamp(len(z), z < 1e-9).with_fixed(
+        z > 1 - 1e-9, (0, 1, 2), np.array([0, 0, 0.2])
+    )
+    scene = Scene(mesh=mesh, supports=ends, duration=1.0, frames=10)
+    whole = moved(scene, 16)
+    weak = Substance(tension=5e3, fracture_energy=20.0)
+    torn = moved(scene, 16, substances={"body": weak})
+    for answer, gap in ((whole, False), (torn, True)):
+        top = answer.displacements[-1][z > 1 - 1e-9]
+        assert np.abs(top - [0, 0, 0.2]).max() < 0.03
+        jumps = np.diff(np.sort(answer.particles.positions[-1][:, 2]))
+        assert (jumps.max() > 1.2 / 16) == gap
+
+
+@pytest.mark.slow
+def test_steel_is_rigid_or_still_and_failures_are_told():
+    """A steel post that stands does not move; one that falls is one rigid body."""
+    mesh = post(E=2e11)
+    scene = SCENARIOS["wind"]().scene(mesh)
+    still = moved(dataclasses.replace(scene, duration=0.1, frames=2), 12)
+    assert np.abs(still.displacements).max() < 1e-12
+    assert "nothing can move" in " ".join(still.particles.notes)
+    falls = dataclasses.replace(SCENARIOS["drop"](height=0.05).scene(mesh), duration=0.1, frames=2)
+    rigid = moved(falls, 12)
+    assert rigid.particles.bodies == 1
+    F = rigid.particles.gradients[-1]
+    assert np.abs(F @ F.transpose(0, 2, 1) - np.eye(3)).max() < 1e-5  # float32
+
+
+def test_what_the_method_does_not_know_is_refused():
+    mesh = post()
+    held = Supports.none(len(mesh.points)).with_springs(np.arange(4), 10.0)
+    with pytest.raises(InputError, match="springs"):
+        moved(Scene(mesh=mesh, supports=held), 8)
+    with pytest.raises(UsageError, match="no part 'wing'"):
+        moved(Scene(mesh=mesh), 8, substances={"wing": Substance(kind=MaterialClass.SNOW)})
