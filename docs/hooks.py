@@ -44,14 +44,14 @@ def on_files(files: Files, config) -> Files:
 
 
 def commands() -> str:
-    """One section a command: what ``--help`` prints."""
+    """One section a command: what ``--help-all`` prints."""
     from autophyx_tet.toolkit.cli.main import COMMANDS
 
     return "\n".join(f"## {name}\n\n```text\n{_help(name)}\n```\n" for name in COMMANDS)
 
 
 def _help(command: str) -> str:
-    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", command, "--help"]
+    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", command, "--help-all"]
     plain = os.environ | {"COLUMNS": "92", "NO_COLOR": "1"}
     done = subprocess.run(words, env=plain, check=True, capture_output=True, text=True)
     return done.stdout.strip()

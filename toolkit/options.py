@@ -75,7 +75,7 @@ class ConvertOptions:
     """Keep the best mesh where none is within epsilon of the input, with warnings, not exit 4."""
     cache: Path | None = None
     """Folder that remembers results of the tetrahedraliser; by default the user's cache folder."""
-    no_cache: bool = False
+    no_cache: tyro.conf.FlagCreatePairsOff[bool] = False
     """Compute again and remember nothing."""
     seed: int = 0
     """Seed of everything random of ours; the tetrahedraliser itself varies by 2-3 % in tets."""
@@ -210,7 +210,7 @@ class FeatureOptions:
     """Picture to write too: .png, the features' principal components as colours."""
     cache: Path | None = None
     """Folder that remembers features; by default the user's cache folder."""
-    no_cache: bool = False
+    no_cache: tyro.conf.FlagCreatePairsOff[bool] = False
     """Look again and remember nothing."""
 
     def checked(self) -> FeatureOptions:

@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 from autophyx_tet.toolkit.cli.main import COMMANDS, main
 
-from .command import run_cli
+from .command import run_cli, run_here
 
 HEAVY = {
     "torch", "warp", "open3d", "pymeshlab", "pytetwild", "igl", "trimesh", "meshio", "scipy",
@@ -50,6 +50,30 @@ def test_help_names_every_verb_and_every_exit_code():
     for code in (0, 1, 2, 3, 4, 5, 6, 130):
         assert re.search(rf"\b{code} [a-zE]", words), code
     assert "--tyro-print-completion" in words
+
+
+SCREEN = 52  # lines of a terminal on a laptop
+
+
+def test_help_fits_two_screens_and_says_where_the_rest_is():
+    """Rare options are left out of --help; --help-all has every one; neither shows a None."""
+    for name in COMMANDS:
+        brief, whole = (run_here(name, words) for words in ("--help", "--help-all"))
+        assert brief.returncode == whole.returncode == 0, name
+        assert len(brief.stdout.splitlines()) <= 2 * SCREEN, name
+        assert "--help-all" in brief.stdout, name
+        shown, every = (set(re.findall(r"--[a-z][\w-]+", h.stdout)) for h in (brief, whole))
+        assert shown - {"--help-all"} <= every, name
+        assert not re.search(r"\{None|options options|--no-no", whole.stdout), name
+
+
+def test_a_rare_option_is_an_option():
+    """What --help leaves out is read as before."""
+    done = run_here(
+        "convert", "a.obj", "-o", "a.msh", "--seed", "3", "--no-cache", "--print-config"
+    )
+    assert "seed = 3" in done.stdout
+    assert "no_cache = true" in done.stdout
 
 
 def test_did_you_mean():

@@ -27,7 +27,9 @@ class BatchCommand:
     """Folder for a folder a row, results.csv, results.json and index.html."""
     run_config: Path | None = None
     """TOML file of options of `run` for all rows, as `run --print-config` prints it."""
-    options: Flat[BatchOptions] = field(default_factory=BatchOptions)
+    options: Annotated[Flat[BatchOptions], tyro.conf.arg(name="engine")] = field(
+        default_factory=BatchOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:

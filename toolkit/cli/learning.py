@@ -27,7 +27,7 @@ class DatasetCommand:
     """Clauses for every kind of part; the shipped network heard 3,600."""
     device: str = "cpu"
     """Where clauses are embedded: cpu or cuda."""
-    no_real: bool = False
+    no_real: tyro.conf.FlagCreatePairsOff[bool] = False
     """Leave real furniture out: nothing is downloaded."""
     seed: int = 0
     """Seed of everything random."""
@@ -102,7 +102,7 @@ class EvaluateCommand:
     """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
     cache: Path | None = None
     """Folder that remembers what the encoder saw; by default the user's cache folder."""
-    no_cache: bool = False
+    no_cache: tyro.conf.FlagCreatePairsOff[bool] = False
     """Look again and remember nothing."""
     common: Flat[Common] = field(default_factory=Common)
 

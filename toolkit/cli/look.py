@@ -22,7 +22,9 @@ class FeaturesCommand:
     """Surface (obj, glb ...), Gaussian splats, point cloud or density grid to look at."""
     output: Output
     """File to write: .npz with cells, values, part and grid."""
-    options: Flat[FeatureOptions] = field(default_factory=FeatureOptions)
+    options: Annotated[Flat[FeatureOptions], tyro.conf.arg(name="looking")] = field(
+        default_factory=FeatureOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
 from ..config import config_text, with_config
 from .batch import COMMANDS as BATCH
+from .help import BRIEF, WHOLE, asked, brief
 from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
@@ -36,7 +37,7 @@ part name or text; 3 input that cannot be read, an output that cannot be written
 4 no volume or no tet mesh possible; 5 E, nu or rho outside their band, under --strict; 6 a solver
 did not converge; 130 interrupted.
 
-Every command has --help with an example; --version says which version this is.
+Every command has --help with an example, and --help-all; --version says which version this is.
 Completion: autophyx-tet --tyro-print-completion bash|zsh|tcsh prints the shell's script."""
 
 
@@ -74,9 +75,23 @@ def _parse(given: list[str]) -> Any:
         close = get_close_matches(verb, COMMANDS, n=1)
         hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(COMMANDS)}"
         raise UsageError(f"there is no command {verb!r}: {hint}")
-    return tyro.extras.subcommand_cli_from_dict(
-        COMMANDS, prog="autophyx-tet", description=DESCRIPTION, args=with_config(given)
-    )
+    commands: dict[str, Any] = dict(COMMANDS)
+    help_wanted = asked(given) if verb in COMMANDS else ""
+    if help_wanted == WHOLE:
+        given = [verb, "--help"]
+    elif help_wanted:
+        commands[verb] = brief(commands[verb])
+    try:
+        return tyro.extras.subcommand_cli_from_dict(
+            commands,
+            prog="autophyx-tet",
+            description=DESCRIPTION,
+            args=with_config(given),
+            config=(tyro.conf.DisallowNone,),
+        )
+    finally:
+        if help_wanted in BRIEF:
+            sys.stdout.write(f"Every option: autophyx-tet {verb} {WHOLE}\n")
 
 
 def _call(command: Any, common: Common) -> int:

@@ -36,7 +36,9 @@ class ConvertCommand:
     """Say what would be done and estimate tets, time and memory; write nothing."""
     quality: bool = False
     """Print a table of the tets' angles, ratios, altitudes and explicit time step."""
-    options: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    options: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
+        default_factory=ConvertOptions
+    )
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
 
@@ -78,7 +80,9 @@ class AssignCommand:
     """The asset the mesh came from: its node and material names are read again."""
     field_output: Annotated[Path | None, tyro.conf.arg(name="field")] = None
     """Also write the voxel field, as .npz."""
-    options: Flat[AssignOptions] = field(default_factory=AssignOptions)
+    options: Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")] = field(
+        default_factory=AssignOptions
+    )
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
     common: Flat[Common] = field(default_factory=Common)
 
@@ -121,7 +125,9 @@ class SimulateCommand:
     """Picture to write too: .png (the last state), .gif or .webp (the motion)."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
-    options: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
+        default_factory=SimulateOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
@@ -162,10 +168,16 @@ class RunCommand:
     """Show in the report what the image encoder sees, as colours; some seconds more."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
-    convert: Flat[ConvertOptions] = field(default_factory=ConvertOptions)
+    convert: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
+        default_factory=ConvertOptions
+    )
     walls: Flat[WallOptions] = field(default_factory=WallOptions)
-    assign: Flat[AssignOptions] = field(default_factory=AssignOptions)
-    simulate: Flat[SimulateOptions] = field(default_factory=SimulateOptions)
+    assign: Annotated[Flat[AssignOptions], tyro.conf.arg(name="materials")] = field(
+        default_factory=AssignOptions
+    )
+    simulate: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
+        default_factory=SimulateOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:

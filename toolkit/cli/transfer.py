@@ -28,7 +28,9 @@ class TransferCommand:
     """File to write, every property of TARGET kept; STEM.npz beside it where it has no room."""
     motion: Path | None = None
     """Motion of the mesh SOURCE (.pvd): TARGET moves with it, a file a frame in the folder -o."""
-    options: Flat[TransferOptions] = field(default_factory=TransferOptions)
+    options: Annotated[Flat[TransferOptions], tyro.conf.arg(name="field")] = field(
+        default_factory=TransferOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
@@ -61,7 +63,9 @@ class ExportCommand:
     """Program that shall read it."""
     output: Output
     """Main file to write; without a suffix it is a stem."""
-    options: Flat[ExportOptions] = field(default_factory=ExportOptions)
+    options: Annotated[Flat[ExportOptions], tyro.conf.arg(name="program")] = field(
+        default_factory=ExportOptions
+    )
     common: Flat[Common] = field(default_factory=Common)
 
     def __call__(self) -> dict[str, Any]:
