@@ -7,8 +7,9 @@ the file comes first: the command line has the last word.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -52,15 +53,45 @@ def read_config(path: Path) -> list[str]:
     return arguments(flat)
 
 
-def with_config(command: list[str]) -> list[str]:
-    """Put what the file of ``--config`` says behind the verb, before all other arguments."""
+def option_names(command: Any) -> set[str]:
+    """Names that a configuration of a command may have, those of its groups too."""
+    names = set()
+    for item in fields(command):
+        group = item.default_factory
+        if is_dataclass(group):
+            names |= option_names(group)
+        elif "Positional" not in str(item.type) and item.name not in _OF_THE_CALL:
+            names.add(_SHORT.get(item.name, item.name))
+    return names
+
+
+def with_config(command: list[str], known: Collection[str]) -> list[str]:
+    """Put what the file of ``--config`` says behind the verb, before all other arguments.
+
+    Raises
+    ------
+    UsageError
+        Where the file names an option that is not ``known``.
+    """
     path = None
     for i, word in enumerate(command):
         if word == "--config" and i + 1 < len(command):
             path = command[i + 1]
         elif word.startswith("--config="):
             path = word.partition("=")[2]
-    return command if path is None else [command[0], *read_config(Path(path)), *command[1:]]
+    if path is None:
+        return command
+    given = read_config(Path(path))
+    for word in given:
+        _check_known(path, word.removeprefix("--").partition("=")[0].replace("-", "_"), known)
+    return [command[0], *given, *command[1:]]
+
+
+def _check_known(path: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "--help-all lists them"
+        raise UsageError(f"{path}: there is no option {name!r}: {hint}")
 
 
 def config_text(command: Any) -> str:

@@ -1,6 +1,9 @@
 """The command line on bad input: one clear line, the exit code of its kind, nothing written."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 import trimesh
@@ -114,6 +117,23 @@ def test_missing_texture_is_a_warning(call, tmp_path):
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert any("gone.png" in warning for warning in document["warnings"])
+
+
+@pytest.mark.parametrize("verb", ["assign", "simulate"])
+def test_an_asset_in_the_place_of_a_mesh_is_told_the_way(verb, cube, tmp_path):
+    done = run_here(verb, cube, "-o", tmp_path / ("a.msh" if verb == "assign" else "a.vtu"))
+    assert done.returncode == 3
+    assert "autophyx-tet run" in done.stderr
+    assert "autophyx-tet convert" in done.stderr
+
+
+def test_a_terminal_without_greek_is_written_to():
+    """What ASCII cannot show is a question mark, not a crash."""
+    words = [sys.executable, "-m", "autophyx_tet.toolkit.cli", "materials", "oak"]
+    plain = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    done = subprocess.run(words, env=plain, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert b"kg/m?" in done.stdout
 
 
 @pytest.mark.parametrize("call", CALLS)

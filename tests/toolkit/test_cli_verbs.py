@@ -37,7 +37,9 @@ def test_a_configuration_that_is_none_or_wrong_is_refused(tmp_path):
     broken = run_here(*call, tmp_path / "no.toml")
     assert broken.returncode == 3
     assert len(broken.stderr.strip().splitlines()) == 1
-    assert run_here(*call, tmp_path / "unknown.toml").returncode == 2
+    unknown = run_here(*call, tmp_path / "unknown.toml")
+    assert unknown.returncode == 2
+    assert "no option 'sizes': did you mean 'size'?" in unknown.stderr
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import sys
@@ -13,7 +14,7 @@ import tyro
 
 from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
-from ..config import config_text, with_config
+from ..config import config_text, option_names, with_config
 from .batch import COMMANDS as BATCH
 from .help import BRIEF, WHOLE, asked, brief
 from .learning import COMMANDS as LEARNING
@@ -44,6 +45,9 @@ Completion: autophyx-tet --tyro-print-completion bash|zsh|tcsh prints the shell'
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, or the one of the error (see ``DESCRIPTION``)."""
     given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that knows no cube sign shows a ?
     try:
         return _main(given)
     except BrokenPipeError:
@@ -86,7 +90,7 @@ def _parse(given: list[str]) -> Any:
             commands,
             prog="autophyx-tet",
             description=DESCRIPTION,
-            args=with_config(given),
+            args=with_config(given, option_names(COMMANDS[verb]) if verb in COMMANDS else ()),
             config=(tyro.conf.DisallowNone,),
         )
     finally:
