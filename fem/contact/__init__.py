@@ -1,6 +1,6 @@
 """Contact: forces between the surface of a body and rigid obstacles.
 
-In: nodes of a space, obstacles with a distance, a coefficient of friction.
+In: the surface of a space, obstacles with a distance, a coefficient of friction.
 Out: energy, forces and Hessian of barrier and friction; how far a step may go.
-Read: barrier.
+Read: barrier, sites, friction.
 """

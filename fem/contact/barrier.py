@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..discrete.forces import node_areas
+from ..discrete.block_matrix import BlockMatrix, add_blocks, add_diagonal
 from ..discrete.space import Space
 from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
-from ..scene.obstacles import Obstacle, obstacle_size
+from ..scene.obstacles import Distance, Obstacle, obstacle_size
+from .friction import Lagged, outer
+from .sites import MOST_CELLS, SPACING, Sites, SurfaceSites
 
 # The barrier acts closer than this share of the body's diagonal.
 BARRIER_SHARE = 1e-3
@@ -22,10 +24,6 @@ STIFFNESS_SHARE = 0.1
 GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
-# An obstacle may be this share of its size inside a face whose points are all outside.
-THROUGH = 0.2
-# Most cells along a face on which it is looked at.
-MOST_CELLS = 40
 # Sliding slower than this share of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
@@ -35,23 +33,24 @@ def barrier_thickness(mesh: TetMesh) -> float:
     return BARRIER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
 
 
-class Lagged(NamedTuple):
-    """Friction of one obstacle, frozen during a solve.
+class Nearness(NamedTuple):
+    """Sites of the body and their ``distance`` from the obstacle of that number."""
 
-    ``force`` (n,) is the coefficient times the normal force [N], ``normal`` (n, 3) its direction,
-    ``start`` (n, 3) [m] the displacement from which sliding is counted.
-    """
-
-    force: np.ndarray
-    normal: np.ndarray
-    start: np.ndarray
+    obstacle: int
+    sites: Sites
+    distance: Distance
 
 
 class Contact:
-    """Barrier energy of the surface nodes of a body against rigid obstacles.
+    """Barrier energy of the surface of a body against rigid obstacles.
 
-    For a node of area A at distance d < dhat the energy is k A dhat b(d / dhat) with the barrier
+    For a site of area A at distance d < dhat the energy is k A dhat b(d / dhat) with the barrier
     b(s) = -(s - 1)^2 log s of IPC (Li et al. 2020): zero at dhat, infinite at contact.
+
+    Raises
+    ------
+    InputError
+        Where an obstacle is far smaller than a face of the body.
     """
 
     def __init__(
@@ -62,127 +61,96 @@ class Contact:
         friction: float,
         thickness: float | None = None,
     ) -> None:
-        areas = node_areas(mesh, space)
-        self.nodes = np.flatnonzero(areas > 0)
-        self.rest = space.nodes[self.nodes]
-        self.faces = mesh.boundary.faces
-        self.corners = mesh.points[self.faces]
         diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         self.thickness = thickness or barrier_thickness(mesh)
-        E = material_of(mesh).E
-        share = np.bincount(space.elements.ravel(), minlength=len(space.nodes))
         size = space.elements.shape[1]
-        mean = np.bincount(space.elements.ravel(), np.repeat(E, size), len(space.nodes))
-        stiffness = STIFFNESS_SHARE * mean[self.nodes] / share[self.nodes]
-        self.weight = stiffness * areas[self.nodes] * self.thickness  # [J]
+        E, ids = np.repeat(material_of(mesh).E, size), space.elements.ravel()
+        around = np.maximum(np.bincount(ids, minlength=len(space.nodes)), 1)
+        stiffness = STIFFNESS_SHARE * np.bincount(ids, E, len(space.nodes)) / around
         self.obstacles, self.friction = tuple(obstacles), friction
+        self.surfaces = [
+            SurfaceSites(mesh, space, stiffness * self.thickness, obstacle)
+            for obstacle in self.obstacles
+        ]
         self.stick = STICK_SHARE * diagonal
         self.time, self.step = 0.0, 1.0
         self.lagged: list[Lagged] = []
 
-    def _distances(self, u: np.ndarray, nodes=slice(None)):
-        x = self.rest[nodes] + u[self.nodes[nodes]]
-        for obstacle in self.obstacles:
-            yield obstacle.distance(x - self.time * np.asarray(obstacle.velocity))
+    def _shift(self, obstacle: int) -> np.ndarray:
+        return self.time * np.asarray(self.obstacles[obstacle].velocity, dtype=float)
+
+    def _touching(self, u: np.ndarray, margin: float) -> Iterator[Nearness]:
+        """Sites with their distances: all that are closer than ``margin`` [m], and more."""
+        for k, surface in enumerate(self.surfaces):
+            shift = self._shift(k)
+            for sites in surface.near(u, shift, margin):
+                x = sites.rest + sites.moved(u) - shift
+                yield Nearness(k, sites, self.obstacles[k].distance(x))
 
     def gap(self, u: np.ndarray) -> float:
-        """Smallest distance of any surface node from any obstacle [m]."""
-        return min((float(d.gap.min()) for d in self._distances(u)), default=np.inf)
+        """Smallest distance of any site from any obstacle [m]."""
+        smallest = np.inf
+        for k, surface in enumerate(self.surfaces):
+            shift, obstacle = self._shift(k), self.obstacles[k]
+            x = surface.rest[surface.corners] + u[surface.corners] - shift
+            known = float(obstacle.distance(x).gap.min())
+            for sites in surface.near(u, shift, known):
+                x = sites.rest + sites.moved(u) - shift
+                known = min(known, float(obstacle.distance(x).gap.min()))
+            smallest = min(smallest, known)
+        return smallest
 
-    def check_faces(self, u: np.ndarray) -> None:
-        """Raise ``InputError`` where an obstacle went through a face between its points."""
-        depth = self.face_depth(u)
-        if depth > THROUGH:
-            raise InputError(
-                f"an obstacle went {depth:.0%} of its size through a face, between its points: "
-                "the mesh is too coarse for so small an obstacle"
-            )
-
-    def face_depth(self, u: np.ndarray) -> float:
-        """Deepest place of any face inside a bounded obstacle, as a share of that one's size.
-
-        Faces are looked at on a grid finer than the obstacle; what pushes are their points alone.
-        """
-        deepest = 0.0
-        corners = self.corners + u[self.faces]
-        centre = corners.mean(axis=1)
-        reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-        for obstacle in self.obstacles:
-            size = obstacle_size(obstacle)
-            if not np.isfinite(size):
-                continue
-            shift = self.time * np.asarray(obstacle.velocity)
-            near = np.flatnonzero(obstacle.distance(centre - shift).gap < reach)
-            if not near.size:
-                continue
-            cells = int(np.clip(np.ceil(2 * reach[near].max() / size), 1, MOST_CELLS))
-            i, j = (k.ravel() for k in np.indices((cells + 1, cells + 1)))
-            share = np.stack([i, j, cells - i - j], axis=1)[i + j <= cells] / cells
-            x = np.einsum("sk,fkd->fsd", share, corners[near]).reshape(-1, 3)
-            deepest = max(deepest, -float(obstacle.distance(x - shift).gap.min()) / size)
-        return deepest
+    def check_sizes(self, u: np.ndarray) -> None:
+        """Raise ``InputError`` where an obstacle touches a face far larger than itself."""
+        for k, surface in enumerate(self.surfaces):
+            if surface.touches_too_large(u, self._shift(k), self.thickness):
+                raise InputError(
+                    f"obstacle {k + 1} is {obstacle_size(self.obstacles[k]):.3g} m in size, less "
+                    f"than a {MOST_CELLS * 2 * SPACING:.0f}th of a face that it touches: it would "
+                    "slip through; wanted a finer mesh"
+                )
 
     def barrier(self, u: np.ndarray) -> float:
         """Energy of the barrier [J]; infinite on contact."""
         total = 0.0
-        for d in self._distances(u):
+        for _, sites, d in self._touching(u, self.thickness):
             s = d.gap / self.thickness
             if not (s > 0).all():
                 return np.inf
             near = s < 1
-            total -= float((self.weight[near] * (s[near] - 1) ** 2 * np.log(s[near])).sum())
+            total -= float((sites.weight[near] * (s[near] - 1) ** 2 * np.log(s[near])).sum())
         return total
 
     def value(self, u: np.ndarray) -> float:
         """Barrier and friction energy [J]; infinite on contact."""
-        total = self.barrier(u)
-        return total + sum(float((lag.force * self._slip(u, lag)[2]).sum()) for lag in self.lagged)
+        return self.barrier(u) + sum(lag.energy(u) for lag in self.lagged)
 
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
         """Add the gradient [N] of the energy to ``out`` (nodes, 3)."""
-        for d in self._distances(u):
-            out[self.nodes] += self._slope(d.gap)[:, None] * d.normal
+        for _, sites, d in self._touching(u, self.thickness):
+            sites.spread(self._slope(sites, d.gap)[:, None] * d.normal, out)
         for lag in self.lagged:
-            y, over, _ = self._slip(u, lag)
-            out[self.nodes] += (lag.force * over)[:, None] * y
+            lag.sites.spread(lag.gradient(u), out)
 
-    def add_hessian(self, u: np.ndarray, out: np.ndarray, *, sharp: bool = False) -> None:
-        """Add the positive part of the Hessian [N/m] to the blocks ``out`` (nodes, 3, 3).
-
-        Of friction a bound, with which Newton creeps but never overshoots; ``sharp``: friction's
-        own, with which it arrives at once from near by.
-        """
-        for d in self._distances(u):
+    def add_hessian(self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False) -> None:
+        """Add the positive part of the Hessian [N/m] to ``matrix``; ``sharp`` as for ``Lagged``."""
+        diagonal, pairs = np.zeros((len(u), 3, 3)), []
+        for _, sites, d in self._touching(u, self.thickness):
             s = np.maximum(d.gap / self.thickness, 1e-300)
             bend = -2 * np.log(s) - 4 * (s - 1) / s + ((s - 1) / s) ** 2
-            curve = np.where(s < 1, self.weight * bend, 0.0) / self.thickness**2
-            out[self.nodes] += curve[:, None, None] * _outer(d.normal)
+            curve = np.where(s < 1, sites.weight * bend, 0.0) / self.thickness**2
+            sites.spread_blocks(curve[:, None, None] * outer(d.normal), diagonal, pairs)
         for lag in self.lagged:
-            y, over, _ = self._slip(u, lag)
-            size = np.linalg.norm(y, axis=1)
-            limit = self.stick * self.step
-            along = y / np.where(size > 0, size, 1.0)[:, None]
-            bend = np.where(size < limit, 2 * (1 - size / limit) / limit, 0.0) - over
-            flat = over[:, None, None] * (np.eye(3) - _outer(lag.normal))
-            if sharp:  # a slide is pushed back across its direction only
-                flat += bend[:, None, None] * _outer(along)
-            out[self.nodes] += lag.force[:, None, None] * flat
+            lag.sites.spread_blocks(lag.hessian(u, sharp=sharp), diagonal, pairs)
+        add_diagonal(matrix, diagonal)
+        for i, j, blocks in pairs:
+            add_blocks(matrix, i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3))
 
-    def _slope(self, gap: np.ndarray) -> np.ndarray:
+    def _slope(self, sites: Sites, gap: np.ndarray) -> np.ndarray:
         """Derivative of the barrier energy by the distance [N], not positive."""
         s = np.maximum(gap / self.thickness, 1e-300)
         slope = -2 * (s - 1) * np.log(s) - (s - 1) ** 2 / s
-        return np.where(s < 1, self.weight * slope, 0.0) / self.thickness
-
-    def _slip(self, u: np.ndarray, lag: Lagged):
-        """Tangential slip y (n, 3), f1(|y|)/|y| and f0(|y|) of IPC's smoothed friction."""
-        y = u[self.nodes] - lag.start
-        y = y - (y * lag.normal).sum(axis=1, keepdims=True) * lag.normal
-        size, limit = np.linalg.norm(y, axis=1), self.stick * self.step
-        inside = size < limit
-        over = np.where(inside, (2 - size / limit) / limit, 1 / np.maximum(size, limit))
-        potential = np.where(inside, size**2 / limit - size**3 / (3 * limit**2) + limit / 3, size)
-        return y, over, potential
+        return np.where(s < 1, sites.weight * slope, 0.0) / self.thickness
 
     def begin(self, u: np.ndarray, time: float, step: float) -> None:
         """Move the obstacles to ``time`` [s], the end of a ``step`` [s] that starts at ``u``."""
@@ -196,46 +164,70 @@ class Contact:
             return
         self.lagged = [
             Lagged(
-                -self.friction * self._slope(d.gap),
+                k,
+                sites,
+                -self.friction * self._slope(sites, d.gap),
                 d.normal,
-                self._start[self.nodes] + self.step * np.asarray(obstacle.velocity),
+                sites.moved(self._start) + self.step * np.asarray(self.obstacles[k].velocity),
+                self.stick * self.step,
             )
-            for obstacle, d in zip(self.obstacles, self._distances(u), strict=True)
+            for k, sites, d in self._touching(u, self.thickness)
         ]
 
     def allowed(self, u: np.ndarray) -> np.ndarray:
         """``u`` with the nodes that a moving obstacle has reached carried along in front of it."""
         u = u.copy()
-        for obstacle in self.obstacles:
+        for k, obstacle in enumerate(self.obstacles):
             move = self.step * np.asarray(obstacle.velocity, dtype=float)
             if not move.any():
                 continue
-            x = self.rest + u[self.nodes]
-            now = obstacle.distance(x - self.time * np.asarray(obstacle.velocity))
-            before = obstacle.distance(x - self.time * np.asarray(obstacle.velocity) + move)
-            wanted = np.minimum(before.gap, 0.5 * self.thickness)
-            push = np.maximum(wanted - now.gap, 0.0)
-            u[self.nodes] += push[:, None] * now.normal
+            shift, reach = self._shift(k), self.thickness + float(np.linalg.norm(move))
+            near = [*self.surfaces[k].near(u, shift, reach)]
+            wanted = []
+            for sites in near:
+                x = sites.rest + sites.moved(u) - shift
+                now, before = obstacle.distance(x), obstacle.distance(x + move)
+                wanted.append(np.minimum(before.gap, 0.5 * self.thickness))
+                if sites.alone:
+                    push = np.maximum(wanted[-1] - now.gap, 0.0)
+                    sites.spread(push[:, None] * now.normal, u)
+            self._carry(k, u, move, near, wanted)
         return u
+
+    def _carry(self, k: int, u: np.ndarray, move: np.ndarray, near: list, wanted: list) -> None:
+        """Carry whole faces by ``move`` (3,) [m] until half the ``wanted`` gaps are there.
+
+        A face that moves as the obstacle does keeps its gap; its neighbours may then have to move.
+        """
+        start, carried = u.copy(), np.zeros(len(u), dtype=bool)
+        while True:
+            before = carried.sum()
+            for sites, gap in zip(near, wanted, strict=True):
+                x = sites.rest + sites.moved(u) - self._shift(k)
+                tight = self.obstacles[k].distance(x).gap < 0.5 * gap
+                carried[sites.nodes[tight]] = True
+            if carried.sum() == before:
+                return
+            u[carried] = start[carried] + move
 
     def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
         """Largest share of ``step`` that leaves a tenth of every gap, by safe advancement.
 
-        Distance changes no faster than position, so a node may always move by its distance.
+        Distance changes no faster than position, so a site may always move by its distance.
         """
         share = 1.0
-        p = step[self.nodes]
-        speed = np.linalg.norm(p, axis=1)
-        for k, first in enumerate(self._distances(u)):
+        farthest = float(np.linalg.norm(step, axis=1).max()) / GAP_SHARE
+        for k, sites, first in self._touching(u, farthest):
+            p = sites.moved(step)
+            speed = np.linalg.norm(p, axis=1)
             at_risk = np.flatnonzero(GAP_SHARE * first.gap < speed)
             if not at_risk.size:
                 continue
             done = np.zeros(len(at_risk))
             floor = (1 - GAP_SHARE) * first.gap[at_risk]
+            here = (sites.rest + sites.moved(u) - self._shift(k))[at_risk]
             for _ in range(ADVANCES):
-                x = (self.rest + u[self.nodes])[at_risk] + done[:, None] * p[at_risk]
-                obstacle = self.obstacles[k]
-                d = obstacle.distance(x - self.time * np.asarray(obstacle.velocity))
+                d = self.obstacles[k].distance(here + done[:, None] * p[at_risk])
                 room = np.maximum(d.gap - floor, 0.0) / np.maximum(speed[at_risk], 1e-300)
                 done = np.minimum(done + room, 1.0)
                 if (room < 1e-3 * np.maximum(done, 1e-12)).all() or (done >= 1).all():
@@ -246,11 +238,10 @@ class Contact:
     def obstacle_forces(self, u: np.ndarray) -> np.ndarray:
         """Force of every obstacle on the body [N], shape (obstacles, 3)."""
         total = np.zeros((len(self.obstacles), 3))
-        for k, d in enumerate(self._distances(u)):
-            total[k] = -(self._slope(d.gap)[:, None] * d.normal).sum(axis=0)
-        for k, lag in enumerate(self.lagged):
-            y, over, _ = self._slip(u, lag)
-            total[k] -= ((lag.force * over)[:, None] * y).sum(axis=0)
+        for k, sites, d in self._touching(u, self.thickness):
+            total[k] -= (self._slope(sites, d.gap)[:, None] * d.normal).sum(axis=0)
+        for lag in self.lagged:
+            total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
 
     def forces(self, u: np.ndarray, count: int) -> np.ndarray:
@@ -258,7 +249,3 @@ class Contact:
         out = np.zeros((count, 3))
         self.add_gradient(u, out)
         return -out
-
-
-def _outer(n: np.ndarray) -> np.ndarray:
-    return n[:, :, None] * n[:, None, :]

@@ -60,6 +60,18 @@ class BlockMatrix:
         return bsr_array(arrays, shape=(3 * self.nodes, 3 * self.nodes))
 
 
+def add_blocks(matrix: BlockMatrix, i: np.ndarray, j: np.ndarray, blocks: np.ndarray) -> None:
+    """Add 3 x 3 ``blocks`` (n, 3, 3) [N/m] of nodes ``i`` and ``j`` (n,) that share a tet."""
+    from . import kernels_matrix as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    pairs = [wp.array(ids, dtype=wp.int32, device=device) for ids in (i, j)]
+    added = wp.array(blocks, dtype=wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, *pairs, added, matrix.values]
+    wp.launch(k.add_pairs, len(blocks), inputs=inputs, device=device)
+
+
 def add_diagonal(matrix: BlockMatrix, blocks: np.ndarray) -> None:
     """Add 3 x 3 ``blocks`` (nodes, 3, 3) [N/m] to the diagonal, in place."""
     from . import kernels_matrix as k

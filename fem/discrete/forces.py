@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..device import start_warp
 from ..errors import InputError
@@ -74,14 +74,15 @@ def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndar
         raise InputError(f"traction {load.value} Pa: wanted x, y, z, or `pressure` for a scalar")
     total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
     if space.order == 2:  # all weight sits at the middles of the edges, a third each
-        faces = _edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
+        faces = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
     force = np.zeros((len(space.nodes), 3))
     for k in range(3):
         np.add.at(force, faces[:, k], total / 3)
     return force
 
 
-def _edge_nodes(space: Space, ends: np.ndarray) -> np.ndarray:
+def edge_nodes(space: Space, ends: Int[np.ndarray, "*n 2"]) -> Int[np.ndarray, "*n"]:
+    """Node of the quadratic ``space`` between every two points; ``InputError`` where none is."""
     count = space.points
     key = space.edges[:, 0] * count + space.edges[:, 1]  # sorted, by construction
     ends = np.sort(ends.astype(np.int64), axis=-1)

@@ -91,6 +91,19 @@ def add_diagonal(
 
 
 @wp.kernel
+def add_pairs(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    i: wp.array(dtype=wp.int32),
+    j: wp.array(dtype=wp.int32),
+    blocks: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    n = wp.tid()
+    wp.atomic_add(values, find_slot(rows, columns, i[n], j[n]), blocks[n])
+
+
+@wp.kernel
 def fix_rows(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),

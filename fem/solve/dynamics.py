@@ -191,14 +191,14 @@ class Dynamics:
         u, iterations = self._solve(step)
         u, v, a = step.ended(u)
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
-        self.contact.check_faces(u)
+        self.contact.check_sizes(u)
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
         self._before, self._dt, self.last_step = now, dt, step
         self._forecast.add(a)
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
-        start = self.contact.allowed(old)
+        start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("an obstacle moves through the body: use a smaller step")
         ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start

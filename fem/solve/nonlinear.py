@@ -11,7 +11,7 @@ from ..contact.barrier import Contact
 from ..deprecation import renamed_options
 from ..device import single_threaded
 from ..discrete.assembly import Discretisation
-from ..discrete.block_matrix import BlockMatrix, add_diagonal
+from ..discrete.block_matrix import BlockMatrix
 from ..discrete.constraints import apply_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.mass import lumped_mass
@@ -79,9 +79,7 @@ class Potential:
         """Hessian [N/m] with prescribed rows dropped."""
         matrix = self.body.tangent(u, projected=projected)
         if self.contact:
-            blocks = np.zeros((len(u), 3, 3))
-            self.contact.add_hessian(u, blocks)
-            add_diagonal(matrix, blocks)
+            self.contact.add_hessian(u, matrix)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
 

@@ -56,8 +56,8 @@ class Incremental:
         if of.damping:
             of.damping.add_to(matrix, u, self.start, self.dt, projected=projected)
         blocks = (self.inertia + of.held.springs)[:, :, None] * np.eye(3)
-        of.contact.add_hessian(u, blocks, sharp=self.near is u and not projected)
         add_diagonal(matrix, blocks)
+        of.contact.add_hessian(u, matrix, sharp=self.near is u and not projected)
         apply_supports(matrix, of.held.fixed)
         return matrix
 

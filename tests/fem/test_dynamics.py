@@ -213,12 +213,3 @@ def test_obstacle_distances(seed):
 def test_start_inside_is_named():
     with pytest.raises(InputError, match="inside an obstacle"):
         Dynamics(shaken_box(), obstacles=[Plane((0, 0, 0.5))])
-
-
-def test_no_ball_falls_through_a_face_unseen():
-    """A ball of 0.1 m against faces of 0.5 m meets no point of them: that is said, not passed."""
-    mesh = shaken_box((1, 1, 0.5), (2, 2, 1), E=1e6, nu=0.3, rho=1e3, amount=0)
-    held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
-    ball = Sphere((0.3, 0.2, 0.61), 0.1, (0, 0, -1.0))
-    with pytest.raises(InputError, match="through a face"):
-        Dynamics(mesh, supports=held, obstacles=[ball]).run(0.02, 20)
