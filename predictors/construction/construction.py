@@ -108,9 +108,9 @@ class ThingWords:
             What the text says that the object is, and what the asset is called: of the main part
             only.
         """
-        said = [stem(word) for word in thing]
+        said = tuple(stem(word) for word in thing)
         heads = [*map(head_of_name, names), said, head_of_name(object_name)]
-        return cls(tuple(tuple(head) for head in heads if head), frozenset(said))
+        return cls(tuple(filter(None, heads)), frozenset(said))
 
     @property
     def kinds(self) -> tuple[Kind, ...]:

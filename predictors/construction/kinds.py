@@ -78,7 +78,8 @@ def _read(row: dict[str, Any], line: int) -> Kind:
     )
 
 
-def kinds_named(stems: Sequence[str]) -> tuple[Kind, ...]:
+@lru_cache(maxsize=4096)  # parts often share their words
+def kinds_named(stems: tuple[str, ...]) -> tuple[Kind, ...]:
     """Kinds whose words end ``stems``: those with the most words, one for each category."""
     best = 0
     found: list[Kind] = []
@@ -99,12 +100,12 @@ def _ending(words: Sequence[str], stems: Sequence[str]) -> int:
     return len(words) if tail == tuple(words) or joined or split else 0
 
 
-def head_of_name(name: str) -> list[str]:
+def head_of_name(name: str) -> tuple[str, ...]:
     """Stems of a part's, node's or file's name, up to its head: without what modellers append."""
     stems = name_words(name)
     while len(stems) > 1 and stems[-1] in _TAIL:
         stems.pop()
-    return stems
+    return tuple(stems)
 
 
 def content_named(stems: Sequence[str], contents: MaterialTable) -> Material | None:

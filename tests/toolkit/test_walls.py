@@ -8,7 +8,7 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.toolkit.options import AssignOptions
-from autophyx_tet.toolkit.walls.built_parts import Body
+from autophyx_tet.toolkit.walls.built_parts import bodies_of
 from autophyx_tet.toolkit.walls.wall_options import WallOptions
 
 CAN = (0.066, 0.066, 0.115)
@@ -113,4 +113,4 @@ def test_a_name_of_the_whole_speaks_of_its_main_part():
     mesh = joined(("panel", "wheel"), body, wheel)
     rows = assigned("a steel car", mesh=mesh).part_rows()
     assert [row["construction"]["form"] for row in rows] == ["shell", "unknown"]
-    assert Body.of(mesh, 1).smallest_side == pytest.approx(0.3)
+    assert bodies_of(mesh)[1].smallest_side == pytest.approx(0.3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,11 @@ from ...predictors.construction.masses import MassInterval, densities_of, mass_i
 from ...predictors.field import MaterialField
 from ...predictors.prediction import GUESS, PartChoice
 from ..io.sidecar import Sidecar
-from ..surfaces.layer import hull_share, wall_share
+from ..surfaces.layer import SAMPLES, hull_share, wall_share
 from .part_words import Called, material_inside
 from .wall_options import EVERY, WallOptions
 
+FEW_SAMPLES = 2_000  # of the ends of an interval: to 2 %, which its drawn sizes are not known to
 FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
 
 
@@ -35,30 +37,35 @@ class Body:
     faces: np.ndarray
     volume: float
 
-    @classmethod
-    def of(cls, mesh: TetMesh, region: int) -> Body:
-        """Return the region with its outward boundary."""
-        mine = mesh.region == region
-        faces = boundary_faces(mesh.tets[mine]).faces
-        return cls(mesh.points, faces, float(mesh.volumes[mine].sum()))
-
     @cached_property
     def smallest_side(self) -> float:
         """Smallest side [m] of its box, along its axes."""
-        return float(np.ptp(self.points[np.unique(self.faces)], axis=0).min())
+        return float(np.ptp(self.points, axis=0).min())
 
     @cached_property
     def area(self) -> float:
         """Area [m^2] of its outside."""
         return float(face_areas(self.points, self.faces).sum())
 
-    def share(self, wall: float) -> WallShare:
+    def share(self, wall: float, *, samples: int = SAMPLES) -> WallShare:
         """Share of a wall [m] in its volume and in its bending."""
-        return wall_share(self.points, self.faces, wall)
+        return wall_share(self.points, self.faces, wall, samples=samples)
 
     def hull_share(self) -> float:
         """Its volume by that of its convex hull [1]."""
         return hull_share(self.points, self.faces)
+
+
+def bodies_of(mesh: TetMesh) -> list[Body]:
+    """Return every region with its outward boundary, and without the others' points."""
+    order = np.argsort(mesh.region, kind="stable")
+    ends = np.searchsorted(mesh.region[order], np.arange(len(mesh.region_names) + 1))
+    volumes, bodies = mesh.region_volumes(), []
+    for region, (start, end) in enumerate(pairwise(ends)):
+        used, tets = np.unique(mesh.tets[order[start:end]], return_inverse=True)
+        faces = boundary_faces(tets.reshape(-1, 4)).faces
+        bodies.append(Body(mesh.points[used], faces, float(volumes[region])))
+    return bodies
 
 
 @dataclass(frozen=True)
@@ -167,13 +174,13 @@ def build_parts(
     """Return how every region of a mesh [m] is built, in the order of the regions."""
     return tuple(
         _built(
-            Body.of(mesh, region),
+            body,
             choice,
             called.words(region),
             {"filling": called.filling(region), **said.of(choice.part)},
             called.said_filling(region),
         )
-        for region, choice in enumerate(choices)
+        for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True))
     )
 
 
@@ -185,7 +192,8 @@ def _built(
     construction = construction_of(
         choice.part, words, choice.row, contents=contents, **shape, **said
     )
-    shares = {wall: body.share(wall) for wall in dict.fromkeys(construction.wall or ())}
+    ends = dict.fromkeys(construction.wall or ())
+    shares = {wall: body.share(wall, samples=FEW_SAMPLES) for wall in ends}
     rho, volume = choice.value.rho, body.volume
     interval = mass_interval(
         construction,
