@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
 from .scene.material import wave_speed
@@ -158,6 +159,15 @@ def no_penetration(motion: MotionResult) -> Check:
         "no penetration", passed, gap, 0.0,
         f"It {'never goes into' if passed else 'goes into'} an obstacle: the smallest distance is "
         f"{gap:.2g} m.",
+    )  # fmt: skip
+
+
+def in_the_grid(run: ParticleRun) -> Check:
+    """Whether all particles stayed in the grid."""
+    total, lost = len(run.part), run.outside
+    return Check(
+        "particles", not lost, lost, 0,
+        f"{'All' if not lost else f'{total - lost:,} of'} {total:,} particles stay in the grid.",
     )  # fmt: skip
 
 

@@ -129,7 +129,17 @@ class SimulateOptions:
     """How the result is loaded and solved."""
 
     scenario: Annotated[str, choice(SCENARIOS)] = "sag"
-    """It stands, hangs, is blown at, poked, dropped, squeezed between plates, or rings."""
+    """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls or is torn."""
+    solver: Literal["fem", "mpm"] = "fem"
+    """Finite elements, or particles (MPM) for what flows, breaks or bends far; fall, tear: mpm."""
+    grid: int = 64
+    """Cells of MPM's grid along the longest side."""
+    stiff: Literal["rigid", "stationary", "cap"] = "rigid"
+    """What is too stiff for MPM's steps: rigid (held: still), all of it still, or softened."""
+    matter: Annotated[tuple[str, ...], Repeated] = ()
+    """Class of a part under MPM, PART=CLASS[,name=value]: bread=jelly,tension=5e3; repeatable."""
+    threads: Literal[1, 2] = 1
+    """Threads of MPM on a CPU."""
     law: Annotated[str, choice(LAWS)] | None = None
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None
@@ -160,6 +170,8 @@ class SimulateOptions:
     """Height of the fall [m]; by default half the size of the body."""
     squeeze_share: float = 0.1
     """How far the plates close, as a share of the body's width."""
+    fall_height: float | None = None
+    """Height of the fall [m]; by default the size of the body."""
     modes: int = 6
     """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"

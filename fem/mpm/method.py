@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
 
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import Law
@@ -25,10 +23,9 @@ from .particles import Particles
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
 from .solver import MpmSolver, ParticleState
 from .stability import BUDGET, Failure
-from .stiff import Stiff, Treatment, treated
+from .stiff import Stiff, Treatment, near_held, treated
 from .walls import Wall, support_walls
 
-log = logging.getLogger(__name__)
 # Room around the body [shares of its longest side] in which particles may move.
 ROOM = 0.5
 # CPU time of a particle and substep [s], by class, of `benchmarks/mpm.py` on one core.
@@ -37,11 +34,14 @@ COST = 2.2e-7
 
 
 class MpmError(ConvergenceError):
-    """A run of particles that failed; ``failure`` says when, where and what to do."""
+    """A run of particles that failed: ``failure`` says when, where and what to do.
 
-    def __init__(self, failure: Failure) -> None:
+    ``plan`` and ``notes`` are what was known before.
+    """
+
+    def __init__(self, failure: Failure, plan: str, notes: tuple[str, ...]) -> None:
         super().__init__(str(failure))
-        self.failure = failure
+        self.failure, self.plan, self.notes = failure, plan, notes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +62,8 @@ class MpmMethod:
         Rate [1/s] at which velocities fade.
     threads
         One or two on a CPU.
+    announce
+        Hears particles, steps and expected time, in words, before the run.
     """
 
     grid: int = 32
@@ -70,6 +72,7 @@ class MpmMethod:
     substances: Mapping[str, Substance] = field(default_factory=dict)
     damping: float = 0.0
     threads: int = 1
+    announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = (Law.NEO_HOOKEAN.value,)
 
@@ -95,7 +98,8 @@ class MpmMethod:
         for frame in range(1, frames + 1):
             if setup.solver is not None and not setup.solver.advance(dt):
                 assert setup.solver.failure is not None
-                raise MpmError(setup.solver.failure)
+                plan = setup.plan(scene.duration)
+                raise MpmError(setup.solver.failure, plan, setup.notes)
             states.append(setup.now(frame * dt))
             motions.append(record.motion(states[-1]))
             if progress is not None:
@@ -109,7 +113,7 @@ class MpmMethod:
         sample = sample_tets(mesh, spacing)
         given = self._particles(scene, sample)
         supports = scene.held
-        held = _near_held(scene, given, spacing)
+        held = near_held(scene, given.x, spacing)
         gravity = float(np.linalg.norm(scene.gravity_vector))
         found = treated(
             given, spacing, held=held, stiff=self.stiff, budget=self.budget, gravity=gravity or 9.81
@@ -136,7 +140,8 @@ class MpmMethod:
         if force.any():
             solver.push(force / found.particles.mass[:, None])
         setup = _Setup(found, sample, room, solver, notes)
-        log.info("%s", setup.plan(scene.duration))
+        if self.announce is not None:
+            self.announce(setup.plan(scene.duration))
         return setup
 
     def _particles(self, scene: Scene, sample: TetSample) -> Particles:
@@ -189,16 +194,6 @@ class _Setup(NamedTuple):
             f"{len(given.x):,} particles, a grid of {'x'.join(map(str, self.room.shape))}, about "
             f"{steps:,.0f} steps: some {seconds:,.0f} s"
         )
-
-
-def _near_held(scene: Scene, given: Particles, spacing: float) -> Bool[np.ndarray, "n"]:
-    """Particles at what holds the body."""
-    from scipy.spatial import KDTree
-
-    points = scene.mesh.points[scene.held.fixed.any(axis=1)]
-    if not len(points):
-        return np.zeros(len(given.x), dtype=bool)
-    return KDTree(points).query(given.x)[0] < spacing
 
 
 def _room(scene: Scene, spacing: float) -> BackgroundGrid:

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..scene.scene import Scene
 from .classes import MaterialClass, Substance
 from .particles import Particles
 from .rigid import rigid_labels
@@ -116,3 +117,13 @@ def _capped(
     )
     changed = replace(given, E=E)
     return replace(found, particles=changed, capped=int(hard.sum()), notes=(note,))
+
+
+def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool[np.ndarray, "n"]:
+    """Which places [m] are within a ``spacing`` [m] of the points that hold a body."""
+    from scipy.spatial import KDTree
+
+    points = scene.mesh.points[scene.held.fixed.any(axis=1)]
+    if not len(points):
+        return np.zeros(len(x), dtype=bool)
+    return KDTree(points).query(x)[0] < spacing

@@ -41,6 +41,8 @@ SCENARIOS: Registry[type[Scenario]] = Registry(
         "poke": "poke:Poke",
         "drop": "drop:Drop",
         "squeeze": "squeeze:Squeeze",
+        "fall": "fall:Fall",
+        "tear": "tear:Tear",
         "modal": "vibration:Vibration",
     },
 )

@@ -19,6 +19,9 @@ from ..validation import checked_direction, checked_positive
 
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 
+# What a method of motion follows: 125 frames of 0.04 s.
+GUST = {"duration": 5.0, "frames": 125}
+
 
 @dataclass(frozen=True)
 class Wind:
@@ -50,7 +53,7 @@ class Wind:
         held, warnings = find_supports(mesh, axis)
         loads = (Traction(faces[windward], push, "the windward side"),)
         stands = {"supports": held, "ground": ground_under(mesh, axis)}
-        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings)
+        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings, **GUST)
 
 
 def wind(

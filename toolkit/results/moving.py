@@ -15,7 +15,7 @@ from .verdict import Verdict
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Moving(Simulation):
-    """A body that falls or is squeezed."""
+    """A body that falls, is squeezed, blown at or torn."""
 
     motion: MotionResult
 
@@ -45,10 +45,37 @@ class Moving(Simulation):
             "energy": [f.energy for f in frames],
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
+            **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
+
+    def _particles(self) -> dict[str, Any]:
+        """Counts of the particles, steps, and what was expected before them."""
+        run = self.motion.particles
+        assert run is not None
+        counts = ("substeps", "outside", "stationary", "rigid", "bodies", "capped", "lagrangian")
+        known = {name: getattr(run, name) for name in (*counts, "spacing", "nodes", "plan")}
+        return {"count": len(run.part), **known}
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """Particles, grid and steps, where particles moved it."""
+        run = self.motion.particles
+        if run is None:
+            return ()
+        grid = "x".join(map(str, run.nodes))
+        words = f"{len(run.part):,} particles on {grid} nodes, {run.spacing:.3g} m apart"
+        return (("material points", words), ("steps", f"{run.substeps:,}"))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed of the scene, and of the particles."""
+        run = self.motion.particles
+        return (*self.scene.warnings, *(run.notes if run is not None else ()))
 
     def verdicts(self) -> list[Verdict]:
         """Nothing went through an obstacle; the elements suit the material."""
-        from ...fem.verdicts import locking, no_penetration
+        from ...fem.verdicts import in_the_grid, locking, no_penetration
 
+        if self.motion.particles is not None:
+            return [Verdict.of(in_the_grid(self.motion.particles))]
         return [Verdict.of(no_penetration(self.motion)), Verdict.of(locking(self.motion))]

@@ -46,9 +46,14 @@ def run_scenario(
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     stated = stated_conditions(options)
     scenario = _scenario(options, stated.gravity)
-    method = METHODS[scenario.method]
+    particles = options.solver == "mpm" or scenario.method == "mpm"
+    if particles:
+        method: Method = _particle_method(options, scenario, progress, started)
+    else:
+        method = METHODS[scenario.method]
     _check_law(options, method)
-    _check_conditions(options, stated.conditions, scenario)
+    if not particles:
+        _check_conditions(options, stated.conditions, scenario)
     scene = stated.conditions.applied(scenario.scene(mesh, up=up))
     result = method.solve(
         scene,
@@ -62,6 +67,19 @@ def run_scenario(
     if scenario.with_modes and isinstance(found, Settled):
         found = replace(found, modes=_standing_modes(scene, options.device))
     return replace(found, seconds=time.perf_counter() - started)
+
+
+def _particle_method(
+    options: SimulateOptions, scenario: Scenario, progress: Progress | None, started: float
+) -> Method:
+    """The material point method, for what moves; loaded when it is asked for."""
+    from .matter import particle_method
+
+    if scenario.method == "modal":
+        raise UsageError(f"--scenario {options.scenario}: particles do not ring; --solver fem")
+    if progress is None:
+        return particle_method(options)
+    return particle_method(options, lambda plan: progress(plan, time.perf_counter() - started))
 
 
 def _answer(

@@ -17,6 +17,7 @@ from ..io.sidecar import Sidecar, read_known
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
+from .matter import logged
 
 
 def simulate(
@@ -67,7 +68,8 @@ def simulate(
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
+    with logged(output):
+        result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
     parts = sidecar.record.get("assign", {}).get("parts", [])
     result = replace(result, materials={part["name"]: part["material"] for part in parts})
     if drive is not None and output is not None:

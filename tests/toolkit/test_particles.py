@@ -1,0 +1,104 @@
+"""Simulate --solver mpm: options, files, page, picture, splats that follow, failures."""
+
+import json
+
+import numpy as np
+import pytest
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.fem.mpm.classes import MaterialClass
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.options import SimulateOptions
+from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.matter import substances
+
+from ..converters.test_driving import splats
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    """A bar of jelly on disk, 0.4 m long."""
+    mesh = box_mesh((0.4, 0.1, 0.1), (8, 2, 2))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e5, nu=0.3, rho=500.0))
+    path = tmp_path_factory.mktemp("bar") / "bar.msh"
+    write_mesh(path, mesh)
+    return path
+
+
+@pytest.mark.slow
+def test_a_fall_is_written_reported_and_drawn(bar, tmp_path, capsys):
+    """From the command line: motion, page, GIF; the document counts what was done."""
+    call = ["simulate", str(bar), "--scenario", "fall", "--fall-height", "0.1", "--grid", "8"]
+    files = [tmp_path / name for name in ("fall.pvd", "fall.html", "fall.gif")]
+    call += ["-o", str(files[0]), "--report", str(files[1]), "--picture", str(files[2]), "--json"]
+    assert main(call) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert all(path.stat().st_size for path in files)
+    found = document["motion"]["particles"]
+    assert found["count"] == 8 * 2 * 2 * 8  # eight a cell
+    assert found["substeps"] > 0
+    assert "some" in found["plan"]
+    assert document["motion"]["frames"] == 51
+    assert "material points" in files[1].read_text()
+
+
+@pytest.mark.slow
+def test_splats_follow_what_tears(bar, tmp_path):
+    """The halves of a torn bar take their splats along: a file a frame."""
+    table = splats(dtype=np.float32)
+    place = np.random.default_rng(0).uniform((0, 0, 0), (0.4, 0.1, 0.1), (len(table), 3))
+    table = table.with_columns(dict(zip("xyz", place.T.astype(np.float32), strict=True)))
+    write_points(tmp_path / "s.ply", table)
+    result = simulate(
+        bar, scenario="tear", grid=12, matter=("body=jelly,tension=3e3,fracture_energy=10",),
+        drive=tmp_path / "s.ply", output=tmp_path / "torn",
+    )  # fmt: skip
+    frames = sorted((tmp_path / "torn").glob("s_*.ply"))
+    assert len(frames) == 51
+    before, after = (read_points(p).positions[:, 0] for p in (frames[0], frames[-1]))
+    left, right = before < 0.04, before > 0.36
+    assert (after - before)[left].mean() == pytest.approx(-0.06, abs=0.015)
+    assert (after - before)[right].mean() == pytest.approx(0.06, abs=0.015)
+    assert result.warnings == ()
+
+
+@pytest.mark.slow
+def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys, monkeypatch):
+    """One line that says where and what to do, and a file with all that is known."""
+    from autophyx_tet.fem.mpm import solver
+
+    monkeypatch.setattr(solver, "MOST_INVERTED", -1.0)  # any state is a failure then
+    out = tmp_path / "fall.pvd"
+    assert main(["simulate", str(bar), "--scenario", "fall", "--grid", "8", "-o", str(out)]) == 6
+    said = capsys.readouterr().err
+    assert "inverted" in said
+    assert "fall.log" in said
+    known = json.loads((tmp_path / "fall.log").read_text())
+    assert known["failure"]["part"] == "body"
+    assert not out.exists()
+
+
+def test_matter_is_said_in_words():
+    found = substances(["pot=stationary", "bread=jelly,tension=5e3,fracture_energy=20,seed=3"])
+    assert found["pot"].kind == MaterialClass.STATIONARY
+    assert (found["bread"].tension, found["bread"].seed) == (5e3, 3)
+    for wrong, why in (
+        ("bread", "wanted PART=CLASS"),
+        ("bread=glue", "sand"),
+        ("bread=jelly,tensoin=1", "did you mean 'tension'"),
+        ("bread=jelly,tension=much", "no number"),
+    ):
+        with pytest.raises(UsageError, match=why):
+            substances([wrong])
+
+
+def test_what_particles_cannot_do_is_refused(bar):
+    with pytest.raises(UsageError, match="do not ring"):
+        simulate(bar, options=SimulateOptions(scenario="modal", solver="mpm"))
+    with pytest.raises(UsageError, match="at least 4"):
+        simulate(bar, options=SimulateOptions(scenario="fall", grid=2))
+    with pytest.raises(UsageError, match="no part 'wing'"):
+        simulate(bar, options=SimulateOptions(scenario="fall", grid=8, matter=("wing=sand",)))
