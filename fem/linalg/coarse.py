@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 # Boxes of the coarse space, six unknowns each. A dense factor of 1536 takes a CPU 50 ms; a GPU
 # inverts the matrix, for which fewer unknowns pay.
 BOXES = 256
-BOXES_GPU = 128
+BOXES_GPU = 64
 NODES_PER_BOX = 100
 # Share by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent rigid
 # modes of small groups leave it singular to round-off.
