@@ -9,6 +9,7 @@ import numpy as np
 
 from ..device import start_warp
 from ..laws.law import LAWS, Law
+from ..scene.material import ElementMaterial
 from ..scene.mesh import TetMesh
 from .block_matrix import BlockMatrix
 from .quadrature import element_points
@@ -95,6 +96,21 @@ def make_pattern(space: Space, device: str = "cpu") -> Pattern:
     slots = wp.empty((tets, size * size), dtype=wp.int32, device="cpu")
     wp.launch(k.element_slots, tets, inputs=[nodes, rows, columns, slots], device="cpu")
     return Pattern(rows.to(device), columns.to(device), slots.to(device))
+
+
+def linear_stiffness(grid: Discretisation, material: ElementMaterial) -> BlockMatrix:
+    """Stiffness matrix [N/m] of linear elasticity, along the grain where there is one."""
+    if material.tensor is None:
+        return stiffness(grid, *material.lame)
+    from . import kernels_matrix as k
+
+    wp = start_warp()
+    device, pattern = grid.device, grid.pattern
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
+    tensor = wp.array(material.tensor, dtype=k.mat66d, device=device)
+    inputs = [grid.points, grid.elements, grid.quadrature, tensor, pattern.slots, values]
+    wp.launch(k.anisotropic_stiffness, len(material.tensor), inputs=inputs, device=device)
+    return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
 def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMatrix:

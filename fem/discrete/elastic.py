@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import start_warp
+from ..errors import InputError
 from ..laws.law import LAWS
 from ..scene.material import ElementMaterial
-from .assembly import Discretisation
+from .assembly import Discretisation, linear_stiffness
 from .block_matrix import BlockMatrix
 
 
@@ -40,6 +41,11 @@ class ElasticBody:
 
         self.grid, self.law = grid, law
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
+        self._grained: BlockMatrix | None = None
+        if material.tensor is not None:
+            if self._law.finite:
+                raise InputError(f"the {self._law.title} law knows no grain: wanted the linear one")
+            self._grained = linear_stiffness(grid, material)
         moduli = [self._array(m) for m in material.lame]
         self._p1_arrays = [grid.points, grid.elements, *moduli]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
@@ -55,6 +61,9 @@ class ElasticBody:
 
     def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
         """Energy and force at the displacement ``u`` [m]."""
+        if self._grained is not None:
+            pull = self._grained.times(u)
+            return Response(0.5 * float((u * pull).sum()), pull)
         wp = start_warp()
         field = self._array(u)
         tets = len(self.grid.space.elements)
@@ -70,6 +79,9 @@ class ElasticBody:
         what it gives.
         """
         wp = start_warp()
+        if self._grained is not None:
+            rows, columns, values = self._grained.rows, self._grained.columns, self._grained.values
+            return BlockMatrix(rows, columns, wp.clone(values))
         pattern = self.grid.pattern
         values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=self.grid.device)
         kernel, inputs = self._second_derivative(u, projected)

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import start_warp
-from ..laws.law import LAWS
-from ..scene.material import ElementMaterial, LameParameters
+from ..laws.law import LAWS, Law
+from ..scene.material import ElementMaterial, LameParameters, mandel_tensor, mandel_vector
 from .assembly import Discretisation
 
 
@@ -48,6 +48,16 @@ def first_piola(
     return P.numpy().reshape(H.shape)
 
 
+def linear_stress(
+    H: Float[np.ndarray, "tets n 3 3"], material: ElementMaterial
+) -> Float[np.ndarray, "tets n 3 3"]:
+    """Stress [Pa] of Hooke's law of displacement gradients, along the grain where there is one."""
+    if material.tensor is None:
+        return first_piola(Law.LINEAR, H, LameParameters(*(m[:, None] for m in material.lame)))
+    strain = mandel_vector((H + H.swapaxes(-1, -2)) / 2)
+    return mandel_tensor(np.einsum("tij,tnj->tni", material.tensor, strain))
+
+
 def strain_and_stress(
     law: str, H: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
 ) -> StrainAndStress:
@@ -56,9 +66,9 @@ def strain_and_stress(
     Small strain under a law of small strains, Green's strain (F^T F - I) / 2 under a finite one.
     """
     small = (H + H.transpose(0, 2, 1)) / 2
-    P = first_piola(law, H, material.lame)
     if not LAWS[law].finite:
-        return StrainAndStress(small, P)
+        return StrainAndStress(small, linear_stress(H[:, None], material)[:, 0])
+    P = first_piola(law, H, material.lame)
     F = H + np.eye(3)
     stress = P @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
     return StrainAndStress(small + H.transpose(0, 2, 1) @ H / 2, stress)

@@ -13,7 +13,7 @@ from ..contact.barrier import barrier_thickness
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
 from ..result import LoadFactor, SagResult, StaticResult, locking_share
-from ..scene.mesh import TetMesh
+from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
@@ -74,7 +74,8 @@ class StaticMethod:
         }
         solve = partial(solve_static, scene.mesh, scene.held, **loads)
         given, order = order, order or affordable_order(scene.mesh)
-        if given is None and order == 1 and locking_share(scene.mesh) > 0:
+        grain = material_of(scene.mesh).tensor is not None
+        if given is None and order == 1 and locking_share(scene.mesh) > 0 and not grain:
             solve = partial(_solve_unlocked, scene.mesh, scene.held, **loads)
         static = solve(order=order)
         error = find_discretisation_error(static, solve, warnings)
@@ -149,6 +150,9 @@ def _checked_strain(
         said = "the linear answer sinks into the ground: "
     else:
         return _Rest(linear, True)
+    if material_of(scene.mesh).tensor is not None:
+        warnings.append(f"{said}it is not to be trusted, and no law of large strains knows a grain")
+        return _Rest(linear, False)
     title = LAWS[law].title
     options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
     options["obstacles"] = (ground,) if ground else ()

@@ -116,6 +116,8 @@ def static_displacement(
     ``E`` [Pa], ``nu`` [1] and ``rho`` [kg/m^3] have shape (tets,); the other arguments are those of
     ``solve_static``. The backward pass is one more solve with the same matrix.
     """
+    if mesh.material is not None and mesh.material.tensor is not None:
+        raise InputError("a material with a grain has no gradient: wanted an isotropic one")
     grid = discretise(mesh, order or affordable_order(mesh), checked_device(device))
     held = node_supports(supports, grid.space)
     kept: dict[str, Any] = {}

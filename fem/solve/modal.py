@@ -10,7 +10,7 @@ import numpy as np
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from ..device import Recorder, checked_device, single_threaded
-from ..discrete.assembly import Discretisation, discretise, stiffness
+from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.mass import consistent_mass, lumped_mass
@@ -59,7 +59,7 @@ class Vibrations(NamedTuple):
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks."""
-        matrix = stiffness(self.grid, *material_of(self.mesh).lame)
+        matrix = linear_stiffness(self.grid, material_of(self.mesh))
         if shift:
             values = matrix.values.numpy()
             values += shift * self.mass.data[:, None, None] * np.eye(3)

@@ -10,15 +10,14 @@ from jaxtyping import Float
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import CholeskyFactor, known_factor
 from ..device import single_threaded, start_warp
-from ..discrete.assembly import Discretisation, discretise, stiffness
+from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.quadrature import element_points
-from ..discrete.strain import displacement_gradients, first_piola
+from ..discrete.strain import displacement_gradients, linear_stress
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..result import LoadFactor, StaticResult
-from ..scene.material import LameParameters
 from ..scene.mesh import material_of
 from ..scene.supports import Supports
 
@@ -100,9 +99,9 @@ def _stress_stiffness(
 
 def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Pencil:
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
-    lame = material_of(result.mesh).lame
-    stress = first_piola(Law.LINEAR, H, LameParameters(*(m[:, None] for m in lame)))
-    matrix = stiffness(grid, *lame)
+    material = material_of(result.mesh)
+    stress = linear_stress(H, material)
+    matrix = linear_stiffness(grid, material)
     apply_supports(matrix, held.fixed, held.springs)
     matrix = matrix.to("cpu")
     plan = planned_elimination(matrix, grid.space.edges)

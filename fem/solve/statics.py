@@ -11,19 +11,18 @@ from jaxtyping import Float
 
 from ..deprecation import renamed_options
 from ..device import checked_device, single_threaded
-from ..discrete.assembly import Discretisation, discretise, stiffness
+from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.constraints import node_supports, reduced_load
 from ..discrete.elastic import ElasticBody
 from ..discrete.forces import load_vector
 from ..discrete.quadrature import CENTROID
-from ..discrete.strain import displacement_gradients, first_piola, strain_and_stress
+from ..discrete.strain import displacement_gradients, linear_stress, strain_and_stress
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import Solution, solve_system
 from ..result import StaticResult
 from ..scene.components import MAX_COMPONENTS, face_components, free_motions
 from ..scene.loads import Traction
-from ..scene.material import LameParameters
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
 from .discretisation_error import affordable_order
@@ -107,7 +106,7 @@ def solve_static(
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)
     prescribed = np.where(held.fixed, held.values, 0.0)
-    matrix = stiffness(grid, *material.lame)
+    matrix = linear_stiffness(grid, material)
     rhs = reduced_load(matrix, load, held, prescribed)
     nodes = grid.space.nodes
     known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
@@ -197,8 +196,7 @@ def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
     mesh = result.mesh
     grid = discretise(mesh, result.order)
     H = displacement_gradients(grid, result.node_displacement, np.eye(4))
-    lame = LameParameters(*(m[:, None] for m in material_of(mesh).lame))
-    stress = first_piola(Law.LINEAR, H, lame).reshape(-1, 9)
+    stress = linear_stress(H, material_of(mesh)).reshape(-1, 9)
     ids, weight = mesh.tets.ravel(), np.repeat(mesh.volumes, 4)
     total = np.bincount(ids, weight, len(mesh.points))
     mean = [np.bincount(ids, weight * s, len(mesh.points)) for s in stress.T]

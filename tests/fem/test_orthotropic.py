@@ -1,0 +1,116 @@
+"""Laws of materials with a grain: exact transformations, invariance, refusals."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.scene.loads import Traction
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.material_properties import OrthotropicConstants, load_grains
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.support_finder import find_supports
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.solve.statics import nodal_stress, solve_static
+
+from .bodies import faces_at, random_rotation, shaken_box
+
+OAK = load_grains()["white oak (along grain)"].constants(1.2e10)
+SIZE = (1.0, 0.2, 0.2)
+
+
+def grained(axes, constants=OAK, cells=(3, 2, 2)) -> TetMesh:
+    """Bar along x of a material with a grain along the first row of ``axes``."""
+    mesh = shaken_box(SIZE, cells, E=constants.E_L, nu=0.3, rho=700.0)
+    assert mesh.material is not None
+    everywhere = np.arange(len(mesh.tets))
+    return mesh.with_material(mesh.material.with_grain(everywhere, constants, np.asarray(axes)))
+
+
+def about_z(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_off_axis_bar(order):
+    """1 / E = c^4 / E_L + s^4 / E_R + (1 / G_LR - 2 nu_LR / E_L) c^2 s^2 (Lekhnitskii 1963).
+
+    A bar on three points, pulled at both ends, is stressed alike everywhere: exact on any mesh.
+    """
+    for angle in np.radians([0.0, 20.0, 45.0, 70.0, 90.0]):
+        mesh = grained(about_z(angle))
+        ends = [faces_at(mesh, 0, x) for x in (0.0, 1.0)]
+        pull = [
+            Traction(f, s * np.tile([1e5, 0, 0], (len(f), 1)))
+            for f, s in zip(ends, (-1, 1), strict=True)
+        ]
+        held = find_supports(mesh, 0, three_point=True).supports
+        result = solve_static(mesh, held, traction=pull, order=order, tolerance=1e-12)
+        c, s = np.cos(angle), np.sin(angle)
+        a = OAK
+        inverse = c**4 / a.E_L + s**4 / a.E_R + (1 / a.G_LR - 2 * a.nu_LR / a.E_L) * (c * s) ** 2
+        assert result.strain[:, 0, 0] == pytest.approx(1e5 * inverse, rel=1e-8)
+        across = 1 / a.G_LR - 2 * a.nu_LR / a.E_L
+        slope = (2 / a.E_L - across) * s * c**3 - (2 / a.E_R - across) * s**3 * c
+        assert 2 * result.strain[:, 0, 1] == pytest.approx(1e5 * slope, rel=1e-7, abs=1e-14)
+        np.testing.assert_allclose(nodal_stress(result)[:, 0, 0], 1e5, rtol=1e-8)
+
+
+def test_turning_everything_turns_the_answer():
+    """Mesh, grain, weight turned together; the frequencies do not see it."""
+    axes, turn = random_rotation(1), random_rotation(2)
+    mesh, gravity = grained(axes), np.array([1.0, -3.0, -9.0])
+    assert mesh.material is not None
+    plain = ElementMaterial(mesh.material.E, mesh.material.nu, mesh.material.rho)
+    everywhere = np.arange(len(mesh.tets))
+    turned = TetMesh(
+        mesh.points @ turn.T, mesh.tets, mesh.region,
+        material=plain.with_grain(everywhere, OAK, axes @ turn.T),
+    )  # fmt: skip
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    u = solve_static(mesh, held, gravity_vector=gravity, order=2, tolerance=1e-12)
+    v = solve_static(turned, held, gravity_vector=turn @ gravity, order=2, tolerance=1e-12)
+    largest = np.abs(u.displacement).max()
+    np.testing.assert_allclose(v.displacement, u.displacement @ turn.T, atol=1e-8 * largest)
+    assert v.energy == pytest.approx(u.energy, rel=1e-8)
+    tones = [natural_modes(m, 3, supports=held).frequencies for m in (mesh, turned)]
+    np.testing.assert_allclose(tones[0], tones[1], rtol=1e-6)
+
+
+def test_alike_in_all_directions_is_isotropic():
+    """With E, nu and G = E / 2 (1 + nu) along all axes, the answer is that without a grain."""
+    E, nu = 1e6, 0.3
+    G = E / 2 / (1 + nu)
+    mesh = grained(random_rotation(3), OrthotropicConstants(E, E, E, G, G, G, nu, nu, nu))
+    assert mesh.material is not None
+    plain = mesh.with_material(
+        ElementMaterial(mesh.material.E, mesh.material.nu, mesh.material.rho)
+    )
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    answers = [solve_static(m, held, gravity_vector=(0, 0, -9.81)) for m in (mesh, plain)]
+    largest = np.abs(answers[1].displacement).max()
+    np.testing.assert_allclose(*(a.displacement for a in answers), atol=1e-7 * largest)
+    np.testing.assert_allclose(*(a.stress for a in answers), atol=1e-6 * answers[1].von_mises.max())
+
+
+def test_a_rod_rings_with_the_modulus_along_it():
+    """A rod that contracts not (nu = 0), held to move along x: f = sqrt(E / rho) / 4 L."""
+    constants = OAK._replace(nu_LR=0.0, nu_LT=0.0, nu_RT=0.0)
+    for axes, E in ((np.eye(3), OAK.E_L), (about_z(np.pi / 2), OAK.E_R)):
+        mesh = grained(axes, constants, cells=(6, 1, 1))
+        held = Supports.none(len(mesh.points)).with_fixed(slice(None), (1, 2))
+        held = held.with_fixed(mesh.points[:, 0] == 0, 0)
+        (found,) = natural_modes(mesh, 1, supports=held).frequencies
+        assert found == pytest.approx(np.sqrt(E / 700.0) / 4, rel=1e-3)
+
+
+def test_what_knows_no_grain_says_so():
+    mesh = grained(np.eye(3))
+    with pytest.raises(InputError, match="neo-Hookean law knows no grain"):
+        Dynamics(mesh)
+    assert mesh.material is not None
+    with pytest.raises(InputError, match="three unit vectors"):
+        mesh.material.with_grain(np.arange(2), OAK, 2 * np.eye(3))
+    with pytest.raises(InputError, match="give energy away"):
+        mesh.material.with_grain(np.arange(2), OAK._replace(nu_LT=5.0), np.eye(3))
