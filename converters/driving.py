@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
+from ..fem.particle_run import ParticleRun
 from ..fem.scene.mesh import TetMesh
 from .embedding import Embedding, embed
 from .points.splats.covariances import matrices_of, polar, quaternions_of, stretched
 from .points.splats.gaussians import gaussians
 from .points.splats.harmonics import COUNTS, turned_harmonics
 from .points.table import XYZ, PointTable
+
+if TYPE_CHECKING:
+    from ..fem.mpm.sampling import Followers
 
 NORMALS = ("nx", "ny", "nz")
 
@@ -27,7 +32,7 @@ class Driven:
     """
 
     table: PointTable
-    embedding: Embedding
+    embedding: Embedding | ParticleNeighbours
     valid: Bool[np.ndarray, "n"]
     scale: float
 
@@ -38,20 +43,29 @@ class Driven:
         valid = np.asarray(np.isfinite(positions).all(axis=1))
         return cls(table, embed(mesh, positions[valid]), valid, scale)
 
+    @classmethod
+    def by_particles(cls, table: PointTable, run: ParticleRun, *, scale: float = 1.0) -> Driven:
+        """Points of a table after the particles around them, each those of its own part."""
+        positions = table.positions * scale
+        valid = np.asarray(np.isfinite(positions).all(axis=1))
+        return cls(table, ParticleNeighbours.of(run, positions[valid]), valid, scale)
+
     @property
     def outside(self) -> int:
         """How many points lie in no tet and follow the nearest one."""
         return int(self.embedding.outside.sum())
 
-    def frames(self, displacements: Iterable[np.ndarray]) -> Iterator[PointTable]:
-        """The table moved by every displacement (points, 3) [m] of the mesh points."""
+    def frames(self, displacements: Iterable[Any]) -> Iterator[PointTable]:
+        """The table moved by every state of what it is embedded in.
+
+        That is a displacement (points, 3) [m] of the mesh points, or the number of a frame of the
+        particles.
+        """
         splats = _Splats(self.table, self.valid) if self.table.is_splat else None
         for displacement in displacements:
-            yield self._moved(np.asarray(displacement, dtype=np.float64), splats)
+            yield self._moved(displacement, splats)
 
-    def _moved(
-        self, displacement: Float[np.ndarray, "points 3"], splats: _Splats | None
-    ) -> PointTable:
+    def _moved(self, displacement: Any, splats: _Splats | None) -> PointTable:
         found = self.embedding
         positions = found.positions(displacement) / self.scale
         moved = dict(zip(XYZ, positions.T, strict=True))
@@ -90,6 +104,52 @@ def _turned_normals(
     length = np.linalg.norm(wanted, axis=1, keepdims=True)
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     return dict(zip(NORMALS, (wanted * size / np.where(length > 0, length, 1)).T, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleNeighbours:
+    """Points among the particles of a ``run``: an ``Embedding`` whose states are frame numbers.
+
+    ``outside`` (n,) lie more than a cell from the nearest particle, the farthest ``distance`` [m].
+    """
+
+    run: ParticleRun
+    follow: Followers
+    outside: Bool[np.ndarray, "n"]
+    distance: float
+
+    @classmethod
+    def of(cls, run: ParticleRun, points: Float[np.ndarray, "n 3"]) -> ParticleNeighbours:
+        """Points [m] where they are at the start of the run."""
+        from scipy.spatial import KDTree
+
+        from ..fem.mpm.sampling import Followers
+
+        rest = run.positions[0].astype(np.float64)
+        away, row = KDTree(rest).query(points)
+        follow = Followers.of(points, rest, labels=run.part[row], parts=run.part)
+        outside = np.asarray(away > run.spacing)
+        return cls(run, follow, outside, float(away[outside].max(initial=0.0)))
+
+    @property
+    def of_point(self) -> Int[np.ndarray, "n"]:
+        """Row of every point in what ``gradients`` returns."""
+        return np.arange(len(self.outside))
+
+    def positions(self, frame: int) -> Float[np.ndarray, "n 3"]:
+        """Positions [m] of the points in a frame."""
+        return self.follow.positions(self._state(frame))
+
+    def gradients(self, frame: int) -> Float[np.ndarray, "n 3 3"]:
+        """Deformation gradients at the points in a frame."""
+        return self.follow.gradients(self._state(frame))
+
+    def _state(self, frame: int) -> Any:
+        from ..fem.mpm.particles import ParticleState
+
+        x = self.run.positions[frame].astype(np.float64)
+        F = self.run.gradients[frame].astype(np.float64)
+        return ParticleState(float(frame), x, x, F, x[:, 0])
 
 
 class _Splats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.errors import InputError, UsageError
+from ..fem.particle_run import ParticleRun
 from ..fem.scene.mesh import TetMesh
 from .io.outputs import check_folder, mesh_suffixes
 from .io.references import References
@@ -48,11 +49,12 @@ class DriveRecord:
 
 def drive(
     mesh: TetMesh,
-    displacements: Sequence[np.ndarray] | Iterable[np.ndarray],
+    displacements: Iterable[Any],
     carrier: Path,
     *,
     folder: Path,
     scale: float = 1.0,
+    run: ParticleRun | None = None,
 ) -> DriveRecord:
     """Write ``carrier`` into ``folder`` once a frame, moved with ``mesh``.
 
@@ -66,6 +68,8 @@ def drive(
         Gaussian splats or points. A format that is only read is written as .ply.
     scale
         Metres per unit of the carrier.
+    run
+        Particles that moved the mesh: the carrier follows them, where the mesh tears too.
 
     Raises
     ------
@@ -77,7 +81,12 @@ def drive(
     from ..converters.points.point_file import read_points, write_points
 
     suffix, warnings = _suffix(carrier)
-    driven = Driven.of(read_points(carrier), mesh, scale=scale)
+    table = read_points(carrier)
+    if run is None:
+        driven = Driven.of(table, mesh, scale=scale)
+    else:
+        driven = Driven.by_particles(table, run, scale=scale)
+        displacements = range(len(run.positions))
     with writing_folder(folder) as scratch:
         names = []
         for i, table in enumerate(driven.frames(displacements)):
@@ -158,7 +167,7 @@ def _doubts(driven: Driven) -> list[str]:
         return []
     return [
         f"{outside:,} of {count:,} lie outside the mesh, up to {driven.embedding.distance:.3g} m: "
-        "they follow the nearest tet; has the carrier the axes and metres of the mesh? --scale "
+        "they follow what is nearest; has the carrier the axes and metres of the mesh? --scale "
         "sets its metres per unit"
     ]
 

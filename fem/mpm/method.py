@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ConvergenceError, UsageError
+from ..errors import UsageError
 from ..laws.law import Law
 from ..particle_run import ParticleRun
 from ..result import Motion, MotionResult
@@ -19,10 +19,10 @@ from ..solve.method import FrameProgress
 from ..validation import checked_count, checked_positive
 from .background import BackgroundGrid, grid_around
 from .classes import MaterialClass, Substance
-from .particles import Particles
+from .particles import Particles, ParticleState
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
-from .solver import MpmSolver, ParticleState
-from .stability import BUDGET, Failure
+from .solver import MpmSolver
+from .stability import BUDGET, MpmError
 from .stiff import Stiff, Treatment, near_held, treated
 from .walls import Wall, support_walls
 
@@ -31,17 +31,6 @@ ROOM = 0.5
 # CPU time of a particle and substep [s], by class, of `benchmarks/mpm.py` on one core.
 COSTS = {MaterialClass.SNOW: 2.5e-7, MaterialClass.JELLY: 1.5e-7}
 COST = 2.2e-7
-
-
-class MpmError(ConvergenceError):
-    """A run of particles that failed: ``failure`` says when, where and what to do.
-
-    ``plan`` and ``notes`` are what was known before.
-    """
-
-    def __init__(self, failure: Failure, plan: str, notes: tuple[str, ...]) -> None:
-        super().__init__(str(failure))
-        self.failure, self.plan, self.notes = failure, plan, notes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -164,6 +165,20 @@ class Particles:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         kept = {name: a[keep] for name, a in arrays.items() if isinstance(a, np.ndarray)}
         return replace(self, **kept)
+
+
+class ParticleState(NamedTuple):
+    """Particles at one time, in the order they were given in.
+
+    ``x`` [m] and ``v`` [m/s] (n, 3), ``F`` total deformation gradient (n, 3, 3), ``q`` the state of
+    the class (n,).
+    """
+
+    time: float
+    x: np.ndarray
+    v: np.ndarray
+    F: np.ndarray
+    q: np.ndarray
 
 
 def block_places(

@@ -14,7 +14,7 @@ from ..discrete.forces import load_vector
 from ..scene.boundary import boundary_faces, face_areas
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from .solver import ParticleState
+from .particles import ParticleState
 
 # Pairs of tet and place that are tested at a time: 20 MB.
 PAIRS = 200_000

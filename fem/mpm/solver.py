@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +14,7 @@ from .background import BackgroundGrid
 from .classes import elastic_density
 from .cloud import Cloud
 from .kernels.kernels_survey import INVERTED, MOVED, NOT_FINITE, OUTSIDE, SPEED, SPREAD, WAVE
-from .particles import Particles
+from .particles import Particles, ParticleState
 from .stability import COURANT, MOST_STRAIN, Failure, FailureKind, largest_modulus
 from .substep import Substep
 from .walls import Wall
@@ -26,20 +25,6 @@ CHUNK = 50
 DRIFT, RELIST = 0.9, 0.5
 # Share of the particles that may turn inside out before it is called a failure.
 MOST_INVERTED = 0.01
-
-
-class ParticleState(NamedTuple):
-    """Particles at one time, in the order they were given in.
-
-    ``x`` [m] and ``v`` [m/s] (n, 3), ``F`` total deformation gradient (n, 3, 3), ``q`` the state of
-    the class (n,).
-    """
-
-    time: float
-    x: np.ndarray
-    v: np.ndarray
-    F: np.ndarray
-    q: np.ndarray
 
 
 class MpmSolver:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..errors import ConvergenceError
 from ..scene.material import lame_parameters
 
 # Largest share of a spacing that a pressure wave crosses in a step. Shaken blocks blow up above 1.0
@@ -51,6 +52,17 @@ class Failure:
             f"MPM, {self.kind} at {self.time:.4g} s in {self.part!r} (E {self.E:.3g} Pa, steps "
             f"allow {self.E_max:.3g} Pa): {self.advice}"
         )
+
+
+class MpmError(ConvergenceError):
+    """A run of particles that failed: ``failure`` says when, where and what to do.
+
+    ``plan`` and ``notes`` are what was known before.
+    """
+
+    def __init__(self, failure: Failure, plan: str, notes: tuple[str, ...]) -> None:
+        super().__init__(str(failure))
+        self.failure, self.plan, self.notes = failure, plan, notes
 
 
 def longest_step(wave: float, speed: float, spacing: float, *, courant: float = COURANT) -> float:

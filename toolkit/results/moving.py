@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.particle_run import ParticleRun
 from ...fem.result import MotionResult
 from .simulation import Animation, Simulation
 from .verdict import Verdict
@@ -55,6 +56,11 @@ class Moving(Simulation):
         counts = ("substeps", "outside", "stationary", "rigid", "bodies", "capped", "lagrangian")
         known = {name: getattr(run, name) for name in (*counts, "spacing", "nodes", "plan")}
         return {"count": len(run.part), **known}
+
+    @property
+    def particles(self) -> ParticleRun | None:
+        """The particles that found it, where it was particles."""
+        return self.motion.particles
 
     @property
     def solution(self) -> tuple[tuple[str, str], ...]:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.particle_run import ParticleRun
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
@@ -70,6 +71,11 @@ class Simulation(ABC):
     def solution(self) -> tuple[tuple[str, str], ...]:
         """How it was solved, label and words."""
         return ()
+
+    @property
+    def particles(self) -> ParticleRun | None:
+        """The particles that found it, where it was particles."""
+        return None
 
     @property
     def cell_data(self) -> Mapping[str, np.ndarray]:

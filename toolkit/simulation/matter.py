@@ -8,18 +8,24 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...fem.errors import ConvergenceError, UsageError
 from ...fem.mpm.classes import MaterialClass, Substance
-from ...fem.mpm.method import MpmError, MpmMethod
-from ...fem.mpm.stiff import Stiff
+from ...fem.mpm.stability import MpmError
 from ..options import SimulateOptions
+
+if TYPE_CHECKING:
+    from ...fem.mpm.method import MpmMethod
 
 
 def particle_method(
     options: SimulateOptions, announce: Callable[[str], None] | None = None
 ) -> MpmMethod:
     """The method that the options ask for; ``announce`` hears what it will cost."""
+    from ...fem.mpm.method import MpmMethod
+    from ...fem.mpm.stiff import Stiff
+
     if options.grid < 4:
         raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
     return MpmMethod(

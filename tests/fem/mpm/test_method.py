@@ -8,8 +8,8 @@ from autophyx_tet.fem import SCENARIOS, ElementMaterial, Scene, Supports, box_me
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
 from autophyx_tet.fem.mpm.method import MpmMethod
+from autophyx_tet.fem.mpm.particles import ParticleState
 from autophyx_tet.fem.mpm.sampling import Followers, sample_tets
-from autophyx_tet.fem.mpm.solver import ParticleState
 from autophyx_tet.fem.scene.mesh import TetMesh
 
 from ..bodies import random_rotation, shaken_box
