@@ -53,6 +53,8 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
         "lost_volume": report.losses.lost,  # of the file as read, as the next two
         "lost_area": report.losses.lost_area,
         "gained_volume": report.losses.gained,
+        "thin_volume": report.losses.thin,  # left out by name
+        "mesher": report.mesher,  # a lattice promises volume and angles, no distance
         "attempts": len(report.attempts),
         "reason": "; ".join(report.failed),
     }
@@ -73,7 +75,8 @@ def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     diagonal = float(np.linalg.norm(asset.size))
     epsilon = args.epsilon_rel * diagonal
     rng = np.random.default_rng(0)
-    way = Preparation.of(asset, thinnest=epsilon, thicken=None, walls={})
+    thinnest = conversion.ENVELOPE_SHARE * epsilon
+    way = Preparation.of(asset, thinnest=thinnest, thicken=None, walls={})
     ready = way.prepared(epsilon=epsilon, rng=rng)
     volume = conversion.input_volume(ready.solids, len(asset.parts), rng=rng)
     body = TetMesh.oriented(mesh["points"], mesh["tets"])
@@ -91,6 +94,7 @@ def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
         "min_dihedral_deg": round(measured.dihedral_min, 2),
         "hausdorff_to_rel": gaps.to_input / diagonal,
         "hausdorff_from_rel": gaps.from_input / diagonal,
+        "lost_volume": ready.losses.lost,
         "reason": "; ".join(
             f"{g.name}: {g.value:.3g} > {g.threshold:.3g}" for g in kept if not g.ok
         ),

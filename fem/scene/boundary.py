@@ -21,13 +21,33 @@ class Boundary(NamedTuple):
 def boundary_faces(tets: Int[np.ndarray, "tets 4"]) -> Boundary:
     """Faces that belong to one tet only, oriented outward for positively oriented tets."""
     faces = tets[:, FACES].reshape(-1, 3)
-    key = np.sort(faces, axis=1)
-    order = np.lexsort(key.T[::-1])
-    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    order, same = equal_faces(faces)
     single = np.ones(len(faces), dtype=bool)
     single[order[1:][same]] = single[order[:-1][same]] = False
     index = np.flatnonzero(single)
     return Boundary(faces[index], index // 4)
+
+
+class EqualFaces(NamedTuple):
+    """An ``order`` (n,) of faces in which equal ones are neighbours; ``same`` (n - 1,) says which.
+
+    Rising by their sorted corners, and by their number where those are equal.
+    """
+
+    order: np.ndarray
+    same: np.ndarray
+
+
+def equal_faces(faces: Int[np.ndarray, "n 3"]) -> EqualFaces:
+    """Find the faces that have the same three corners in any order."""
+    corners = np.sort(faces, axis=1).astype(np.int64, copy=False)
+    size = int(corners.max(initial=0)) + 1
+    if size**3 > np.iinfo(np.int64).max:
+        order = np.lexsort(corners.T[::-1])
+        return EqualFaces(order, (corners[order][1:] == corners[order][:-1]).all(axis=1))
+    key = (corners[:, 0] * size + corners[:, 1]) * size + corners[:, 2]  # far faster to sort
+    order = np.argsort(key, kind="stable")
+    return EqualFaces(order, np.diff(key[order]) == 0)
 
 
 def area_vectors(

@@ -1,5 +1,7 @@
 """Lattices cut to analytic bodies: volumes, corners, angles, thin things, the same mesh twice."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -15,6 +17,7 @@ from autophyx_tet.toolkit.meshing.stuffing.field import NodeField, SolidField
 from autophyx_tet.toolkit.meshing.stuffing.lattice import lattice_around
 from autophyx_tet.toolkit.meshing.stuffing.snap import Guard
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.offset import hollowed
 from autophyx_tet.toolkit.surfaces.repair import repair
 from autophyx_tet.toolkit.surfaces.solids import Solids
 
@@ -188,3 +191,25 @@ def test_moves_never_leave_a_bad_tet(seed):
     assert signed_volumes(guard.points, guard.tets).min() > 0
     assert angles.min() >= 9 - 1e-6  # round-off of an arc cosine
     assert angles.max() <= 166 + 1e-6
+
+
+@pytest.mark.parametrize("lid", [True, False])
+def test_far_nodes_are_inside_as_their_neighbours_are(lid):
+    """A box in a box, the inner one a hollow: asked node by node and group by group alike.
+
+    Without its lid inside and outside hang together, and every node is asked.
+    """
+    box = trimesh.creation.box((1, 1, 1))
+    box.update_faces(lid | (box.triangles_center[:, 2] < 0.49))
+    solids = hollowed(_solids(box), {0: 0.2})
+    (shell,) = solids.shells
+    open_ = replace(shell, faces=box.faces, part=np.zeros(len(box.faces), int), points=box.vertices)
+    solids = solids if lid else replace(solids, shells=(open_,))
+    field = SolidField(solids, origin=solids.bounds[0], edge=0.04)
+    lattice = lattice_around(field.bounds)
+    (one,), nodes = field.shells, lattice.nodes()
+    assert one.shell.rimless == lid
+    alone, together = one.value(nodes), one.value(nodes, lattice.together)
+    assert np.allclose(alone, together, atol=1e-3)  # winding numbers of far trees are series
+    assert np.array_equal(alone > 0, together > 0)
+    assert len(np.unique(lattice.together(np.arange(lattice.node_count)))) == 2  # even and odd

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..surfaces.repair import oriented, stacked
 from ..surfaces.samples import sample, stratified
 from ..surfaces.solids import Solids
 from ..surfaces.surface import Surface, incoherence, open_components
-from ..surfaces.triangles import closest, winding_numbers
+from ..surfaces.triangles import WindingNumber, closest
 from ..surfaces.welding import WELD_REL, weld
 
 MOST_LOST = 0.05  # of the volume: a body that lacks more is another body
@@ -29,7 +30,8 @@ FEWEST, MORE = 1_000, 4
 AREA_SAMPLES = 4_000  # of the file's area: shares to one per cent
 
 
-class FileSurface(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FileSurface:
     """The triangles of a file as ``read``, and ``seen``: wound so that what sees out is outside.
 
     The winding as read is ``coherent`` where neighbours agree; else it says nothing.
@@ -76,8 +78,13 @@ class FileSurface(NamedTuple):
 
     def _windings(self, where: Float[np.ndarray, "n 3"]) -> list[np.ndarray]:
         """Sizes of the winding numbers as read and as seen."""
-        surfaces = (self.read, self.seen)
-        return [np.abs(winding_numbers(s.points, s.faces, where)) for s in surfaces]
+        return [np.abs(winding(where)) for winding in self._winding]
+
+    @cached_property
+    def _winding(self) -> tuple[WindingNumber, WindingNumber]:
+        """Winding numbers as read and as seen."""
+        read, seen = (WindingNumber(s.points, s.faces) for s in (self.read, self.seen))
+        return read, seen
 
 
 @dataclass(frozen=True)

@@ -59,3 +59,13 @@ def face_edges(faces: Int[np.ndarray, "faces 3"]) -> FaceEdges:
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     found = equal_rows(np.column_stack([directed.min(axis=1), directed.max(axis=1)]))
     return FaceEdges(directed, found.group, found.count)
+
+
+def bounds_itself(faces: Int[np.ndarray, "faces 3"]) -> bool:
+    """Whether every edge is run as often one way as the other: the surface has no rim.
+
+    Its winding number is then a whole number that changes nowhere but across it.
+    """
+    directed, edge, _ = face_edges(faces)
+    way = np.where(directed[:, 0] < directed[:, 1], 1, -1)
+    return not np.bincount(edge, weights=way).any()

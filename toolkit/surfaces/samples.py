@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fem.scene.boundary import FACES
+from ...fem.scene.boundary import FACES, equal_faces
 
 SAMPLES = 20_000  # points on a surface: the distances of a smooth field to 3 digits
 
@@ -56,11 +56,10 @@ class Facets(NamedTuple):
 
 def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
     """All inner faces of a tet mesh, once each."""
-    faces = np.sort(tets[:, FACES].reshape(-1, 3), axis=1)
-    order = np.lexsort(faces.T[::-1])
-    inner = np.flatnonzero((faces[order][1:] == faces[order][:-1]).all(axis=1))
-    left, right = order[inner], order[inner + 1]
-    return Facets(faces[left], left // 4, right // 4)
+    faces = tets[:, FACES].reshape(-1, 3)
+    order, same = equal_faces(faces)
+    left, right = order[:-1][same], order[1:][same]
+    return Facets(np.sort(faces[left], axis=1), left // 4, right // 4)
 
 
 def interface_faces(

@@ -9,8 +9,15 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .rows import bounds_itself
 from .surface import Surface, component_areas, component_volumes, open_components
-from .triangles import Triangles, closest, enclosed_volume, winding_numbers
+from .triangles import (
+    Triangles,
+    WindingNumber,
+    closest,
+    enclosed_volume,
+    winding_numbers,
+)
 
 INSIDE = 0.5  # |winding number| of a point inside a closed surface is 1, outside 0
 # A sheet has |winding number| 1/2 on both sides, foliage any number; open surfaces that enclose
@@ -51,12 +58,27 @@ class Shell:
         near = np.flatnonzero(((where >= lo - pad) & (where <= hi + pad)).all(axis=1))
         inside = np.zeros(len(where), dtype=bool)
         if near.size:
-            winding = winding_numbers(self.points, self.faces, where[near])
-            inside[near] = np.abs(winding) > INSIDE
-        if self.cavity is not None:
+            inside[near] = np.abs(self.winding(where[near])) > INSIDE
+        if self.winding_of_cavity is not None:
             held = np.flatnonzero(inside)
-            inside[held] = winding_numbers(*self.cavity, where[held]) < INSIDE
+            inside[held] = self.winding_of_cavity(where[held]) < INSIDE
         return inside
+
+    @cached_property
+    def rimless(self) -> bool:
+        """Whether inside and outside are apart: no way leads from one to the other but across."""
+        hole = self.cavity is None or bounds_itself(self.cavity.faces)
+        return hole and bounds_itself(self.faces)
+
+    @cached_property
+    def winding(self) -> WindingNumber:
+        """Winding number of the shell."""
+        return WindingNumber(self.points, self.faces)
+
+    @cached_property
+    def winding_of_cavity(self) -> WindingNumber | None:
+        """Winding number of its cavity, if it has one."""
+        return self.cavity and WindingNumber(*self.cavity)
 
     def nearest_part(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
         """Part of the nearest face."""

@@ -40,20 +40,39 @@ class Patches(NamedTuple):
     patch: np.ndarray
 
 
+class WindingNumber:
+    """Generalised winding number of a surface: 1 inside a closed outward one, 0 outside.
+
+    What it is computed from is kept, for many questions about one surface.
+    """
+
+    def __init__(
+        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+    ) -> None:
+        """Sort triangles [m] into a tree."""
+        import igl
+
+        corners = points[faces]
+        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        faces = faces[area.any(axis=1)]  # a point or a line winds around nothing, and crashes igl
+        self._tree = igl.FastWindingNumberBVH() if len(faces) else None
+        if self._tree is not None:
+            self._tree.init(points, _int64(faces))
+
+    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Winding number at ``where`` [m]."""
+        if self._tree is None or not len(where):
+            return np.zeros(len(where))
+        return np.asarray(self._tree.winding_number(where), dtype=np.float64)
+
+
 def winding_numbers(
     points: Float[np.ndarray, "points 3"],
     faces: Int[np.ndarray, "faces 3"],
     where: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, "n"]:
-    """Generalised winding number at ``where`` [m]: 1 inside a closed outward surface, 0 outside."""
-    import igl
-
-    corners = points[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    faces = faces[area.any(axis=1)]  # a point or a line winds around nothing, and crashes igl
-    if not len(faces):
-        return np.zeros(len(where))
-    return np.asarray(igl.fast_winding_number(points, _int64(faces), where), dtype=np.float64)
+    """Winding number of a surface at ``where`` [m], asked once."""
+    return WindingNumber(points, faces)(where)
 
 
 def closest(

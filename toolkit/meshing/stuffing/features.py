@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....fem.scene.boundary import area_vectors
+from ...surfaces.rows import face_edges
 from ...surfaces.triangles import Triangles
 
 SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
@@ -57,13 +58,11 @@ def gathered_features(features: list[SharpFeatures]) -> SharpFeatures:
 
 def shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (n, 2) of exactly two faces, and these."""
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    order = np.lexsort(edges.T[::-1])
-    ordered = edges[order]
-    new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
-    start = np.flatnonzero(new)
-    two = start[np.diff(np.r_[start, len(edges)]) == 2]
-    return ordered[two], order[two] // 3, order[two + 1] // 3
+    directed, edge, count = face_edges(faces)
+    order = np.argsort(edge, kind="stable")
+    two = (np.cumsum(count) - count)[count == 2]
+    ends = np.sort(directed[order[two]], axis=1)
+    return ends, order[two] // 3, order[two + 1] // 3
 
 
 def _corners(

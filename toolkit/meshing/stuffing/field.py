@@ -5,8 +5,9 @@ Lengths are in long edges of the lattice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +15,17 @@ from jaxtyping import Float, Int
 
 from ....fem.device import start_warp
 from ...surfaces.solids import INSIDE, Shell, Solids
-from ...surfaces.triangles import Triangles, winding_numbers
+from ...surfaces.triangles import Triangles
 
 # Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
 # that far from its faces it passes through a hole, and the winding number tells where.
 REACH = 1.0
 NUDGE = 1e-9  # in place of 0, which is neither inside nor outside
 MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset adds
+
+
+# Groups of some places, by number, that ways link on which every step is one of ``REACH`` at most.
+Together = Callable[[Int[np.ndarray, "n"]], Int[np.ndarray, "n"]]
 
 
 class NearestPoints(NamedTuple):
@@ -102,16 +107,34 @@ class ShellField:
         mine = [self.shell.faces[self.shell.part == part] for part in self.parts]
         return tuple(NearestTo(Triangles(self.shell.points, faces)) for faces in mine)
 
-    def value(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Signed distance, positive inside, cut off at ``REACH``."""
-        winding = np.abs(winding_numbers(self.shell.points, self.shell.faces, where))
-        if self.shell.cavity is not None:
-            winding = np.minimum(winding, 1 - winding_numbers(*self.shell.cavity, where))
+    def value(
+        self, where: Float[np.ndarray, "n 3"], together: Together | None = None
+    ) -> Float[np.ndarray, "n"]:
+        """Signed distance, positive inside, cut off at ``REACH``.
+
+        Of places so far from a surface without rim one is asked for all that lie ``together``.
+        """
         distance = self.nearest(where, REACH).distance
+        far = np.flatnonzero(distance >= REACH)
+        if together is None or not self.shell.rimless or not len(far):
+            winding = self._winding(where)
+        else:
+            _, first, group = np.unique(together(far), return_index=True, return_inverse=True)
+            asked = np.concatenate([np.flatnonzero(distance < REACH), far[first]])
+            winding = np.empty(len(where))
+            winding[asked] = self._winding(where[asked])
+            winding[far] = winding[far[first]][group.reshape(-1)]
         signed = np.where(winding > INSIDE, distance, -distance)
         hole = 2 * REACH * np.clip(winding - INSIDE, -INSIDE, INSIDE)
         out = np.where(distance < REACH, signed, hole)
         return np.where(np.abs(out) < NUDGE, NUDGE, out)
+
+    def _winding(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """How certainly places are inside: 1, outside 0."""
+        winding = np.abs(self.shell.winding(where))
+        if self.shell.winding_of_cavity is not None:
+            winding = np.minimum(winding, 1 - self.shell.winding_of_cavity(where))
+        return winding
 
     def region(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
         """Region by the part of the nearest face."""
@@ -153,10 +176,20 @@ class SolidField:
         return NodeField(self, where).regions(offsets)
 
 
+def _among(together: Together, near: np.ndarray, some: np.ndarray) -> np.ndarray:
+    return together(near[some])
+
+
 class NodeField:
     """The shells' signed distances at ``where`` (n, 3), each near its shell only."""
 
-    def __init__(self, field: SolidField, where: Float[np.ndarray, "n 3"]) -> None:
+    def __init__(
+        self,
+        field: SolidField,
+        where: Float[np.ndarray, "n 3"],
+        together: Together | None = None,
+    ) -> None:
+        """Ask at all places; ``together`` numbers the groups of some that free ways link."""
         self.field, self.where = field, where
         self.near: list[np.ndarray] = []
         self.values: list[np.ndarray] = []
@@ -164,7 +197,7 @@ class NodeField:
         for shell in field.shells:
             lo, hi = shell.bounds + np.array([[-MARGIN], [MARGIN]])
             near = np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1))
-            value = shell.value(where[near])
+            value = shell.value(where[near], together and partial(_among, together, near))
             region = np.full(len(near), shell.first, dtype=np.int32)
             within = value > -REACH  # an offset may turn those around into inner ones
             region[within] = shell.region(where[near[within]])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,6 +42,18 @@ class Lattice(NamedTuple):
             for counts in (self.cells + 1, self.cells)
         )
         return self.origin + np.concatenate([even, odd + 0.5])
+
+    def together(self, some: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+        """Number of the group of each of some nodes, linked by long edges between them."""
+        from scipy.ndimage import label
+
+        wanted = np.zeros(self.node_count, dtype=bool)
+        wanted[some] = True
+        even, odd = np.split(wanted, [self.even_count])
+        groups: Any = label  # its stubs know no pair
+        first, count = groups(even.reshape(self.cells + 1))
+        second, _ = groups(odd.reshape(self.cells))
+        return np.concatenate([first.reshape(-1), second.reshape(-1) + count])[some]
 
 
 class LatticeTets(NamedTuple):

@@ -77,7 +77,7 @@ def _edge(solids: Solids, target: EngineTarget) -> float:
 def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
     """Fill a field's shells, their volumes matched and their ``sharp`` edges kept."""
     lattice = lattice_around(field.bounds)
-    nodes = NodeField(field, lattice.nodes())
+    nodes = NodeField(field, lattice.nodes(), lattice.together)
     features = gathered_features([features_of(shell.triangles) for shell in field.shells])
     at_rest = np.zeros(len(field.shells))
 

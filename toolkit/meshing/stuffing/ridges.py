@@ -58,9 +58,9 @@ def filled_ridges(
         before = len(mesh.tets)
         mesh = _added(mesh, *_between(mesh, _ridges(mesh, near), on_edge), region)
         mesh = _added(*_above(mesh, _ridges(mesh, near), on_edge, features), region)
-        new = np.arange(len(on_edge), len(mesh.points))
-        near, on_edge = np.r_[near, new], np.r_[on_edge, np.ones(len(new), dtype=bool)]
-        if len(mesh.tets) == before:
+        on_edge = np.r_[on_edge, np.ones(len(mesh.points) - len(on_edge), dtype=bool)]
+        near = np.unique(mesh.tets[before:])  # what was refused elsewhere is refused again
+        if not len(near):
             break
     return mesh
 
