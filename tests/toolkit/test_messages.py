@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.meshing.messages import likely_hollow
@@ -33,3 +34,14 @@ def test_words_of_hollow_things_are_whole_words():
     }
     for name, wanted in rows.items():
         assert hollow(name) is wanted, name
+
+
+def test_a_vessel_with_walls_of_its_own_is_not_told_of():
+    """A pot that is modelled as one fills little of its hull; a block called pot is told."""
+    block = box_mesh((1, 1, 1), (10, 10, 10))
+    x, y, z = block.centroids.T
+    walls = (z < 0.1) | (np.abs(x - 0.5) > 0.4) | (np.abs(y - 0.5) > 0.4)
+    asset = Asset("thing", (Part("pot", trimesh.creation.box()),))
+    for tets, told in ((block.tets, ("pot",)), (block.tets[walls], ())):
+        mesh = TetMesh(block.points, tets, np.zeros(len(tets), np.int32), ("pot",))
+        assert likely_hollow(asset, mesh, {}) == told

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from ...fem.scene.boundary import boundary_faces
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset
+from ...predictors.construction.construction import IN_ITS_SHAPE
 from ...predictors.construction.kinds import head_of_name, kinds_named
+from ..surfaces.layer import hull_share
 from ..surfaces.repair import MOST_CROSSED
 from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 from .losses import MOST_LOST, FileLosses
@@ -198,14 +201,24 @@ def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
 
 
 def likely_hollow(asset: Asset, mesh: TetMesh, walls: Mapping[int, float]) -> tuple[str, ...]:
-    """Names of parts filled as solids though they, or the asset, are called a hollow thing."""
+    """Names of parts filled as solids though they, or the asset, are called a hollow thing.
+
+    A part that fills little of its hull is not: its walls are in its shape.
+    """
     return tuple(
         part.name
         for number, part in enumerate(asset.parts)
         if number not in walls
         and part.name in mesh.region_names
         and any(_shell_likely(name) for name in (part.name, *part.labels, asset.name))
+        and _filled_share(mesh, mesh.region_names.index(part.name)) >= IN_ITS_SHAPE
     )
+
+
+def _filled_share(mesh: TetMesh, region: int) -> float:
+    """Volume of a region by that of its convex hull [1]."""
+    tets = mesh.tets[mesh.region == region]
+    return hull_share(mesh.points, boundary_faces(tets).faces)
 
 
 def _shell_likely(name: str) -> bool:
