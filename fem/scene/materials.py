@@ -56,12 +56,13 @@ def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
 # slip of a factor 1000 (GPa for MPa, g/cm^3 for kg/m^3): one global band would let rubber at 1 GPa
 # through.
 # Examples: indium to tungsten carbide, aerated concrete to jade, fat to cheese, wood across its
-# grain to snakewood along it, fluorinated rubber as the densest elastomer, horn as soft bone.
+# grain to snakewood along it, fluorinated rubber as the densest elastomer, horn as soft bone,
+# polyethylene fibres as the lightest composite.
 CATEGORIES: Mapping[str, Band] = {
     "metal": _band((1e10, 7e11), (0.15, 0.46), (1500, 23000)),
     "glass-ceramic": _band((5e9, 6e11), (0.05, 0.35), (1000, 6500)),
     "stone": _band((1e9, 1.5e11), (0.05, 0.42), (300, 3300)),
-    "composite": _band((5e9, 5e11), (0.1, 0.45), (1200, 2500)),
+    "composite": _band((5e9, 5e11), (0.1, 0.45), (900, 2500)),
     "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
     "elastomer": _band((5e4, 1e8), (0.4, 0.5), (800, 2000)),
     "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),

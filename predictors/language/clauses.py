@@ -18,11 +18,15 @@ Degree = Literal[1, 2, 3, 4, 5]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that was said, in SI units, and the words that say it."""
+    """A number that was said, in SI units, and the words that say it.
+
+    ``called`` tells whether a word or symbol says what it measures, and not its unit alone.
+    """
 
     measure: Measure
     value: float
     text: str
+    called: bool = True
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class Clause:
         A second matter in it.
     condition
         What picks a row among its relatives: "green", "tempered".
+    doubts
+        What was guessed or left out in reading it, each a sentence without its subject.
     certainty
         1 where it was read as it stands; lower where spelling or structure was guessed.
     says_matter
@@ -140,6 +146,7 @@ class Clause:
     filling: str | None = None
     blend: Blend | None = None
     condition: str = ""
+    doubts: tuple[str, ...] = ()
     certainty: float = 1.0
 
     says_matter: bool = field(init=False, compare=False)

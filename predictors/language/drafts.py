@@ -13,7 +13,7 @@ from .lexicon import Phrase, ReaderLexicon, words
 from .lexing import Lexed, Lexeme
 
 NEAREST = 3  # rows that are named beside an unknown material
-SURE, MENDED = 1.0, 0.8  # certainty: as it stands; of a text of which a spelling was mended
+SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 
 
 @dataclass(eq=False)
@@ -26,6 +26,7 @@ class Draft:
     named: bool = False  # a part of the asset is called so
     holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
     joins: Draft | None = None
+    tight: bool = False  # its material stands before its name: "oak top"
     material: Material | None = None
     phrase: str = ""
     kind: str | None = None
@@ -41,6 +42,7 @@ class Draft:
     blend: Blend | None = None
     condition: str = ""
     same: Phrase | None = None  # the other part whose matter it has; () for the one before
+    left: list[str] = field(default_factory=list)  # words that say a matter and were not taken
     lexemes: list[Lexeme] = field(default_factory=list)
 
     def see(self, lexemes: Sequence[Lexeme]) -> None:
@@ -65,6 +67,8 @@ class Draft:
             self._take_level(*value, negated=negated)
         elif mention.kind == "unknown":
             self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
+        elif mention.kind == "left":
+            self.left.append(mention.lexeme.text)
 
     def compare_with(self, part: Phrase) -> None:
         """Say which part the last comparison is with."""
@@ -131,7 +135,7 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
             lexed.notes.append(f"'the same as {who}': nothing is said of it")
         else:
             draft.like(found)
-    clauses = tuple(_clause(text, draft, lexicon, mended=lexed.mended) for draft in drafts)
+    clauses = tuple(_clause(text, draft, lexicon) for draft in drafts)
     taken = [(x.start, x.end) for draft in drafts for x in draft.lexemes]
     spoken = {word for draft in drafts for name in draft.names for word in name}
     unread = tuple(
@@ -143,11 +147,20 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
     return Sentence(text, clauses, unread, tuple(dict.fromkeys(lexed.notes)))
 
 
-def _clause(text: str, draft: Draft, lexicon: ReaderLexicon, *, mended: bool) -> Clause:
+def _doubts(draft: Draft) -> tuple[str, ...]:
+    """What of a draft was guessed or left out."""
+    strange = (x.text for x in draft.lexemes if not (x.known or x.part or x.text in draft.unknown))
+    left = [*draft.left, *(strange if draft.material else ())]
+    told = [f"{word!r} beside it is left out" for word in left]
+    return tuple(dict.fromkeys([*(x.note for x in draft.lexemes if x.note), *told]))
+
+
+def _clause(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     start = min((x.start for x in draft.lexemes), default=0)
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
     unknown = "" if draft.material else draft.unknown
+    doubts = _doubts(draft)
     scope = "none" if draft.scope == "parts" and not names else draft.scope
     return Clause(
         text=text[start:end],
@@ -168,7 +181,8 @@ def _clause(text: str, draft: Draft, lexicon: ReaderLexicon, *, mended: bool) ->
         filling=draft.filling,
         blend=draft.blend,
         condition=draft.condition,
-        certainty=MENDED if mended else SURE,
+        doubts=doubts,
+        certainty=MENDED if doubts else SURE,
     )
 
 

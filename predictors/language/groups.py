@@ -19,7 +19,7 @@ PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times
 _COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
-               "comparison", "blend"]  # fmt: skip
+               "comparison", "blend", "left"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,8 @@ def groups_of(
     a word for a part and for a material is the material there, and the part here.
     """
     mentions = _one_material(_mentions(list(run), owes=owes), lexicon)
+    if not any(m.kind == "material" for m in mentions):
+        mentions = _implied(run, lexicon) + mentions
     if opens:
         mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
     return _paired(_blocks(mentions))
@@ -84,6 +86,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "material":
             out.append(_material(lexeme, run, i, owes=owes, fake=fake))
             fake = False
+        elif role == "coat" and _puts_hue(lexeme, out, run[i + 1 : i + 2]):
+            fake = True
         elif role in ("coat", "coating", "look", "attributes", "fill"):
             _dress(out, lexeme, role, last=i + 1 == len(run))
         elif role == "density" and lexeme.text.lower() == "light" and _is_hue(run[i + 1 : i + 2]):
@@ -103,6 +107,23 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
+
+
+def _implied(run: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Mention]:
+    """The metal that a treatment speaks of: "galvanised" is steel, until another is named."""
+    rows = ((x, words()["implied"].get(x.text.lower())) for x in run if x.role == "coat")
+    return [
+        Mention("material", replace(x, words=("metal",)), lexicon.table.exact(row))
+        for x, row in rows
+        if row in lexicon.table.phrases
+    ][:1]
+
+
+def _puts_hue(lexeme: Lexeme, out: Sequence[Mention], after: Sequence[Lexeme]) -> bool:
+    """Whether a participle puts the metal after it on the matter before: "wood painted silver"."""
+    rows = [m.value for m in out[-1:] if m.kind == "material"] + [x.value for x in after]
+    metals = [isinstance(row, Material) and row.category == "metal" for row in rows]
+    return lexeme.text.lower() in words()["hues"]["words"] and metals == [False, True]
 
 
 def _is_hue(after: Sequence[Lexeme]) -> bool:
@@ -167,19 +188,22 @@ def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Menti
         if mention.kind == "material" and last is not None and last.kind == "material":
             if _repeats_family(mention, last, lexicon):
                 continue
-            out.remove(last)
+            if _repeats_family(last, mention, lexicon):  # "steel St37"
+                out.remove(last)
+            else:  # the later of two is the head; what the other says is told
+                out[out.index(last)] = replace(last, kind="left", value=None)
         out.append(mention)
     return out
 
 
-def _repeats_family(later: Mention, earlier: Mention, lexicon: ReaderLexicon) -> bool:
-    """Whether the later of two only repeats the family of the earlier: "oak wood"."""
-    row, other = later.value, earlier.value
+def _repeats_family(said: Mention, beside: Mention, lexicon: ReaderLexicon) -> bool:
+    """Whether one of two only repeats the family of the other: "oak wood", "steel St37"."""
+    row, other = said.value, beside.value
     if not isinstance(row, Material) or not isinstance(other, Material):
         return False
-    if set(later.lexeme.words) < lexicon.row_words(other):
+    if set(said.lexeme.words) < lexicon.row_words(other):
         return True  # "6061-T6 aluminium"
-    generic = later.lexeme.words[-1] in lexicon.kinds or "(generic)" in row.name
+    generic = said.lexeme.words[-1] in lexicon.kinds or "(generic)" in row.name
     kin = row.category.split()[-1] == other.category.split()[-1]
     laminate = other.category == "composite" and row.category in ("plastic", "wood")
     return row is other or (generic and kin) or laminate

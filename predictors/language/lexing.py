@@ -7,11 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words
+from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
 from .quantities import numerals
 from .spelling import mended_spelling
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
+_CODE = re.compile(r"(?<![\w./-])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
+_TIMES = re.compile(r"(?i)\d+x")
+# Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
+_HARMLESS = re.compile(
+    r"(?i)\d+(x\d*)+|x\d+|[mz]\d+(x[\d.]+)*|(dn|ip|ral|iso|din)\d+|\d+(st|nd|rd|th|s|d|k)"
+)
 _THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
 
 
@@ -38,20 +44,23 @@ class Lexed:
 
     lexemes: list[Lexeme]
     notes: list[str] = field(default_factory=list)
-    mended: bool = False
 
 
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
-    cut, notes, strange = mended_spelling(atoms(text, lexicon.model), lexicon, known)
+    cut, notes, strange, mended = mended_spelling(atoms(text, lexicon.model), lexicon, known)
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
-    chosen = _longest(found)
+    chosen = _longest(found + _codes(text, found))
     lexemes = _spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
+    lexemes = [
+        replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
+        for x in lexemes
+    ]
     lexemes = _tag(lexemes, lexicon)
     notes += [lexeme.note for lexeme in lexemes if lexeme.note]
-    return Lexed(lexemes, notes, bool(notes))
+    return Lexed(lexemes, list(dict.fromkeys(notes)))
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -104,7 +113,8 @@ def _material(
     if not row or not _is_meant(run, stems, lexicon):
         return None
     start, stop = run[0].start, run[-1].end
-    return Lexeme(text[start:stop], start, stop, "material", row, stems)
+    note = words()["confused"].get(text[start:stop].lower(), "")
+    return Lexeme(text[start:stop], start, stop, "material", row, stems, note=note)
 
 
 def _connector(
@@ -162,6 +172,17 @@ def _designations(text: str, lexicon: ReaderLexicon) -> list[Lexeme]:
         for pattern, row in lexicon.designations
         for match in pattern.finditer(text)
     ]
+
+
+def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
+    """Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows."""
+    return [
+        Lexeme(m[0], *m.span(), "idle" if _HARMLESS.fullmatch(m[0]) else "word", known=False,
+               words=(m[0].lower(),))
+        for m in _CODE.finditer(text)
+        if not _TIMES.fullmatch(m[0])
+        and all(m.end() <= x.start or x.end <= m.start() or x.role == "word" for x in found)
+    ]  # fmt: skip
 
 
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}

@@ -1,4 +1,8 @@
-"""Numbers of a text with their units: what they measure, in SI."""
+"""Numbers of a text with their units: what they measure, in SI.
+
+A quantity is ``(symbol link?)? number spread? unit?`` or ``number unit symbol``. A unit is any
+product of units that pint knows; where no symbol says what is measured, its dimension does.
+"""
 
 from __future__ import annotations
 
@@ -7,29 +11,55 @@ import tomllib
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
-from .clauses import Blend, Quantity
+from .clauses import Blend, Measure, Quantity
 
-_NUMBER = r"(?<![\d.])\.?\d(?:[\d.,']*\d)?(?:\s?[x×*·]\s?10\s?\^?\s?[-+−]?\d+|[eE][-+−]?\d+)?"
+_DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
+_DIGITS = r"(?:\d{1,3}(?:[   ]\d{3})+(?![\d.])|\.?\d(?:[\d.,']*\d)?)"
+_NUMBER = rf"(?<![\d.]){_DIGITS}(?:\s?[x×*·]\s?10\s?(?:\^?\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)|[eE][-+−]?\d+)?"
 _SPREAD = r"(?:\s?(?:-|–|to|\.\.+|and|bis)\s?(?P<high>{n})|\s?(?:±|\+/-)\s?[\d.,]+\s?%?)?"
-_ABOUT = (
-    r"\s*(?:(?:of|is|was|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
+_LINK = (
+    r"\s*(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
     r"|in the range of|between)\s*)*"
 )
-_DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
-_UNIT_OF = {"pressure": "E", "density": "rho", "length": "thickness", "mass": "mass"}
-_DIMENSION = {"E": "Pa", "rho": "kg/m^3", "thickness": "m", "mass": "kg"}
-_UNIT = "|".join(f"(?P<unit_{kind}>{pattern})" for kind, pattern in _DATA["units"].items())
+_PREFIXES, _PREFIXED, _PLAIN = (_DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
+
+
+def _any(words: Any) -> str:
+    return "|".join(sorted(map(re.escape, words), key=len, reverse=True))
+
+
+_ATOM = (
+    rf"(?i:(?:(?:cubic|cu\.?|square|sq\.?)\s?)?(?:{_any(_PLAIN)}"
+    rf"|(?:{_any(_PREFIXES)})?(?:{_any(_PREFIXED)})))"
+    r"(?:\^?[-−]?[23](?!\d)|[²³]|⁻[¹²³])?(?![^\W\d_])"
+)
+_TIMES = r"(?:\s?(?:/|·|\*|per\b)\s?|\s(?=[^\W\d_]+(?:\^?[-−][123]|⁻[¹²³])))"
+_UNIT = rf"(?:(?i:{_any(_DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATOM})*)"
 _ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in _DATA["cues"].items())
-_VALUE = rf"(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}\s?(?:(?:{_UNIT})(?![\w²³^]))?"
-_BEFORE = re.compile(rf"(?<![\w.])(?:{_ANY_CUE}){_ABOUT}{_VALUE}")
+_VALUE = (
+    rf"(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}"
+    rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']}))?"
+)
+_BEFORE = re.compile(rf"(?<![\w.])(?:{_ANY_CUE}){_LINK}{_VALUE}")
 _AFTER = re.compile(rf"(?<![\w.,]){_VALUE}\s?-?(?:in )?(?:{_ANY_CUE})(?!\w)")
 _ALONE = re.compile(rf"(?<![\w.,]){_VALUE}")
+
+# Hardness: a word for it and a number, in any order, with the scale's letter beside either; or
+# the number and the letter in one ("80A").
+_HARD = r"(?i:shore|sh\.?|duro(?:meter)?s?|irhd)(?:[ -]?(?i:hardness))?"
+_GAP = r"[\s:=,-]*(?:(?:of|is|about|around|approx\.?|~)\s*)*"
 _SHORE = re.compile(
-    r"(?i:shore\s?)(?P<low>\d{1,3})\s?-?(?P<scale>[AD])\b|(?<![\w.])(?P<low2>[1-9]\d)\s?-?(?P<scale2>[AD])(?![\w-])"
-    r"|(?i:shore\s?-?)(?P<zero>O?OO|000?|o)\s?-?\d*|(?<![\w.])(?P<zero2>00-\d\d)(?!\d)"
+    rf"(?<!\w)(?:(?:(?i:hardness)\s*(?:of\s*)?)?{_HARD}[\s-]*(?P<s1>[ADad](?!\w))?"
+    rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?-?(?P<s2>[ADad])(?!\w))?"
+    rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
+    rf"|(?P<n2>\d{{1,3}})\s?°?\s?-?(?P<s3>[ADad])?\s?-?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?!\w)"
+    rf"|(?P<n3>[1-9]\d)-?(?P<s5>[ADad])(?![\w-]))"
 )
+_SHORE_00 = re.compile(r"(?i:shore\s?-?)(?:O?OO|000?|o)\s?-?\d*|(?<![\w.])00-\d\d(?!\d)")
+
 _FIBRES = r"(?P<fibre>(?i:glass|carbon)|GF|CF)(?:[ -](?i:fib(?:re|er)s?))?"
 _BLEND = re.compile(
     rf"(?P<share>\d\d?)\s?%\s?(?i:short )?{_FIBRES}"
@@ -40,6 +70,11 @@ _BLEND = re.compile(
 )
 USUAL_SHARE = 0.3  # of fibres, by weight, where none is said: the grade most sold (GF30)
 _FIBRE_ROWS = {"g": "E-glass fibre", "c": "CFRP (along fibre)"}
+# Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
+_BARE = {
+    "E": ((1e4, 2e12, 1.0, "Pa"),),
+    "rho": ((25.0, 23e3, 1.0, "kg/m3"), (0.3, 23.0, 1e3, "g/cm3")),
+}
 
 
 class Numeral(NamedTuple):
@@ -72,13 +107,14 @@ def _blends(text: str) -> Iterator[Numeral]:
 
 
 def _shores(text: str) -> Iterator[Numeral]:
+    for match in _SHORE_00.finditer(text):
+        yield Numeral(*match.span(), None, f"{match[0]!r}: Shore 00 has no relation to E here")
     for match in _SHORE.finditer(text):
-        number, scale = match["low"] or match["low2"], match["scale"] or match["scale2"]
-        if number is None:
-            yield Numeral(*match.span(), None, f"{match[0]!r}: Shore 00 has no relation to E here")
-            continue
-        measure = "shore_a" if scale.upper() == "A" else "shore_d"
-        yield Numeral(*match.span(), Quantity(measure, float(number), match[0]))
+        number = next(match[g] for g in ("n1", "n2", "n3") if match[g])
+        scale = next((match[g] for g in ("s1", "s2", "s3", "s4", "s5") if match[g]), "A")
+        measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
+        if 0 < int(number) <= 100:
+            yield Numeral(*match.span(), Quantity(measure, float(number), match[0]))
 
 
 def _measures(text: str) -> Iterator[Numeral]:
@@ -95,44 +131,39 @@ def _measures(text: str) -> Iterator[Numeral]:
 
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:
-    group = match.groupdict()
-    unit_kind = next((kind for kind in _DATA["units"] if group[f"unit_{kind}"]), None)
-    measure: Any = next((m for m in _DATA["cues"] if cued and group[f"cue_{m}"]), None)
-    if measure is None:
-        if unit_kind is None or unit_kind == "share":
-            return None
-        measure = _UNIT_OF[unit_kind] if unit_kind != "length" else "size"
-    start, end = match.span()
-    said = match[0].strip()
-    low = number(group["low"])
-    value = low if not group["high"] else (low * number(group["high"])) ** 0.5
-    note = f"{said!r}: the middle of the range is taken" if group["high"] else ""
-    wanted = _DIMENSION.get(measure)
-    if measure == "size":
-        return Numeral(start, end, None)
-    if measure == "other" or not low > 0:
+    """What a match says: by its word, else by its unit; told where the two are at odds."""
+    group, said, (start, end) = match.groupdict(), match[0].strip(), match.span()
+    dimension, factor = _si(group["unit"]) if group["unit"] else (None, 1.0)
+    words = (m for m in _DATA["cues"] if cued and group[f"cue_{m}"])
+    measure: Any = next(words, dimension)
+    low, high = number(group["low"]), number(group["high"] or "")
+    note = f"{said!r}: the middle of the range is taken" if high else ""
+    value = factor * ((low * high) ** 0.5 if high else low)
+    if measure is None or (measure in ("size", "other") and not cued):
+        return Numeral(start, end, None) if measure == "size" else None  # "316L" is no volume
+    if measure == "other" or not value > 0:
         return Numeral(start, end, None, f"{said!r} is not used")
-    if wanted and (unit_kind is None or _UNIT_OF.get(unit_kind) != measure):
-        if unit_kind is None and not cued:
-            return None
-        reason = "has no unit" if unit_kind is None else f"is no measure of {measure}"
+    bare = _BARE.get(measure, ())
+    if dimension is None and not group["share"] and bare:
+        scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
+        value, note = value * scale, f"{said!r} has no unit: {unit} is taken"
+    if measure == "infill" and dimension is None:
+        value = value / 100 if group["share"] or value > 1 else value
+    elif dimension != {"thickness": "size", "nu": None}.get(measure, measure) and not (
+        dimension is None and bare and value
+    ):
+        reason = f"is no measure of {measure}" if dimension else "has no unit"
         return Numeral(start, end, None, f"{said!r} {reason} and is not used")
-    if wanted:
-        value = _in_si(value, str(group[f"unit_{unit_kind}"]), wanted)
-    elif measure == "infill":
-        value = value / 100 if unit_kind == "share" or value > 1 else value
-    elif measure == "nu" and not value < 0.5:
+    if measure == "nu" and not value < 0.5:
         return Numeral(start, end, None, f"{said!r}: Poisson's ratio is below 0.5; it is not used")
-    elif unit_kind:
-        return Numeral(start, end, None, f"{said!r} is no measure of {measure} and is not used")
-    return Numeral(start, end, Quantity(measure, value, said), note)
+    return Numeral(start, end, Quantity(cast(Measure, measure), value, said, cued), note)
 
 
 def number(text: str) -> float:
-    """Return a number as it is written: "2.5", "2,5", "29,000", "7e10", "1.2 x 10^9"."""
-    text = re.sub(r"\s?[x×*·]\s?10\s?\^?\s?", "e", text).replace("−", "-").replace("'", "")
-    text = text.rstrip(".,")
-    if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?", text):
+    """Return a number as it is written: "2.5", "2,5", "29,000", "7e10", "1.2 x 10^9"; else 0."""
+    text = re.sub(r"\s?[x×*·]\s?10\s?\^?\s?", "e", text).translate(_RAISED)
+    text = re.sub(r"['   ]", "", text).rstrip(".,")
+    if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
         text = text.replace(",", "")
     try:
         return float(text.replace(",", "."))
@@ -140,20 +171,42 @@ def number(text: str) -> float:
         return 0.0
 
 
-def _in_si(value: float, unit: str, wanted: str) -> float:
-    return _units().Quantity(value, _pint_name(unit)).to(wanted).magnitude
+@lru_cache(maxsize=256)
+def _si(unit: str) -> tuple[str | None, float]:
+    """What a unit measures, None for nothing of ours, and how much of SI it is."""
+    name = _DATA["units"]["named"].get(unit.strip().lower())
+    for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):
+        sign = "/" if "/" in times or "per" in times.lower() else "*"
+        name = f"{name}{sign}{_atom(atom)}" if name else _atom(atom)
+    base = _registry().Quantity(1.0, name).to_base_units()
+    for dimension, measure in _DATA["measures"].items():
+        if base.is_compatible_with(dimension):
+            return measure, base.magnitude
+    return "other", base.magnitude
 
 
-def _pint_name(unit: str) -> str:
-    """Return the name by which pint knows a unit."""
-    name = unit.strip().lower().replace("²", "^2").replace("³", "^3")
-    name = re.sub(r"\bcu\.? ?(ft|in)", r"\1^3", re.sub(r"([cdm]?m|ft|in)(\d)", r"\1^\2", name))
-    name = name.replace("/cc", "/cm^3").replace("/cbm", "/m^3").replace("lbs", "lb")
-    return _DATA["names"].get(name, name)
+def _atom(written: str) -> str:
+    """How pint calls one unit: "cubic foot" -> ft^3, "mm2" -> mm^2, "Gpa" -> GPa."""
+    found = re.fullmatch(
+        r"(?i)(?:(cu)(?:bic|\.)?\s?|(sq)(?:uare|\.)?\s?)?(.*?)\^?(-?[23])?",
+        written.translate(_RAISED),
+    )
+    cubed, squared, name, power = found.groups() if found else ("", "", written, "")
+    power = power or ("3" if cubed else "2" if squared else "1")
+    small = name.lower()
+    if small in _PLAIN:
+        return f"({_PLAIN[small]})^{power}"
+    for stem in sorted(_PREFIXED, key=len, reverse=True):
+        prefix = small.removesuffix(stem)
+        if small.endswith(stem) and (prefix in _PREFIXES or not prefix):
+            # An m is mega of Pa and psi, as careless hands write it, else milli.
+            milli = prefix == "m" and (stem in ("m", "l", "g") or (name[0], stem) == ("m", "n"))
+            return f"({'m' if milli else _PREFIXES.get(prefix, '')}{_PREFIXED[stem]})^{power}"
+    return name
 
 
 @lru_cache(maxsize=1)
-def _units() -> Any:
+def _registry() -> Any:
     from pint import UnitRegistry
 
     return UnitRegistry(cache_folder=None)

@@ -152,7 +152,8 @@ def _points(lexeme: Lexeme, after: Lexeme | None) -> bool:
 
 def _on_but(state: Statements, _: Lexeme) -> None:
     whole = state.pending or state.current
-    if whole is not None and whole.scope in ("whole", "rest") and not whole.exceptions:
+    general = whole is not None and whole.scope in ("whole", "rest") and not whole.exceptions
+    if general and not state.negated:
         state.mode = "except"
     else:
         state.negated, state.mode, state.link = False, "", "but"
@@ -211,7 +212,7 @@ def _on_swap(state: Statements, _: Lexeme) -> None:
 
 
 def _on_becomes(state: Statements, _: Lexeme) -> None:
-    """An arrow is a colon after a part, and a change after its material."""
+    """An arrow is a colon after a part, and a change after its material; so is "no," after it."""
     state.link = "is"
     if state.pending is None and state.current is not None:
         state.current.becomes = True
@@ -248,6 +249,9 @@ def _on_it(state: Statements, lexeme: Lexeme) -> None:
         state.compare_with(state.last_part)
     elif state.excepted is not None:
         state.pending, state.excepted, state.mode = state.excepted, None, ""
+    elif state.fronted and lexeme.text.lower() != "which" and state.waits_for_no_other():
+        state.pending, state.link = Draft("whole", exceptions=state.fronted), ""
+        state.fronted = []
     elif lexeme.text.lower() == "which" and state.pending is None and state.is_other():
         state.pending, state.link = Draft("parts", [state.last_part], named=True), ""
     elif state.pending is None and state.link not in ("of", "on", "off"):
@@ -257,7 +261,8 @@ def _on_it(state: Statements, lexeme: Lexeme) -> None:
 
 def _on_general(state: Statements, lexeme: Lexeme) -> None:
     """Start a statement about everything, what is left, or the other of two."""
-    if lexeme.role == "whole" and (state.pending is not None or state.link == "of"):
+    busy = state.pending is not None and not (state.fronted and state.waits_for_no_other())
+    if lexeme.role == "whole" and (busy or state.link == "of"):
         return
     state.flush()
     state.link, state.current = "swallow", None
@@ -266,6 +271,7 @@ def _on_general(state: Statements, lexeme: Lexeme) -> None:
         state.pending = Draft("parts", [("other", *state.last_part[-1:])])
     else:
         state.pending = Draft("whole" if lexeme.role == "whole" else "rest")
+        state.pending.exceptions, state.fronted = state.fronted, []
 
 
 def _mode(name: str) -> Callable[[Statements, Lexeme], None]:

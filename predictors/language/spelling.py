@@ -18,22 +18,26 @@ LANGUAGES = ("en", "de", "fr", "es", "it", "nl", "pt", "sv", "pl")
 
 def mended_spelling(
     cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
-) -> tuple[list[Atom], list[str], set[int]]:
-    """Mend what is misspelt; tell what is in no dictionary, and a text that is not English."""
+) -> tuple[list[Atom], list[str], set[int], dict[int, str]]:
+    """Mend what is misspelt; tell what is in no dictionary, and a text that is not English.
+
+    Returns the atoms, notes on the whole, where the words stand that nobody knows, and by place
+    what was mended.
+    """
     odd = [i for i, atom in enumerate(cut) if not _is_known(atom, lexicon, known)]
-    mended, notes = list(cut), []
+    mended, told = list(cut), {}
     for i in odd:
         near = _nearest(cut[i], lexicon, known)
         if near and not _in_designation(cut, i):
             mended[i] = cut[i]._replace(stem=near, text=near)
-            notes.append(f"read {cut[i].text!r} as {near!r}")
+            told[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
     if odd and (_is_foreign(cut) or (len(left) >= 3 and len(left) >= FOREIGN_SHARE * long)):
         note = f"{len(odd)} of {long} words are not English: only English is understood"
-        return cut, [note], {cut[i].start for i in odd}
-    return mended, notes, strange
+        return cut, [note], {cut[i].start for i in odd}, {}
+    return mended, [], strange, told
 
 
 def _is_foreign(cut: list[Atom]) -> bool:
@@ -57,7 +61,7 @@ def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
     word = atom.text.lower()
     return (
         not word[0].isalpha()
-        or len(word) < SHORTEST_MENDED
+        or (len(word) < SHORTEST_MENDED and not (atom.text.isupper() and len(word) > 1))
         or word in known
         or atom.stem in known
         or word in lexicon.spellings

@@ -22,6 +22,7 @@ class Statements:
         self.pending: Draft | None = None  # a subject of which nothing is said yet
         self.current: Draft | None = None  # of which something was said last
         self.excepted: Draft | None = None  # what a whole leaves out, until it is spoken of
+        self.fronted: list[Phrase] = []  # left out of a whole that is still to come
         self.held: Draft | None = None  # a subject that waits while a bracket speaks of another
         self.last_part: Phrase = ()
         self.link = self.mode = self.coming = ""  # the connector before, what it wants, the next
@@ -94,6 +95,10 @@ class Statements:
             self.current.compare_with(part)
         self.mode = self.link = ""
 
+    def waits_for_no_other(self) -> bool:
+        """Whether no subject waits but one that a whole to come leaves out."""
+        return self.pending is None or self.pending.names == self.fronted
+
     def is_other(self) -> bool:
         """Whether the last part that was named is not what the last statement is about."""
         return self.current is None or self.last_part not in self.current.names
@@ -128,7 +133,7 @@ class Statements:
             self.pending = None
         self.flush()
         holds = not self.drafts and _is_thing(group)
-        draft = Draft("parts", names, named=group.named, holds=holds)
+        draft = Draft("parts", names, named=group.named, holds=holds, tight=not group.part_first)
         self.settle(draft)
         self._fill(draft, group.values, group.lexemes)
 
@@ -143,6 +148,11 @@ class Statements:
 
     def _in_list(self) -> bool:
         return self.link in ("and", "comma") and not self.verb
+
+    def _ends_list(self, pending: Draft) -> bool:
+        """Whether a comma ends what "and" added to a pair: "oak top and back, frame in steel"."""
+        before = pending.joins
+        return before is not None and before.tight and self.link == "comma"
 
     def _part(self, group: Group) -> None:
         """A noun: a subject, or what a word before it wants of a part."""
@@ -173,7 +183,7 @@ class Statements:
             self.link = "" if not self._object(group) else self.link
         elif pending is not None and self.link in ("is", "of"):
             self._after_link(group, pending)
-        elif pending is not None and self._in_list():
+        elif pending is not None and self._in_list() and not self._ends_list(pending):
             pending.names.append(group.part)
             pending.named = pending.named or group.named
         elif self.link in ("off", "on", "for") and pending is not None and self.coming == "is":
@@ -184,6 +194,7 @@ class Statements:
             joined = self.link == "and" and pending is None
             self.flush()
             self.pending = Draft("parts", [group.part], named=group.named, holds=_is_thing(group))
+            self.pending.exceptions, self.fronted = self.fronted, []
             self.pending.joins = self.current if joined else None
         self.verb = self.made = False
 
@@ -289,6 +300,8 @@ class Statements:
         whole = self.pending or self.current
         if whole is not None:
             whole.exceptions.append(group.part)
+        else:
+            self.fronted.append(group.part)  # "apart from the lid, it is all brass"
         self.excepted = Draft("parts", [group.part], named=True)
         if self.pending is None:
             self.pending, self.excepted = self.excepted, None

@@ -80,6 +80,9 @@ def _related(
             settled=True, weight=1.0, network="",
         )  # fmt: skip
     own = getattr(choice.value, measure)
+    if named and not relation.exact:  # no more than a word: a row that is named keeps its range
+        span = getattr(choice.row, measure)
+        wanted = min(max(wanted, span.min), span.max)
     if not relation.exact and ((own >= wanted) if more else (own <= wanted)):
         return choice
     how = (

@@ -104,7 +104,7 @@ class Decider:
         choice = self._placed(choice, said, alpha)
         numbers = with_numbers(
             part.name, choice.row, choice.value, said.all("numbers"),
-            blend=said.first("blend"), volume=volume,
+            blend=said.first("blend"), volume=volume, named=said.naming is not None,
         )  # fmt: skip
         choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
         if numbers.derivation and not said.open:
@@ -251,4 +251,6 @@ def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list
             f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
             f"{first!r} is taken, {', '.join(map(repr, others))} not"
         )
+    for doubt in dict.fromkeys(said.all("doubts")):
+        told.append(f"part {part.name!r}: {doubt}")
     return told

@@ -118,7 +118,9 @@ class Lookup:
     ) -> tuple[list[PartStatement], list[str]]:
         """What is said of each part: by name, of all of them, by an option, or by elimination."""
         sentence = bound.sentence
-        warnings = [*sentence.notes, *_unread(sentence)]
+        told = {line for part in bound.parts for k in part.clauses
+                for line in sentence.clauses[k].doubts}  # fmt: skip
+        warnings = [note for note in (*sentence.notes, *_unread(sentence)) if note not in told]
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)

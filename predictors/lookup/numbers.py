@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
-from ...fem.scene.materials import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue
+from ...fem.scene.materials import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue, Span
 from ..language.clauses import Blend, Quantity
 from .derivation import (
     FIBRES,
@@ -19,6 +19,8 @@ from .derivation import (
 )
 
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
+
+BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
 # What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
 SETTABLE = {"E": (0.0, math.inf), "nu": (-1.0, 0.5), "rho": (0.0, math.inf)}
@@ -40,15 +42,24 @@ def with_numbers(
     *,
     blend: Blend | None = None,
     volume: float = 0.0,
+    named: bool = False,
 ) -> Said:
     """Return a row's value with all that was said in numbers.
 
     A second matter and infill move what the table has, a hardness gives E; E, nu and rho come out
-    as they were said. ``volume`` [m^3] turns a mass into a density.
+    as they were said. ``volume`` [m^3] turns a mass into a density. Beside a row that is ``named``
+    a mass, or a pressure that no word calls a modulus, must be of such matter, or it is told.
     """
     said = {number.measure: number for number in numbers}
     how: list[str] = []
     warnings: list[str] = []
+    stress = said.get("E")
+    if named and stress and not stress.called and not _near(row.E, stress.value):
+        warnings.append(
+            f"part {part!r}: {stress.text!r} is no modulus of {row.name} "
+            f"({row.E.min:.3g} to {row.E.max:.3g} Pa): not used; write E = ... if it is one"
+        )
+        del said["E"]
     if blend is not None:
         fibre = next((name for name in FIBRES if name in blend.material), None)
         if fibre is None:
@@ -68,7 +79,7 @@ def with_numbers(
         value, line = of_infill(value, said["infill"].value)
         how.append(line)
     if "mass" in said:
-        value = _of_mass(part, row, value, said["mass"], volume, how, warnings)
+        value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
     if "thickness" in said:
         warnings.append(
             f"part {part!r}: {said['thickness'].text!r} changes nothing here: the geometry is "
@@ -88,6 +99,8 @@ def _of_mass(
     volume: float,
     how: list[str],
     warnings: list[str],
+    *,
+    named: bool,
 ) -> MaterialValue:
     """Density of a mass over the volume; where no matter of the kind has it, the row's, told."""
     if not volume > 0:
@@ -95,14 +108,20 @@ def _of_mass(
         return value
     rho = mass.value / volume
     low, high = CATEGORIES[row.category].rho
-    if low <= rho <= high:
+    if low <= rho <= high and (not named or _near(row.rho, rho)):
         how.append(f"rho = {rho:.4g} kg/m3 from {mass.text} over {volume:.3g} m3")
         return value._replace(rho=rho)
+    what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
     warnings.append(
         f"part {part!r}: {mass.text!r} over {volume:.3g} m3 is {rho:.3g} kg/m3, which no "
-        f"{row.category} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
+        f"{what} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
     )
     return value
+
+
+def _near(span: Span, value: float) -> bool:
+    """Whether a value may be of matter whose rows lie in ``span``: within twice its ends."""
+    return span.min / BESIDE <= value <= span.max * BESIDE
 
 
 def _checked(part: str, value: MaterialValue, warnings: list[str]) -> MaterialValue:

@@ -74,6 +74,20 @@ def test_a_mass_is_a_density_where_matter_has_it():
         assert "'seat'" in found.warnings[0]
 
 
+def test_a_number_that_no_such_matter_has_is_told_and_not_used():
+    """355 MPa beside steel is a strength; 2.2 kg in a litre of it is a hollow part."""
+    steel = TABLE.exact("steel")
+    for said, volume in (
+        (Quantity("E", 355e6, "355 MPa", called=False), 0.0),
+        (Quantity("mass", 2.2, "2.2 kg"), 1e-3),
+    ):
+        found = with_numbers("head", steel, steel.value(), [said], volume=volume, named=True)
+        assert found.value == steel.value()
+        assert repr(said.text) in found.warnings[0]
+    called = with_numbers("head", steel, steel.value(), [Quantity("E", 355e6, "E 355 MPa")])
+    assert called.value.E == 355e6
+
+
 def test_what_cannot_be_used_is_told():
     """Thickness, an unknown second matter, a Poisson's ratio of no solid."""
     value = RUBBER.value()
