@@ -120,8 +120,17 @@ class Draft:
             self.levels.setdefault(role, (2 if level > 3 else 4) if negated else level)
 
 
-def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLexicon) -> Sentence:
-    """Return the sentence of a text: its drafts as clauses, and what no clause took."""
+def finished(
+    text: str,
+    drafts: Sequence[Draft],
+    lexed: Lexed,
+    lexicon: ReaderLexicon,
+    seen: Sequence[Lexeme] = (),
+) -> Sentence:
+    """Return the sentence of a text: its drafts as clauses, and what no clause took.
+
+    ``seen`` are lexemes that were read and say nothing of what is there: "looks like marble".
+    """
     drafts = [draft for draft in drafts if draft.says]
     for i, draft in enumerate(drafts):
         if draft.same is None:
@@ -136,7 +145,7 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
         else:
             draft.like(found)
     clauses = tuple(_clause(text, draft, lexicon) for draft in drafts)
-    taken = [(x.start, x.end) for draft in drafts for x in draft.lexemes]
+    taken = [(x.start, x.end) for x in (*seen, *(x for draft in drafts for x in draft.lexemes))]
     spoken = {word for draft in drafts for name in draft.names for word in name}
     unread = tuple(
         x.text for x in lexed.lexemes
@@ -149,7 +158,11 @@ def finished(text: str, drafts: Sequence[Draft], lexed: Lexed, lexicon: ReaderLe
 
 def _doubts(draft: Draft) -> tuple[str, ...]:
     """What of a draft was guessed or left out."""
-    strange = (x.text for x in draft.lexemes if not (x.known or x.part or x.text in draft.unknown))
+    strange = (
+        x.text for x in draft.lexemes
+        if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
+        and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
+    )  # fmt: skip
     left = [*draft.left, *(strange if draft.material else ())]
     told = [f"{word!r} beside it is left out" for word in left]
     return tuple(dict.fromkeys([*(x.note for x in draft.lexemes if x.note), *told]))

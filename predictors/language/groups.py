@@ -10,16 +10,13 @@ from ...fem.scene.materials import Material
 from .clauses import Blend, Comparison, Quantity
 from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexeme
-from .quantities import number
+from .phrases import contents_called, implied, is_hue, puts_hue
 
 _SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
 _SMALL = ("empty", "attributes", "coating", "idle", "look", "factors", "fill", "vague", "coat")
-PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
-_REACH = 6  # words before a comparative that may say how many times
-_COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
-               "comparison", "blend", "left"]  # fmt: skip
+               "comparison", "blend", "left", "kin"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,6 +49,23 @@ class Group:
         rows = (m.value for m in self.values if m.kind == "material")
         return next((row for row in rows if isinstance(row, Material)), None)
 
+    @property
+    def modifiers(self) -> list[str]:
+        """Nouns before a material that may make another of it: "polymer clay"."""
+        start = next((m.lexeme.start for m in self.values if m.kind == "material"), 0)
+        nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
+        return [] if self.named else [x.text for x in nouns if x.end < start]
+
+    def contents(self, lexicon: ReaderLexicon) -> str | None:
+        """Row of what a thing is full of: of loose matter and liquids, else of the table."""
+        said = [word for lexeme in self.lexemes for word in lexeme.words]
+        return contents_called(said, lexicon) or (self.material.name if self.material else None)
+
+    @property
+    def is_thing(self) -> bool:
+        """Whether its noun is introduced as the thing that the text is about: "a bookcase"."""
+        return any(x.text.lower() in ("a", "an") for x in self.lexemes)
+
 
 def groups_of(
     run: Sequence[Lexeme], lexicon: ReaderLexicon, *, owes: bool, opens: bool
@@ -63,7 +77,7 @@ def groups_of(
     """
     mentions = _one_material(_mentions(list(run), owes=owes), lexicon)
     if not any(m.kind == "material" for m in mentions):
-        mentions = _implied(run, lexicon) + mentions
+        mentions = [Mention("material", *found) for found in implied(run, lexicon)] + mentions
     if opens:
         mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
     return _paired(_blocks(mentions))
@@ -86,11 +100,11 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "material":
             out.append(_material(lexeme, run, i, owes=owes, fake=fake))
             fake = False
-        elif role == "coat" and _puts_hue(lexeme, out, run[i + 1 : i + 2]):
+        elif role == "coat" and puts_hue(lexeme, [m.value for m in out[-1:]], run[i + 1 : i + 2]):
             fake = True
         elif role in ("coat", "coating", "look", "attributes", "fill"):
             _dress(out, lexeme, role, last=i + 1 == len(run))
-        elif role == "density" and lexeme.text.lower() == "light" and _is_hue(run[i + 1 : i + 2]):
+        elif role == "density" and lexeme.text.lower() == "light" and is_hue(run[i + 1 : i + 2]):
             continue  # "light oak", "light grey"
         elif role in ("stiffness", "density", "character"):
             out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
@@ -107,31 +121,6 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
-
-
-def _implied(run: Sequence[Lexeme], lexicon: ReaderLexicon) -> list[Mention]:
-    """The metal that a treatment speaks of: "galvanised" is steel, until another is named."""
-    rows = ((x, words()["implied"].get(x.text.lower())) for x in run if x.role == "coat")
-    return [
-        Mention("material", replace(x, words=("metal",)), lexicon.table.exact(row))
-        for x, row in rows
-        if row in lexicon.table.phrases
-    ][:1]
-
-
-def _puts_hue(lexeme: Lexeme, out: Sequence[Mention], after: Sequence[Lexeme]) -> bool:
-    """Whether a participle puts the metal after it on the matter before: "wood painted silver"."""
-    rows = [m.value for m in out[-1:] if m.kind == "material"] + [x.value for x in after]
-    metals = [isinstance(row, Material) and row.category == "metal" for row in rows]
-    return lexeme.text.lower() in words()["hues"]["words"] and metals == [False, True]
-
-
-def _is_hue(after: Sequence[Lexeme]) -> bool:
-    """Whether "light" is told of a colour: before another adjective, or a wood."""
-    return any(
-        x.value.category == "wood" if isinstance(x.value, Material) else x.tag == "JJ"
-        for x in after
-    )
 
 
 def _scaled(level: int | str, degree: str) -> int | str:
@@ -187,11 +176,11 @@ def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Menti
         last = next((m for m in reversed(out) if m.kind not in ("modifier", "level")), None)
         if mention.kind == "material" and last is not None and last.kind == "material":
             if _repeats_family(mention, last, lexicon):
+                out.append(replace(mention, kind="kin", value=None))
                 continue
-            if _repeats_family(last, mention, lexicon):  # "steel St37"
-                out.remove(last)
-            else:  # the later of two is the head; what the other says is told
-                out[out.index(last)] = replace(last, kind="left", value=None)
+            # The later of two is the head; what the other says is told, but "steel St37".
+            kin = _repeats_family(last, mention, lexicon) or _is_like(last, mention)
+            out[out.index(last)] = replace(last, kind="kin" if kin else "left", value=None)
         out.append(mention)
     return out
 
@@ -207,6 +196,14 @@ def _repeats_family(said: Mention, beside: Mention, lexicon: ReaderLexicon) -> b
     kin = row.category.split()[-1] == other.category.split()[-1]
     laminate = other.category == "composite" and row.category in ("plastic", "wood")
     return row is other or (generic and kin) or laminate
+
+
+def _is_like(said: Mention, after: Mention) -> bool:
+    """Whether one of two only says more of the other: "beech ply", "music wire A228", a colour."""
+    rows = [m.value for m in (said, after) if isinstance(m.value, Material)]
+    beside = after.lexeme.start - said.lexeme.end <= 1 and said.lexeme.dep != "punct"
+    alike = len({row.category for row in rows}) == 1
+    return (alike and beside) or said.lexeme.text.lower() in words()["hues"]["colours"]
 
 
 def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
@@ -271,50 +268,3 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
         named=any(m.lexeme.part for m in parts),
         part_first=part_first,
     )
-
-
-def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Return the lexemes with every comparison as one: "twice as stiff", "a bit softer"."""
-    out: list[Lexeme] = []
-    for i, lexeme in enumerate(lexemes):
-        found = words()["compared"].get(lexeme.text.lower())
-        start = _comparison_start(out, lexeme, lexemes[i + 1 : i + 3]) if found else None
-        if found is None or start is None:
-            out.append(lexeme)
-            continue
-        measure, way = found
-        way = -way if start < len(out) and out[start].text.lower() == "less" else way
-        factor, exact, start = _factor(out, start)
-        factor = 1 / factor if way < 0 and factor > 1 else factor
-        began = out[start].start if start < len(out) else lexeme.start
-        del out[start:]
-        out.append(
-            replace(
-                lexeme, role="compare", start=began, value=Comparison(measure, factor, exact, ())
-            )
-        )
-    return out
-
-
-def _comparison_start(before: list[Lexeme], lexeme: Lexeme, after: Sequence[Lexeme]) -> int | None:
-    """Index of the word that makes an adjective a comparison, or None where it is none."""
-    last = before[-1].text.lower() if before else ""
-    if last in ("more", "less"):
-        return len(before) - 1
-    if last == "as":
-        return len(before) - 1 if any(x.role == "as" for x in after) else None
-    return len(before) if lexeme.text.lower().endswith("er") else None
-
-
-def _factor(before: list[Lexeme], start: int) -> tuple[float, bool, int]:
-    """How many times, whether a number says so, and where the comparison starts."""
-    factor, exact, first = PLAIN_FACTOR, False, start
-    for i in range(start - 1, max(start - 1 - _REACH, -1), -1):
-        lexeme = before[i]
-        if lexeme.role in ("factors", "vague"):
-            factor, exact, first = float(lexeme.value), lexeme.role == "factors", i
-        elif lexeme.role == "digits":
-            factor, exact, first = number(lexeme.text) or 1.0, True, i
-        elif lexeme.text.lower() not in _COUNTING:
-            break
-    return factor, exact, first

@@ -111,6 +111,15 @@ class ReaderLexicon:
         """Phrase -> row of what fills a thing: "coffee", "books"."""
         return {self.phrase(name): row.name for name, row in load_contents().phrases.items()}
 
+    @cached_property
+    def firsts(self) -> dict[str, list[str]]:
+        """Second word of a row of two -> the first words of such rows."""
+        found: dict[str, list[str]] = {}
+        for phrase in self.rows:
+            if len(phrase) == 2 and len(phrase[0]) > SHORT and phrase[0].isalpha():
+                found.setdefault(phrase[1], []).append(phrase[0])
+        return found
+
     def row_words(self, row: Material) -> set[str]:
         """All words by which a row is called."""
         return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}
@@ -164,7 +173,12 @@ class ReaderLexicon:
         for entry in designations()["designation"]:
             row = self.first_row(entry["rows"])
             if row:
-                found.append((re.compile(rf"(?<![\w.-])(?:{entry['pattern']})(?![\w])"), row))
+                found.append(
+                    (
+                        re.compile(rf"(?<![\w.-])(?:{entry['pattern']})(?:\+[A-Z]{{1,3}})?(?!\w)"),
+                        row,
+                    )
+                )
         return found
 
 

@@ -177,9 +177,9 @@ def _designations(text: str, lexicon: ReaderLexicon) -> list[Lexeme]:
 def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
     """Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows."""
     return [
-        Lexeme(m[0], *m.span(), "idle" if _HARMLESS.fullmatch(m[0]) else "word", known=False,
-               words=(m[0].lower(),))
+        Lexeme(m[0], *m.span(), role, words=(m[0].lower(),), known=role == "idle")
         for m in _CODE.finditer(text)
+        for role in ["idle" if _HARMLESS.fullmatch(m[0]) else "word"]
         if not _TIMES.fullmatch(m[0])
         and all(m.end() <= x.start or x.end <= m.start() or x.role == "word" for x in found)
     ]  # fmt: skip

@@ -13,9 +13,9 @@ from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
 from .clauses import Sentence
 from .drafts import Draft, finished
-from .groups import join_comparisons
 from .lexicon import Phrase, lexicon_of, words
 from .lexing import Lexeme, lex
+from .phrases import join_comparisons
 from .statements import Statements
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
@@ -52,7 +52,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
     lexed = lex(text, lexicon, names)
     statements = Statements(lexicon)
     _walk(join_comparisons(lexed.lexemes), statements)
-    sentence = finished(text, statements.drafts, lexed, lexicon)
+    sentence = finished(text, statements.drafts, lexed, lexicon, statements.seen)
     return replace(sentence, thing=_first_phrase(lexed.lexemes))
 
 
@@ -173,6 +173,8 @@ def _on_and(state: Statements, _: Lexeme) -> None:
 
 
 def _on_is(state: Statements, lexeme: Lexeme) -> None:
+    if lexeme.text.lower() in ("was", "were") and state.link == "bracket":
+        state.negated = True  # "brass (was nylon)"
     if lexeme.text.lower() == "now" or (lexeme.text == ":" and state.pending is None):
         state.negated = False
     waits = state.pending is not None or state.current is None or lexeme.text != ":"

@@ -6,6 +6,7 @@ import re
 import runpy
 from functools import lru_cache
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 from .lexicon import Atom, ReaderLexicon
@@ -31,6 +32,11 @@ def mended_spelling(
         if near and not _in_designation(cut, i):
             mended[i] = cut[i]._replace(stem=near, text=near)
             told[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
+    for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
+        near = _near_phrase(atom, after, lexicon)
+        if near and atom.stem not in known:
+            mended[i] = atom._replace(stem=near, text=near)
+            told[atom.start] = f"read {atom.text!r} as {near!r}"
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
@@ -100,6 +106,19 @@ def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
     nearest = [word for word in nearest if word in known] or nearest
     # "fiber" and "fibre" are one word: either will do.
     return nearest[0] if len({_skeleton(word) for word in nearest}) == 1 else None
+
+
+def _near_phrase(atom: Atom, after: Atom, lexicon: ReaderLexicon) -> str | None:
+    """The first word of a row of two that a word before its second is one letter off from."""
+    from rapidfuzz.distance import OSA
+
+    firsts = lexicon.firsts.get(after.stem, ())
+    if len(atom.text) < SHORTEST_MENDED or not atom.text.isalpha() or (atom.stem,) in lexicon.rows:
+        return None
+    if {atom.stem, atom.text.lower()} & {*firsts} or (atom.text.lower(),) in lexicon.meanings:
+        return None
+    near = [word for word in firsts if OSA.distance(atom.text.lower(), word, score_cutoff=1) <= 1]
+    return near[0] if len(near) == 1 else None
 
 
 def _skeleton(word: str) -> str:

@@ -22,6 +22,7 @@ class Statements:
         self.pending: Draft | None = None  # a subject of which nothing is said yet
         self.current: Draft | None = None  # of which something was said last
         self.excepted: Draft | None = None  # what a whole leaves out, until it is spoken of
+        self.seen: list[Lexeme] = []  # read, and of nothing that is there
         self.fronted: list[Phrase] = []  # left out of a whole that is still to come
         self.held: Draft | None = None  # a subject that waits while a bracket speaks of another
         self.last_part: Phrase = ()
@@ -37,7 +38,7 @@ class Statements:
         owes = self.pending is not None and self.link in ("is", "of", "")
         owes = owes or self.mode != "" or self.link == "but"
         self.coming = after.role if after is not None else ""
-        opens = self.coming in ("is", "of") or self.mode == "except"
+        opens = self.coming in ("is", "of") or self.mode == "except" or self.link == "for"
         groups = groups_of(lexemes, self.lexicon, owes=owes and not opens, opens=opens)
         if not groups and self.link == "is" and self.pending is not None:
             self.settle(self.pending)  # "the handle is ergonomic and the head is steel"
@@ -132,7 +133,7 @@ class Statements:
             names = [*self.pending.names, *names]
             self.pending = None
         self.flush()
-        holds = not self.drafts and _is_thing(group)
+        holds = not self.drafts and group.is_thing
         draft = Draft("parts", names, named=group.named, holds=holds, tight=not group.part_first)
         self.settle(draft)
         self._fill(draft, group.values, group.lexemes)
@@ -141,18 +142,17 @@ class Statements:
         """Whether what was said before without a subject gets it now: "2 GPa for the bracket"."""
         current = self.current
         scopes = {"for": ("none",), "of": ("none",), "bracket": ("none", "whole")}
-        if current is None or current.scope not in scopes.get(self.link, ()):
-            return False
+        owned = self.link == "for" and group.named and current is not None and not current.named
+        if current is None or not (owned or current.scope in scopes.get(self.link, ())):
+            return False  # "two boards of ash for the seat"
         current.scope, current.names, current.named = "parts", [group.part], group.named
         return True
 
     def _in_list(self) -> bool:
-        return self.link in ("and", "comma") and not self.verb
-
-    def _ends_list(self, pending: Draft) -> bool:
-        """Whether a comma ends what "and" added to a pair: "oak top and back, frame in steel"."""
-        before = pending.joins
-        return before is not None and before.tight and self.link == "comma"
+        """Whether nouns add up; a comma ends what "and" adds to a pair: "oak top and back, rim"."""
+        before = self.pending.joins if self.pending is not None else None
+        ends = self.link == "comma" and before is not None and before.tight
+        return self.link in ("and", "comma") and not self.verb and not ends
 
     def _part(self, group: Group) -> None:
         """A noun: a subject, or what a word before it wants of a part."""
@@ -166,11 +166,11 @@ class Statements:
             self.mode = self.link = ""
             if self.current is not None:
                 self.current.same = group.part
-        elif self.mode == "fill" or self._is_content(pending or self.current, group):
+        elif self.mode == "fill" or self._says_content(pending or self.current, group):
             draft = pending or self.current
             if draft is not None:
                 self.settle(draft)
-                draft.filling = self._contents(group) or draft.filling
+                draft.filling = group.contents(self.lexicon) or draft.filling
                 draft.see(group.lexemes)
             self.mode = self.link = ""
         elif self.mode:
@@ -183,7 +183,7 @@ class Statements:
             self.link = "" if not self._object(group) else self.link
         elif pending is not None and self.link in ("is", "of"):
             self._after_link(group, pending)
-        elif pending is not None and self._in_list() and not self._ends_list(pending):
+        elif pending is not None and self._in_list():
             pending.names.append(group.part)
             pending.named = pending.named or group.named
         elif self.link in ("off", "on", "for") and pending is not None and self.coming == "is":
@@ -193,7 +193,7 @@ class Statements:
         else:
             joined = self.link == "and" and pending is None
             self.flush()
-            self.pending = Draft("parts", [group.part], named=group.named, holds=_is_thing(group))
+            self.pending = Draft("parts", [group.part], named=group.named, holds=group.is_thing)
             self.pending.exceptions, self.fronted = self.fronted, []
             self.pending.joins = self.current if joined else None
         self.verb = self.made = False
@@ -237,6 +237,7 @@ class Statements:
         """What is said without a part: of the subject that waits for it, or of the last."""
         if self.mode in ("than", "same") and group.material:  # "softer than foam"
             said = tuple(word for x in group.lexemes for word in x.words)
+            self.seen += group.lexemes
             self.compare_with(said) if self.mode == "than" else None
             self.mode = self.link = ""
             return
@@ -246,10 +247,11 @@ class Statements:
         self.mode = self.mode if self.mode in ("than", "same", "fill") else ""
         self.excepted = None
         if mode == "look":
+            self.seen += group.lexemes
             return
         self.settle(draft)
-        if mode == "fill" or self._is_content(draft, group):
-            draft.filling = self._contents(group) or draft.filling
+        if mode == "fill" or self._says_content(draft, group):
+            draft.filling = group.contents(self.lexicon) or draft.filling
             draft.see(group.lexemes)
             return
         if mode == "coat":
@@ -260,25 +262,18 @@ class Statements:
             draft.material = None  # "a paper towel holder in brass"
         if self.link == "on" and draft.material is not None and group.material:
             draft.coating, draft.material = draft.material.name, None
+        draft.left += group.modifiers
         self._fill(draft, group.values, group.lexemes)
 
-    def _contents(self, group: Group) -> str | None:
-        """Row of what a thing is full of: of loose matter and liquids, else of the table."""
-        said = [word for lexeme in group.lexemes for word in lexeme.words]
-        tails = (tuple(said[i:]) for i in range(len(said)))
-        loose = (self.lexicon.contents[tail] for tail in tails if tail in self.lexicon.contents)
-        return next(loose, group.material.name if group.material else None)
-
-    def _is_content(self, draft: Draft | None, group: Group) -> bool:
+    def _says_content(self, draft: Draft | None, group: Group) -> bool:
         """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
-        names = draft.names if draft is not None else []
-        containers, heads = words()["containers"], {name[-1] for name in names if name}
+        containers, row = words()["containers"], group.material
+        heads = {name[-1] for name in draft.names if name} if draft is not None else set()
         if self.link != "of" or self.verb or not heads & set(containers["words"]):
             return False
-        loose = self._contents(group) != (group.material.name if group.material else None)
-        several = group.lexemes[-1].text.lower().endswith("s")
-        matter = group.material is None or group.material.category in containers["matter"]
-        return loose and (matter or several)
+        fills = row is None or row.category in containers["matter"]
+        loose = group.contents(self.lexicon) != (row.name if row else None)
+        return loose and (fills or group.lexemes[-1].text.lower().endswith("s"))
 
     def _resumed(self, group: Group) -> Draft:
         """Return the draft that goes on, or a new one of nothing that is said."""
@@ -306,8 +301,3 @@ class Statements:
         if self.pending is None:
             self.pending, self.excepted = self.excepted, None
         self.mode = self.link = ""
-
-
-def _is_thing(group: Group) -> bool:
-    """Whether a noun is introduced as the thing that the text is about: "a bookcase"."""
-    return any(x.text.lower() in ("a", "an") for x in group.lexemes)

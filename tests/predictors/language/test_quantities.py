@@ -1,0 +1,66 @@
+"""Numbers of a text: every notation gives one value in SI; what is no measure of ours is none."""
+
+import pytest
+
+
+def test_numbers_are_si(clauses_of):
+    for text, wanted in [
+        ("plate: E = 70 GPa, nu = 0.33, density 2.7 g/cm3", {"E": 70e9, "nu": 0.33, "rho": 2700.0}),
+        ("the plate has a Young's modulus of 2,5 MPa", {"E": 2.5e6}),
+        ("plate rubber 62 Shore A", {"shore_a": 62.0}),
+        ("the plate is oak and weighs 1.2 kg", {"mass": 1.2}),
+        ("plate: PLA, 20 % infill", {"infill": 0.2}),
+        ("plate modulus 10 ksi, rho 62.428 lb/ft3", {"E": 68.947572932e6, "rho": 1000.0}),
+    ]:
+        (said, *_) = clauses_of(text, ["plate"])["plate"]
+        read = {q.measure: q.value for q in said.numbers}
+        assert read == pytest.approx(wanted, rel=1e-5), text  # 62.428 is rounded at 1e-5
+
+
+def test_a_number_is_read_in_every_notation(clauses_of):
+    """One value each, as it is written by many hands; the unit's dimension says what it is."""
+    written = {
+        ("E", 2e9): """
+            E=2 GPa | E ~ 2e9 Pa | modulus 2,000 MPa | E-modulus of 2.0 GPa | E: 2000 N/mm² |
+            2 kN/mm2 | Young's modulus is about 2 gigapascals | 2e9 N/m^2 |
+            elastic modulus 2 000 MPa | E = 2·10⁹ Pa | tensile modulus: 2x10^3 MPa | Ex = 2 GPa |
+            flexural modulus 290.0754754 ksi | 2 GPa modulus | stiffness approx. 2 Gpa | E=2E9 |
+            E = 20394.32425 kgf/cm2""",
+        ("rho", 7850.0): """
+            density 7.85 g/cm³ | ρ = 7.85 g/cc | rho=7850 kg/m3 | 7.85 kg/dm³ | 7.85 t/m3 |
+            7850 kg/m^3 | 7.85 kg/l | 490.0594885 lb/ft³ | 490.0594885 pcf |
+            0.2835991256 lb/in3 | 7850 kg per cubic metre | 7.85 g·cm⁻³ | 7850 kg m-3 |
+            rho = 7850 | density of 7,850 kg/m³ | 490.0594885 pounds per cubic foot""",
+        ("nu", 0.4): """
+            nu=0.4 | ν = .4 | Poisson's ratio 0.40 | poisson ratio of 0,4 | v=0.4 | Poisson 0.4 |
+            nu 0.4""",
+        ("mass", 0.35): """
+            weighs 350 g | mass 0.35 kg | weight: 350 grams | 0.77161791765 lb heavy |
+            weighing 350g""",
+        ("thickness", 0.003): """
+            3 mm thick | thickness: 3mm | 3 mm walls | wall thickness of 0.3 cm | 3mm wall""",
+        ("infill", 0.1): """
+            10 % infill | infill 10% | infill: 10 percent | 10% gyroid infill""",
+        ("shore_a", 60.0): """
+            60A | Shore 60 | shore A 60 | 60 Shore A | Shore hardness 60A | durometer 60A |
+            60 ShA | 60 duro | 60° Shore A | 60 durometer | Shore-A 60 | 60 A Shore |
+            hardness of 60 Shore A | Shore A hardness of 60 | IRHD 60 | 60 sh A | 60a""",
+        ("shore_d", 70.0): """
+            Shore D 70 | 70D | 70 Shore D | Shore 70D | durometer D 70 | Shore-D: 70""",
+    }
+    wrong = []
+    for (measure, value), texts in written.items():
+        for said in map(str.strip, texts.split("|")):
+            clauses = clauses_of(f"plate: rubber, {said}", ["plate"])["plate"]
+            read = [(q.measure, pytest.approx(q.value)) for c in clauses for q in c.numbers]
+            wrong += [] if read == [(measure, value)] else [(said, read)]
+    assert not wrong
+
+
+def test_what_is_no_modulus_is_not_taken_for_one(clauses_of):
+    for said in (
+        "shear modulus 80 GPa", "bulk modulus 160 GPa", "yield strength 250 MPa",
+        "hardness 55 HRC", "section modulus 3 cm3", "pressure of 3 bar", "M8 x 20",
+    ):  # fmt: skip
+        for clause in clauses_of(f"the plate is steel, {said}", ["plate"])["plate"]:
+            assert not clause.numbers, said
