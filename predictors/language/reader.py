@@ -92,7 +92,7 @@ def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:
             state.run(run, lexeme)
         run = []
         if lexeme.role == "word":
-            state.verb, state.made = True, lexeme.tag == "VBN"
+            state.verb = True
         elif not (_owns(lexemes, i, state) or _points(lexeme, after)):
             connect = _CONNECTORS.get(lexeme.role)
             if connect:

@@ -27,8 +27,7 @@ class Statements:
         self.held: Draft | None = None  # a subject that waits while a bracket speaks of another
         self.last_part: Phrase = ()
         self.link = self.mode = self.coming = ""  # the connector before, what it wants, the next
-        self.negated = self.neither = self.swaps = self.verb = self.made = False
-        self.matter = frozenset(words()["attributes"]["matter"])
+        self.negated = self.neither = self.swaps = self.verb = False
 
     def run(self, lexemes: list[Lexeme], after: Lexeme | None) -> None:
         """Take the words between two connectors."""
@@ -169,13 +168,11 @@ class Statements:
         elif self.mode == "fill" or self._says_content(pending or self.current, group):
             draft = pending or self.current
             if draft is not None:
-                self.settle(draft)
-                draft.filling = group.contents(self.lexicon) or draft.filling
-                draft.see(group.lexemes)
+                self._fill_up(draft, group)
             self.mode = self.link = ""
         elif self.mode:
             self.mode = ""
-        elif self.coming == "is" and group.part[-1:] and group.part[-1] in self.matter:
+        elif self.coming == "is" and {*group.part[-1:]} & {*words()["attributes"]["matter"]}:
             self.pending = pending or Draft("whole")
             if group.part[:-1]:
                 self.pending = Draft("parts", [group.part[:-1]], named=group.named)
@@ -187,16 +184,19 @@ class Statements:
             pending.names.append(group.part)
             pending.named = pending.named or group.named
         elif self.link in ("off", "on", "for") and pending is not None and self.coming == "is":
-            self._place(group, pending)
+            if set(group.part) & places():  # "the cushion on the left is ..."
+                pending.names[-1:] = [(*group.part, *name) for name in pending.names[-1:]]
         elif self.link in ("off", "for") or (self.link in ("of", "bracket") and pending is None):
             self._is_late(group)  # also "oak (top)"
         else:
             joined = self.link == "and" and pending is None
             self.flush()
-            self.pending = Draft("parts", [group.part], named=group.named, holds=group.is_thing)
-            self.pending.exceptions, self.fronted = self.fronted, []
-            self.pending.joins = self.current if joined else None
-        self.verb = self.made = False
+            self.pending = Draft(
+                "parts", [group.part], self.fronted, named=group.named, holds=group.is_thing,
+                joins=self.current if joined else None,
+            )  # fmt: skip
+            self.fronted = []
+        self.verb = False
 
     def _object(self, group: Group) -> bool:
         """Take the noun after "it is" for the object's name: "this is a bookcase with ..."."""
@@ -228,11 +228,6 @@ class Statements:
             pending.see(group.lexemes)
         self.link = ""
 
-    def _place(self, group: Group, pending: Draft) -> None:
-        """Where a part is, is part of its name: "the cushion on the left is ..."."""
-        if set(group.part) & places():
-            pending.names[-1:] = [(*group.part, *name) for name in pending.names[-1:]]
-
     def _values(self, group: Group) -> None:
         """What is said without a part: of the subject that waits for it, or of the last."""
         if self.mode in ("than", "same") and group.material:  # "softer than foam"
@@ -249,11 +244,10 @@ class Statements:
         if mode == "look":
             self.seen += group.lexemes
             return
-        self.settle(draft)
         if mode == "fill" or self._says_content(draft, group):
-            draft.filling = group.contents(self.lexicon) or draft.filling
-            draft.see(group.lexemes)
+            self._fill_up(draft, group)
             return
+        self.settle(draft)
         if mode == "coat":
             draft.coating = group.material.name if group.material else None
             draft.see(group.lexemes)
@@ -264,6 +258,11 @@ class Statements:
             draft.coating, draft.material = draft.material.name, None
         draft.left += group.modifiers
         self._fill(draft, group.values, group.lexemes)
+
+    def _fill_up(self, draft: Draft, group: Group) -> None:
+        self.settle(draft)
+        draft.filling = group.contents(self.lexicon) or draft.filling
+        draft.see(group.lexemes)
 
     def _says_content(self, draft: Draft | None, group: Group) -> bool:
         """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
@@ -289,7 +288,7 @@ class Statements:
         for mention in values:
             draft.take(mention, self.lexicon, negated=self.negated)
         draft.see(lexemes)
-        self.link, self.verb, self.made = "", False, False
+        self.link, self.verb = "", False
 
     def _except(self, group: Group) -> None:
         whole = self.pending or self.current
