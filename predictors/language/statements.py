@@ -291,11 +291,8 @@ class Statements:
         self.link, self.verb = "", False
 
     def _except(self, group: Group) -> None:
-        whole = self.pending or self.current
-        if whole is not None:
-            whole.exceptions.append(group.part)
-        else:
-            self.fronted.append(group.part)  # "apart from the lid, it is all brass"
+        whole = self.pending or self.current  # none in "apart from the lid, it is all brass"
+        (self.fronted if whole is None else whole.exceptions).append(group.part)
         self.excepted = Draft("parts", [group.part], named=True)
         if self.pending is None:
             self.pending, self.excepted = self.excepted, None
