@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...fem.scene.materials import MaterialTable, load_table
 from ..asset import UpAxis
@@ -160,11 +161,13 @@ class FilmModel:
         inputs = frame.inputs(part, appearance.colours)
         # The name of a part says nothing of its pieces.
         known = [known and names and not heard.of_pieces for known in heard.named]
+        first, same = _distinct(heard.names)
         present = np.arange(k)[None] < count
         unsaid = np.array([not count and heard.spoken])
         numbers = (
             inputs[None], embedded, present, heard.whole[None], unsaid, evidence, reliability,
-            heard.names[None], np.array([known]), part[None].astype(np.int64),
+            heard.names[first][None], np.array([known])[:, first],
+            np.where(part < 0, -1, same[part])[None].astype(np.int64),
         )  # fmt: skip
         return VoxelScene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
 
@@ -187,3 +190,15 @@ class FilmModel:
             share = torch.rot90(result.logits.softmax(1), -turn, (-3, -2))[0]
             shares.append(share.movedim(0, -1).numpy())
         return np.stack(out), np.mean(shares, axis=0)
+
+
+def _distinct(
+    names: Float[np.ndarray, "parts dim"],
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "parts"]]:
+    """First part of each name, in order, and for each part the place of its name among them.
+
+    Parts of one name are one to the network: what it costs grows with the names, not the bolts.
+    """
+    _, first, same = np.unique(names, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[same.reshape(-1)]

@@ -91,6 +91,15 @@ class Decider:
     def __init__(self, table: MaterialTable, kernel: RowKernel) -> None:
         self.table, self.kernel = table, kernel
 
+    def prepare(self, parts: Sequence[NamedPart], said: Sequence[PartStatement]) -> None:
+        """Embed in one go what is asked of the parts that no word of the table names."""
+        unnamed = (
+            (part, words)
+            for part, words in zip(parts, said, strict=True)
+            if words.naming is None and not part.material
+        )
+        self.kernel.embed([_query(part, words) for part, words in unnamed])
+
     def decide(
         self, part: NamedPart, said: PartStatement, *, alpha: float | None, volume: float
     ) -> tuple[PartChoice, tuple[str, ...]]:
@@ -164,10 +173,9 @@ class Decider:
         )  # fmt: skip
         fitting = [row for row in rows if said.kind in (None, row.category)]
         rows = fitting or self.kernel.rows
-        query = f"{part.spoken} {deciding.text}".strip()
         usual = {self.table.exact(word).name for word in (*COMMON, *ALSO_COMMON)}
         names = {row.name for row in rows}
-        near = self.kernel.nearest(query, among=names, common=names & usual)
+        near = self.kernel.nearest(_query(part, said), among=names, common=names & usual)
         doubt = (
             f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
             f"{near.row.name} is no more than the nearest in meaning"
@@ -180,9 +188,7 @@ class Decider:
 
     def _by_meaning(self, part: NamedPart, said: PartStatement) -> PartChoice:
         """Choose the row nearest in meaning to the part's name; the common ones if all are far."""
-        clause = next(iter(said.clauses), None)
-        heard = clause.text if clause and not clause.unknown else ""
-        query = f"{part.spoken} {heard}".strip()
+        query = _query(part, said)
         common = {self.table.exact(word).name for word in COMMON}
         near = self.kernel.nearest(query, common=common)
         return _choice(
@@ -206,6 +212,15 @@ class Decider:
         if alpha is not None:
             place, value = alpha, value._replace(E=choice.row.value(alpha).E)
         return replace(choice, value=value, alpha=place)
+
+
+def _query(part: NamedPart, said: PartStatement) -> str:
+    """Words to compare with the table's: what a part is called, and what is said of it."""
+    if said.unknown is None and said.deciding is not None:
+        return f"{part.spoken} {said.deciding.text}".strip()
+    first = next(iter(said.clauses), None)
+    heard = first.text if first and not first.unknown else ""
+    return f"{part.spoken} {heard}".strip()
 
 
 def _choice(

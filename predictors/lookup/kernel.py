@@ -5,7 +5,7 @@ After NeRF2Physics (Zhai et al. 2024), without its language model.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -87,6 +87,11 @@ class RowKernel:
         best = int(np.argmax(weight))
         share = float(weight[best] / weight.sum())
         return Nearest(self.rows[best], share, bool(cosines[best] >= MEANINGFUL))
+
+    def embed(self, queries: Sequence[str]) -> None:
+        """Embed queries in one go, for whoever asks for them one by one."""
+        if queries:
+            self._embed([*queries])
 
     def similarity(self, left: list[str], right: list[str]) -> Float[np.ndarray, "left right"]:
         """Cosines of two lists of texts."""

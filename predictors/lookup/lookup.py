@@ -89,6 +89,7 @@ class Lookup:
         of_all = defaultdict[PartStatement, float](float)  # a mass is that of all it is said of
         for part, said in zip(parts, statements, strict=True):
             of_all[said] += part.volume
+        self._decider.prepare(parts, statements)
         choices = []
         for part, said in zip(parts, statements, strict=True):
             choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
