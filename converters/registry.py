@@ -32,6 +32,7 @@ class Keeps(StrEnum):
     PRESCRIBED = "prescribed displacements"
     SPRINGS = "springs"
     QUADRATIC = "quadratic elements"
+    GRAIN = "the grain"
     COLUMNS = "further columns"
     REMARKS = "remarks"
     HARMONICS = "spherical harmonics"

@@ -7,14 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .grain import is_of_row
 from .result import StaticResult
 from .scene.material_properties import Strength, load_strengths
-from .scene.materials import load_table
 from .scene.mesh import material_of
-
-# E of a part may leave the range of its row by this factor before its stress is not that of the
-# material: an apparent modulus, of a hollow part that is meshed solid, smears the stress.
-SAME_E = 1.5
 
 
 class Safety(NamedTuple):
@@ -46,18 +42,13 @@ def part_safety(result: StaticResult, materials: Mapping[str, str]) -> tuple[Saf
     over a tet, the largest of the part; at a sharp inner corner they grow with a finer mesh.
     """
     mesh, strengths, found = result.mesh, load_strengths(), []
+    E = material_of(mesh).E
     for region, part in enumerate(mesh.region_names):
         row = materials.get(part, "")
         tets = np.flatnonzero(mesh.region == region)
-        if row in strengths and tets.size and _is_of(result, tets, row):
+        if row in strengths and tets.size and is_of_row(E[tets], row):
             found.append(_worst(result, tets, part, row, strengths[row]))
     return tuple(found)
-
-
-def _is_of(result: StaticResult, tets: np.ndarray, row: str) -> bool:
-    """Whether E of the tets is that of the row, not an apparent one."""
-    E, span = material_of(result.mesh).E[tets], load_table().exact(row).E
-    return bool(span.min / SAME_E <= E.min() and E.max() <= span.max * SAME_E)
 
 
 def _worst(

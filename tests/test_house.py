@@ -11,7 +11,7 @@ FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
         "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
-        "mpm", "scenarios", "safety", "verdicts",
+        "mpm", "scenarios", "grain", "safety", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

@@ -84,9 +84,8 @@ class ConvertOptions:
         """Return the options of the tetrahedraliser; size, units and up belong to loading."""
         names = ("edge_length_rel", "edge_length", "epsilon_rel", "max_tets", "layers", "thicken")
         names += ("mesher", "time_limit", "accept_broken", "seed")
-        return {name: getattr(self, name) for name in names} | {
-            "cache": None if self.no_cache else self.cache or _cache_folder("convert"),
-        }
+        cache = None if self.no_cache else self.cache or _cache_folder("convert")
+        return {name: getattr(self, name) for name in names} | {"cache": cache}
 
 
 @dataclass(frozen=True)
@@ -156,6 +155,8 @@ class SimulateOptions:
     """Torque [N m] in total on a place, PLACE=tx,ty,tz; may be repeated."""
     move: Annotated[tuple[str, ...], Repeated] = ()
     """Prescribed displacement [m] of a place, PLACE=dx,dy,dz, or PLACE:z=0,0,dz; repeatable."""
+    grain: Annotated[tuple[str, ...], Repeated] = ()
+    """Way of the grain of a wooden part, part:NAME=x,y,z; by default along its longest axis."""
     scene: Path | None = None
     """TOML file of fix, load, pressure, torque, move, gravity, gravity_dir; options add to it."""
     gravity: float | None = None
@@ -272,7 +273,6 @@ class Common:
     """TOML file of options; what stands on the command line wins."""
     print_config: bool = False
     """Print the options as TOML, for --config, and do nothing."""
-
     json: bool = False
     """Print one JSON document on stdout; everything else goes to stderr."""
     verbose: Annotated[bool, tyro.conf.arg(aliases=("-v",))] = False

@@ -248,9 +248,10 @@ def run(
                 solid.mesh, text, asset=solid.asset, options=assigning, walls=solid.known_walls
             )
             clock.lap("assign")
-            answer = simulate(body.mesh, up=up, options=simulate_options, progress=progress)
             rows = {choice.part: choice.material for choice in body.choices}
-            cases.append(RunCase(body, replace(answer, materials=rows)))
+            given = {"up": up, "materials": rows, "progress": progress}
+            answer = simulate(body.mesh, options=simulate_options, **given)
+            cases.append(RunCase(body, answer))
             clock.lap("simulate")
         result = RunResult(solid, tuple(cases), clock.seconds)
         if features:

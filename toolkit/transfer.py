@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.errors import InputError, UsageError
+from ..fem.grain import has_grain
 from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
@@ -179,7 +180,11 @@ def export(
         )
         files = _publish(done.files, output.parent, mesh)
     result = ExportResult(body, target, done, files)
-    return replace(result, warnings=tuple(_losses(result)))
+    warnings = [*_losses(result)]
+    parts = known.record.get("assign", {}).get("parts", []) if known else []
+    if has_grain({part["name"]: part["material"] for part in parts}):
+        warnings.append("wood is written as stiff across its grain as along it")
+    return replace(result, warnings=tuple(warnings))
 
 
 def read_source(path: Path) -> MaterialField | TetMesh:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.grain import longest_axis, ring_mean, with_grains
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.material import ElementMaterial, mandel_vector
 from autophyx_tet.fem.scene.material_properties import OrthotropicConstants, load_grains
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.support_finder import find_supports
@@ -114,3 +115,38 @@ def test_what_knows_no_grain_says_so():
         mesh.material.with_grain(np.arange(2), OAK, 2 * np.eye(3))
     with pytest.raises(InputError, match="give energy away"):
         mesh.material.with_grain(np.arange(2), OAK._replace(nu_LT=5.0), np.eye(3))
+
+
+def test_the_grain_runs_along_the_longest_axis():
+    """Of a turned bar its axis; of a cube none is known; what is stated wins."""
+    turn = random_rotation(4)
+    bar = shaken_box(SIZE, (6, 2, 2), E=1.2e10, amount=0.0)
+    turned = TetMesh(bar.points @ turn.T, bar.tets, bar.region, ("leg",), material=bar.material)
+    everywhere = np.arange(len(bar.tets))
+    axis = longest_axis(turned, everywhere)
+    assert axis is not None
+    assert abs(axis @ turn[:, 0]) == pytest.approx(1, abs=1e-3)
+    cube = shaken_box((1, 1, 1), (3, 3, 3), amount=0.0)
+    assert longest_axis(cube, np.arange(len(cube.tets))) is None
+    rows = {"leg": "white oak (along grain)"}
+    found = with_grains(turned, rows, {})
+    assert found.mesh.material.tensor is not None
+    assert found.notes[0].startswith("the grain is taken along leg (")
+    along = with_grains(turned, rows, {"leg": turn[:, 1]}).mesh.material.tensor[0]
+    compliance = np.linalg.inv(along)
+    pull = mandel_vector(np.outer(turn[:, 1], turn[:, 1]))
+    assert 1 / (pull @ compliance @ pull) == pytest.approx(1.2e10, rel=1e-9)
+    with pytest.raises(UsageError, match="part:leg: 'steel' has no grain in the table"):
+        with_grains(turned, {"leg": "steel"}, {"leg": turn[:, 1]})
+
+
+def test_rings_in_all_directions_look_alike_from_the_side():
+    """E across is the same all around the grain, between radial and tangential; E along stays."""
+    compliance = np.linalg.inv(ring_mean(OAK, np.array([0.0, 0.0, 2.0])))
+    across = []
+    for angle in np.linspace(0, np.pi, 7):
+        side = np.array([np.cos(angle), np.sin(angle), 0])
+        pull = mandel_vector(np.outer(side, side))
+        across.append(1 / (pull @ compliance @ pull))
+    assert across == pytest.approx([across[0]] * 7, rel=1e-9)
+    assert compliance[2, 2] == pytest.approx(1 / OAK.E_L, rel=1e-9)

@@ -78,3 +78,23 @@ def test_held_vibrations_are_those_of_the_stated_supports(hammer_msh):
     assert end.frequencies[0] < 0.5 * handle.frequencies[0]
     assert both.frequencies  # of the same supports, whatever order they are found with
     assert both.frequencies[0] < 0.5 * handle.frequencies[0]
+
+
+def test_wood_bends_more_across_its_grain():
+    """The handle by its longest axis, as stated along it, and across: softer, and all is said."""
+    mesh, rows = hammer(0.02), {"handle": "white oak (along grain)", "head": "steel"}
+    scene = {"fix": ["part:head"], "load": {"part:handle": (0, 0, -10)}, "gravity": 0.0}
+    known, along, across = (
+        simulate(mesh, materials=rows, grain=grain, **scene)
+        for grain in ([], ["part:handle=-2,0,0"], ["part:handle=0,1,0"])
+    )
+    largest = [s.solved.max_displacement for s in (known, along, across)]
+    assert largest[0] == pytest.approx(largest[1], rel=1e-3)
+    assert largest[2] > 5 * largest[1]  # E across is .07 to .16 of E along
+    assert any("the grain is taken along handle (1, " in said for said in known.warnings)
+    with pytest.raises(UsageError, match="part:head: 'steel' has no grain"):
+        simulate(mesh, materials=rows, grain=["part:head=1,0,0"], **scene)
+    with pytest.raises(UsageError, match="wanted part:NAME=x,y,z; parts are handle, head"):
+        simulate(mesh, materials=rows, grain=["handle=1,0,0"], **scene)
+    with pytest.raises(UsageError, match="only bodies at rest and vibrations"):
+        simulate(mesh, materials=rows, grain=["part:handle=1,0,0"], scenario="drop")

@@ -46,7 +46,8 @@ def changed_options(options: SimulateOptions, given: Mapping[str, Any]) -> Simul
             near = get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise UsageError(f"simulate has no option {name!r}{hint}")
-    plain = {name: entries(value) if name in KINDS else value for name, value in given.items()}
+    repeated = (*KINDS, "grain")
+    plain = {name: entries(value) if name in repeated else value for name, value in given.items()}
     way = plain.get("gravity_dir")
     if way is not None and not isinstance(way, str):
         plain["gravity_dir"] = ",".join(repr(float(x)) for x in way)

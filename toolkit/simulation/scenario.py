@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..results.ringing import Ringing
 from ..results.settled import Settled
 from ..results.simulation import Simulation
 from .conditions import stated_conditions
+from .grain import grained
 
 STANDING_MODES = 3
 
@@ -28,7 +29,12 @@ Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
 
 def run_scenario(
-    mesh: TetMesh, options: SimulateOptions, *, up: UpAxis, progress: Progress | None = None
+    mesh: TetMesh,
+    options: SimulateOptions,
+    *,
+    up: UpAxis,
+    materials: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
 ) -> Simulation:
     """Solve the scenario of ``options`` on a mesh with a material.
 
@@ -54,7 +60,10 @@ def run_scenario(
     _check_law(options, method)
     if not particles:
         _check_conditions(options, stated.conditions, scenario)
+    kind = "mpm" if particles else scenario.method
+    mesh, notes = grained(mesh, options, materials or {}, method=kind)
     scene = stated.conditions.applied(scenario.scene(mesh, up=up))
+    scene = replace(scene, warnings=(*scene.warnings, *notes))
     result = method.solve(
         scene,
         law=options.law,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ def simulate(
     picture: Path | None = None,
     drive: Path | None = None,
     drive_scale: float | None = None,
+    materials: Mapping[str, str] | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -40,6 +41,8 @@ def simulate(
     whole motion as .pvd; ``report`` the page, .html; ``picture`` the last state as .png, or the
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
+    ``materials`` are the rows of the table by part, by default those on record beside the mesh:
+    they have strengths and a grain.
 
     Raises
     ------
@@ -50,7 +53,6 @@ def simulate(
     ConvergenceError
         Where the solver does not reach its tolerance.
     """
-    from ..report.snapshot import SUFFIXES
     from .scenario import run_scenario
 
     options = changed_options(options or SimulateOptions(), given)
@@ -58,20 +60,17 @@ def simulate(
         output = _driven_output(drive, output)
     elif output is not None:
         check_file(output, (".vtu", ".vtk", ".pvd"))
-    if report is not None:
-        check_file(report, (".html",))
-    if picture is not None:
-        check_file(picture, SUFFIXES)
+    _check_pages(report, picture)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
     mesh, sidecar, *_ = read_known(mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    rows = _rows_on_record(sidecar) if materials is None else materials
+    known = {"up": sidecar.up, "materials": rows, "progress": progress}
     with logged(output):
-        result = run_scenario(mesh, options, up=sidecar.up, progress=progress)
-    parts = sidecar.record.get("assign", {}).get("parts", [])
-    result = replace(result, materials={part["name"]: part["material"] for part in parts})
+        result = replace(run_scenario(mesh, options, **known), materials=rows)
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
@@ -80,6 +79,20 @@ def simulate(
         )
         result = replace(result, driven=driven, files=driven.files)
     return _shown(result, name, sidecar, output=output, report=report, picture=picture)
+
+
+def _rows_on_record(sidecar: Sidecar) -> dict[str, str]:
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    return {part["name"]: part["material"] for part in parts}
+
+
+def _check_pages(report: Path | None, picture: Path | None) -> None:
+    from ..report.snapshot import SUFFIXES
+
+    if report is not None:
+        check_file(report, (".html",))
+    if picture is not None:
+        check_file(picture, SUFFIXES)
 
 
 def _shown(

@@ -1,0 +1,51 @@
+"""The grain of wood in a simulation: which way it is said to run, and who takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...fem.conditions.selection import numbers
+from ...fem.errors import UsageError
+from ...fem.grain import Grained, has_grain, with_grains
+from ...fem.laws.law import Law
+from ...fem.scene.mesh import TetMesh
+from ..options import SimulateOptions
+
+METHODS_WITH_GRAIN = ("statics", "modal")
+
+
+def grained(
+    mesh: TetMesh, options: SimulateOptions, materials: Mapping[str, str], *, method: str
+) -> Grained:
+    """Give the parts of ``mesh`` their grain where the ``method`` and the law know one, or say so.
+
+    ``materials`` are the rows of the table by part.
+
+    Raises
+    ------
+    UsageError
+        Where ``--grain`` is not understood, or cannot be followed.
+    """
+    stated = _stated(mesh, options.grain)
+    if method in METHODS_WITH_GRAIN and options.law in (None, Law.LINEAR):
+        return with_grains(mesh, materials, stated)
+    if stated:
+        raise UsageError("--grain: only bodies at rest and vibrations, of the linear law, take it")
+    note = "wood is taken as stiff across its grain as along it: this method and law know no grain"
+    return Grained(mesh, (note,) if has_grain(materials) else ())
+
+
+def _stated(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
+    found = {}
+    for entry in entries:
+        place, equals, value = entry.rpartition("=")
+        kind, _, part = place.strip().partition(":")
+        if not equals or kind != "part" or part not in mesh.region_names:
+            known = ", ".join(mesh.region_names)
+            raise UsageError(f"--grain {entry!r}: wanted part:NAME=x,y,z; parts are {known}")
+        found[part] = numbers(value, 3, f"--grain {entry}")
+        if not found[part].any():
+            raise UsageError(f"--grain {entry!r}: wanted a direction, not zero")
+    return found
