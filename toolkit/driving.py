@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,17 +12,21 @@ import numpy as np
 from ..fem.errors import InputError, UsageError
 from ..fem.particle_run import ParticleRun
 from ..fem.scene.mesh import TetMesh
+from ..predictors.asset import UpAxis
 from .io.outputs import check_folder, mesh_suffixes
 from .io.references import References
 from .io.sidecar import Sidecar
 
 if TYPE_CHECKING:
     from ..converters.driving import Driven
+    from ..converters.points.table import PointTable
 
 # A carrier of which more than this share lies outside is likely in other axes or units.
 STRAY = 0.2
 # Frames of a motion are of the mesh where no point of it differs by more, as a share of its size.
 SAME = 1e-6
+# Frames of the GIF of moving splats, and the room around them, as a share of their longest side.
+SHOWN, ROOM = 24, 0.15
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class DriveRecord:
     """What was driven: ``moved`` points or splats over ``frames`` files.
 
     ``outside`` of them lie in no tet and follow the nearest one, at most ``farthest`` [m] away;
-    ``invalid`` have no finite position and stay as they are.
+    ``invalid`` have no finite position and stay as they are; ``picture`` shows moving splats.
     """
 
     files: tuple[Path, ...]
@@ -40,6 +44,7 @@ class DriveRecord:
     farthest: float
     invalid: int
     metres_per_unit: float
+    picture: Path | None = None
     warnings: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
@@ -49,12 +54,13 @@ class DriveRecord:
 
 def drive(
     mesh: TetMesh,
-    displacements: Iterable[Any],
+    displacements: Sequence[Any] | Iterable[Any],
     carrier: Path,
     *,
     folder: Path,
     scale: float = 1.0,
     run: ParticleRun | None = None,
+    up: UpAxis = "z",
 ) -> DriveRecord:
     """Write ``carrier`` into ``folder`` once a frame, moved with ``mesh``.
 
@@ -70,28 +76,30 @@ def drive(
         Metres per unit of the carrier.
     run
         Particles that moved the mesh: the carrier follows them, where the mesh tears too.
+    up
+        Axis that points up in the GIF of splats.
 
     Raises
     ------
     InputError
         Where the carrier cannot be read, or has no points.
     """
-    from ..converters.driving import Driven
     from ..converters.files import writing_folder
     from ..converters.points.point_file import read_points, write_points
 
     suffix, warnings = _suffix(carrier)
     table = read_points(carrier)
-    if run is None:
-        driven = Driven.of(table, mesh, scale=scale)
-    else:
-        driven = Driven.by_particles(table, run, scale=scale)
-        displacements = range(len(run.positions))
+    displacements = displacements if run is None else range(len(run.positions))
+    driven = _embedded(table, mesh if run is None else run, scale)
     with writing_folder(folder) as scratch:
         names = []
-        for i, table in enumerate(driven.frames(displacements)):
+        film = _Film.of(table, displacements, up)
+        for i, moved in enumerate(driven.frames(displacements)):
             names.append(f"{carrier.stem}_{i:05d}{suffix}")
-            write_points(scratch / names[-1], table)
+            write_points(scratch / names[-1], moved)
+            if film is not None:
+                film.show(i, moved)
+        picture = film.save(scratch / f"{carrier.stem}.gif") if film is not None else None
     warnings += _doubts(driven)
     return DriveRecord(
         files=tuple(folder / name for name in names),
@@ -101,8 +109,55 @@ def drive(
         farthest=driven.embedding.distance,
         invalid=int((~driven.valid).sum()),
         metres_per_unit=scale,
+        picture=None if picture is None else folder / picture.name,
         warnings=tuple(warnings),
     )
+
+
+def _embedded(table: PointTable, body: TetMesh | ParticleRun, scale: float) -> Driven:
+    from ..converters.driving import Driven
+
+    if isinstance(body, TetMesh):
+        return Driven.of(table, body, scale=scale)
+    return Driven.by_particles(table, body, scale=scale)
+
+
+class _Film:
+    """A GIF of moving splats, about ``SHOWN`` of ``frames`` frames, seen from aside and above."""
+
+    def __init__(self, table: PointTable, frames: int, up: UpAxis) -> None:
+        from ..predictors.images.cameras import hemisphere
+
+        places = table.positions[np.isfinite(table.positions).all(axis=1)]
+        low, high = np.quantile(places, [0.005, 0.995], axis=0)
+        room = ROOM * (high - low).max()
+        self.camera = hemisphere(np.stack([low - room, high + room]), count=5, up=up)[1]
+        self.stride = -(-frames // SHOWN)
+        self.sheets: list[Any] = []
+
+    @classmethod
+    def of(cls, table: PointTable, states: Iterable[Any], up: UpAxis) -> _Film | None:
+        """A film of splats, of a motion whose length is known; else None."""
+        count = len(states) if isinstance(states, Sized) else 0
+        return cls(table, count, up) if table.is_splat and count else None
+
+    def show(self, number: int, table: PointTable) -> None:
+        """Draw a frame, if it is one of those that are shown."""
+        from PIL import Image
+
+        from ..converters.points.splats.splat_views import splat_view
+
+        if number % self.stride == 0:
+            drawn = splat_view(table, self.camera)
+            self.sheets.append(Image.fromarray((255 * drawn).round().astype(np.uint8)))
+
+    def save(self, path: Path) -> Path:
+        """Write what was shown, two seconds of it, endlessly repeated."""
+        each = round(2000 / len(self.sheets))
+        self.sheets[0].save(
+            path, "GIF", save_all=True, append_images=self.sheets[1:], duration=each, loop=0
+        )
+        return path
 
 
 def transfer_motion(

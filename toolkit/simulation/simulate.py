@@ -74,9 +74,8 @@ def simulate(
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
-        driven = move_carrier(
-            mesh, moved, drive, folder=output.parent, scale=scale, run=result.particles
-        )
+        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        driven = move_carrier(mesh, moved, drive, run=result.particles, **place)
         result = replace(result, driven=driven, files=driven.files)
     return _shown(result, name, sidecar, output=output, report=report, picture=picture)
 

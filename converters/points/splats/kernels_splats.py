@@ -1,0 +1,47 @@
+# type: ignore  (warp code: its types are warp's, not Python's)
+"""Warp kernel that blends splats into a picture, the nearest first, over the pixels of its box."""
+
+import warp as wp  # noqa: TID253 - a kernel module, imported where it is used
+
+wp.set_module_options({"enable_backward": False})
+
+# What is fainter than an eighth bit, and light that is nearly gone, as in 3D Gaussian splatting.
+FAINT = wp.constant(1.0 / 255.0)
+SPENT = wp.constant(1.0e-4)
+DENSEST = wp.constant(0.99)
+
+
+@wp.kernel
+def blend(
+    centre: wp.array(dtype=wp.vec2),
+    conic: wp.array(dtype=wp.vec3),
+    reach: wp.array(dtype=wp.vec2),
+    opacity: wp.array(dtype=float),
+    colour: wp.array(dtype=wp.vec3),
+    image: wp.array2d(dtype=wp.vec4),
+):
+    """Add splats, sorted by depth, to ``image``: colour, and the light that still comes through."""
+    for i in range(centre.shape[0]):
+        c = centre[i]
+        e = reach[i]
+        y0 = wp.max(int(wp.ceil(c[1] - e[1] - 0.5)), 0)
+        y1 = wp.min(int(wp.floor(c[1] + e[1] - 0.5)) + 1, image.shape[0])
+        x0 = wp.max(int(wp.ceil(c[0] - e[0] - 0.5)), 0)
+        x1 = wp.min(int(wp.floor(c[0] + e[0] - 0.5)) + 1, image.shape[1])
+        if y0 < y1 and x0 < x1:
+            q = conic[i]
+            most = opacity[i]
+            own = colour[i]
+            for y in range(y0, y1):
+                dy = float(y) + 0.5 - c[1]
+                for x in range(x0, x1):
+                    p = image[y, x]
+                    if p[3] > SPENT:
+                        dx = float(x) + 0.5 - c[0]
+                        power = -0.5 * (q[0] * dx * dx + q[2] * dy * dy) - q[1] * dx * dy
+                        a = wp.min(DENSEST, most * wp.exp(power))
+                        if a > FAINT:
+                            t = p[3] * a
+                            image[y, x] = wp.vec4(
+                                p[0] + t * own[0], p[1] + t * own[1], p[2] + t * own[2], p[3] - t
+                            )
