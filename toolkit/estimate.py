@@ -36,6 +36,11 @@ class PowerLaw(NamedTuple):
 
 TETS = PowerLaw(factor=12.6, area=0.825, faces=0.153, low=0.51, high=1.65)
 CONVERT_SECONDS = PowerLaw(factor=0.0477, area=0.468, faces=0.311, low=0.46, high=2.43)
+# Tets of a lattice by those wanted, and seconds of a core for start, tet and triangle, with their
+# range: thin parts get more tets, for their volume is matched.
+LATTICE_SHARES = {"low": 0.85, "likely": 1.2, "high": 2.0}
+LATTICE_SECONDS, LATTICE_TET_SECONDS, LATTICE_FACE_SECONDS = 2.5, 4e-5, 5e-5
+LATTICE_SPREAD = {"low": 0.5, "likely": 1.0, "high": 2.5}
 # Of a core, for materials, sag, pictures and report of one sentence: start, and for each tet.
 SENTENCE_SECONDS, TET_SECONDS = 4.0, 1e-3
 # Of our process, which holds the solver and the report; the engine's own child takes .13 to .4 GB.
@@ -97,14 +102,37 @@ def _steps(texts: Sequence[str], scenario: str, output: Path) -> Iterator[str]:
 def _cost(asset: Asset, options: ConvertOptions) -> dict[str, dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
     from .meshing.engine_run import EDGE_LENGTH_REL
+    from .meshing.meshers import STUFFING, chosen_mesher
 
     diagonal = float(np.linalg.norm(np.subtract(*_bounds(asset))))
+    if chosen_mesher(options.mesher, sampled=asset.sampled) == STUFFING:
+        return _lattice_cost(asset, options, diagonal)
     edge = options.edge_length or (options.edge_length_rel or EDGE_LENGTH_REL) * diagonal
     area = sum(float(part.mesh.area) for part in asset.parts) / edge**2
     tets = TETS.at(area, _faces(asset))
     if options.max_tets:
         tets = {name: min(count, options.max_tets) for name, count in tets.items()}
     return {"tets": tets, "cpu_seconds": CONVERT_SECONDS.at(area, _faces(asset))}
+
+
+def _lattice_cost(
+    asset: Asset, options: ConvertOptions, diagonal: float
+) -> dict[str, dict[str, float]]:
+    """The same of a lattice: its tets fill the volume, or are as many as wanted."""
+    from .meshing.engine_run import TETS_PER_CUBE, EngineTarget
+
+    rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
+    target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)
+    wanted = float(target.on_lattice(options.max_tets, sharp=True).tets)
+    if rel is not None:
+        volume = sum(abs(float(part.mesh.volume)) for part in asset.parts)
+        wanted = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)
+    tets = {name: float(f"{share * wanted:.2g}") for name, share in LATTICE_SHARES.items()}
+    seconds = LATTICE_SECONDS + LATTICE_TET_SECONDS * wanted + LATTICE_FACE_SECONDS * _faces(asset)
+    return {
+        "tets": tets,
+        "cpu_seconds": {n: round(share * seconds, 1) for n, share in LATTICE_SPREAD.items()},
+    }
 
 
 def _with_sentences(

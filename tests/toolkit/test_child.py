@@ -1,6 +1,7 @@
 """The guarded child: results come back, and no way of failing reaches us or leaves anything."""
 
 import os
+import signal
 import tempfile
 import threading
 from pathlib import Path
@@ -48,6 +49,20 @@ def test_time_limit_kills():
     with pytest.raises(ChildFailure, match="within 1 s") as failure:
         _run(SLOW, time_limit=1.0)
     assert failure.value.kind == "time"
+
+
+def test_a_killed_engine_is_a_crash():
+    """SIGKILL while it works, as the kernel does for memory: named, and no process is left."""
+    ours = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
+
+    def kill(stage, seconds):
+        if stage != "working":  # it has begun
+            for child in ours.read_text().split():
+                os.kill(int(child), signal.SIGKILL)
+
+    with pytest.raises(ChildFailure, match="SIGKILL") as failure:
+        _run(SLOW, progress=kill)
+    assert failure.value.kind == "crash"
 
 
 def test_crash_is_told_apart_from_an_error():

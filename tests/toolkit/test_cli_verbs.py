@@ -77,6 +77,21 @@ def test_dry_run_writes_nothing_and_estimates_within_its_range(cube, tmp_path, c
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("option", [(), ("--edge-length", "0.01"), ("--max-tets", "8000")])
+def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
+    """The demo, by the tets wanted, by an edge and by a budget: as many as were estimated."""
+    from autophyx_tet.converters.mesh.mesh_file import read_mesh
+    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+
+    asset, target = write_bonsai(tmp_path / "bonsai.glb"), tmp_path / "b.msh"
+    call = ["convert", str(asset), "--mesher", "stuffing", *option, "-o", str(target), "--json"]
+    assert main([*call, "--dry-run"]) == 0
+    tets = json.loads(capsys.readouterr().out)["estimates"]["tets"]
+    assert main(call) == 0
+    assert tets["low"] <= len(read_mesh(target).tets) <= tets["high"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "gif"])
 def test_simulate_draws_a_picture(suffix, cube_msh, tmp_path, capsys):
     """A picture that is not blank; the GIF moves: its frames differ."""

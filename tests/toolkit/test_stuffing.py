@@ -213,3 +213,17 @@ def test_far_nodes_are_inside_as_their_neighbours_are(lid):
     assert np.allclose(alone, together, atol=1e-3)  # winding numbers of far trees are series
     assert np.array_equal(alone > 0, together > 0)
     assert len(np.unique(lattice.together(np.arange(lattice.node_count)))) == 2  # even and odd
+
+
+def test_parts_of_one_shell_are_one_body():
+    """A ball of two materials in stripes: each is in pieces, the ball is not."""
+    ball = trimesh.creation.icosphere(3)
+    stripe = (np.floor(ball.triangles_center[:, 2] / 0.25) % 2).astype(bool)
+    halves = {
+        name: trimesh.Trimesh(ball.vertices, ball.faces[stripe == which], process=False)
+        for name, which in (("dark", True), ("light", False))
+    }
+    mesh, report = tetrahedralize(asset_of(**halves), mesher="stuffing", max_tets=10_000)
+    assert mesh.region_names == ("dark", "light")
+    assert report.fallen_apart == ()
+    assert report.ok, report.failed

@@ -34,18 +34,33 @@ def loose_shares(
     part: Int[np.ndarray, "tets"],
     solids: Solids,
 ) -> dict[int, float]:
-    """Share of each part's volume in more pieces than its surface has: it has fallen apart."""
-    pieces = _pieces(tets, part)
+    """Share of each part's volume in more pieces than its surface has: it has fallen apart.
+
+    Parts that share a shell are one body: where they meet in it is but the nearest face's matter.
+    """
+    body = _bodies(solids)
+    pieces = _pieces(tets, body[part])
     size = np.bincount(pieces, weights=volumes)
     owner = np.zeros(len(size), dtype=np.int64)
-    owner[pieces] = part
+    owner[pieces] = body[part]
+    of_face, present = body[solids.surface.part], np.unique(part)
     out = {}
-    for number in np.unique(part).tolist():
+    for number in np.unique(owner).tolist():
         mine = np.sort(size[owner == number])[::-1]
-        bodies = len(np.unique(solids.surface.component[solids.surface.part == number]))
-        if len(mine) > bodies:
-            out[number] = float(mine[bodies:].sum() / mine.sum())
+        whole = len(np.unique(solids.surface.component[of_face == number]))
+        if len(mine) > whole:
+            share = float(mine[whole:].sum() / mine.sum())
+            out |= {int(p): share for p in present[body[present] == number]}
     return out
+
+
+def _bodies(solids: Solids) -> Int[np.ndarray, "parts"]:
+    """Number of the body that each part belongs to: the first part that it shares shells with."""
+    body = np.arange(int(solids.surface.part.max()) + 1)
+    for shell in solids.shells:
+        joined = np.isin(body, body[np.unique(shell.part)])
+        body[joined] = body[joined].min()
+    return body
 
 
 def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
