@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from .intervals import Interval
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
@@ -205,6 +207,20 @@ def strength(safety: Safety) -> Check:
         "strength", passed, safety.factor, SAFE,
         f"{safety.part} ({safety.material}) {found}: {safety.side} stress {safety.stress:.3g} Pa "
         f"at ({place}), lowest {kind} {safety.limit:.3g} Pa.",
+    )  # fmt: skip
+
+
+def span_of_answers(mass: Interval, u: Interval | None, tones: Sequence[Interval]) -> Check:
+    """What mass, displacement and first frequency may be, by the ranges of the table."""
+    said = [f"it weighs {mass.low:.3g} to {mass.high:.3g} kg"]
+    if u is not None:
+        said.append(f"moves by {u.low:.2g} to {u.high:.2g} m")
+    if tones:
+        said.append(f"rings first at {tones[0].low:.3g} to {tones[0].high:.3g} Hz")
+    answer = u or (tones[0] if tones else mass)
+    return Check(
+        "range", True, answer.high / answer.low, np.inf,
+        f"By the ranges of E and rho of its materials {', '.join(said)}.",
     )  # fmt: skip
 
 

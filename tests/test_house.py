@@ -11,7 +11,8 @@ FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
         "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
-        "mpm", "scenarios", "grain", "safety", "verdicts",
+        "mpm", "scenarios", "grain", "safety",
+        "intervals", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

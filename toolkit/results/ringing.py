@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.intervals import frequency_intervals, mass_range, material_ranges
 from ...fem.result import Modes
 from .simulation import Animation, Simulation
 from .verdict import Verdict
@@ -44,7 +46,17 @@ class Ringing(Simulation):
     @property
     def numbers(self) -> dict[str, Any]:
         """Frequencies [Hz] and the residual of the eigensolver."""
-        return {"frequencies": self.frequencies, "residual": self.modes.residual}
+        known = {"frequencies": self.frequencies, "residual": self.modes.residual}
+        return {**known, "intervals": self.intervals}
+
+    @cached_property
+    def intervals(self) -> dict[str, Any] | None:
+        """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
+        ranges = material_ranges(self.mesh, self.materials)
+        if ranges is None:
+            return None
+        tones = frequency_intervals(self.mesh, self.modes, ranges)
+        return {"mass": mass_range(self.mesh, ranges), "frequencies": tones}
 
     @property
     def point_data(self) -> Mapping[str, np.ndarray]:
@@ -59,7 +71,10 @@ class Ringing(Simulation):
         return tuple(self.modes.frequencies.tolist())
 
     def verdicts(self) -> list[Verdict]:
-        """Rings or wobbles."""
-        from ...fem.verdicts import first_frequency
+        """Rings or wobbles; within which range."""
+        from ...fem.verdicts import first_frequency, span_of_answers
 
-        return [Verdict.of(first_frequency(self.modes))]
+        checks = [first_frequency(self.modes)]
+        if (known := self.intervals) is not None:
+            checks.append(span_of_answers(known["mass"], None, known["frequencies"]))
+        return [*map(Verdict.of, checks)]

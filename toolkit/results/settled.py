@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from ...fem.intervals import (
+    displacement_interval,
+    frequency_intervals,
+    mass_range,
+    material_ranges,
+)
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
 from ...fem.safety import Safety, part_safety
@@ -50,6 +57,7 @@ class Settled(Simulation):
             "max_von_mises": float(self.solved.von_mises.max()),
             "load_factor": factor and factor.value,
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
+            "intervals": self.intervals,
             "reaction": static.reaction.sum(axis=0),
             "frequencies": self.frequencies,
             "order": static.order,
@@ -78,6 +86,19 @@ class Settled(Simulation):
         """Stress beside strength of every part whose material has one; none where it collapsed."""
         return part_safety(self.solved.static, self.materials) if self.solved.trusted else ()
 
+    @cached_property
+    def intervals(self) -> dict[str, Any] | None:
+        """Lowest and highest mass [kg], displacement [m] and frequencies [Hz]; None: not known."""
+        ranges = material_ranges(self.mesh, self.materials)
+        if ranges is None:
+            return None
+        modes = self.modes
+        return {
+            "mass": mass_range(self.mesh, ranges),
+            "max_displacement": displacement_interval(self.scene, self.solved, ranges),
+            "frequencies": frequency_intervals(self.mesh, modes, ranges) if modes else (),
+        }
+
     @property
     def cell_data(self) -> Mapping[str, np.ndarray]:
         """Von Mises stress [Pa]."""
@@ -94,10 +115,12 @@ class Settled(Simulation):
         return self.solved.warnings
 
     def verdicts(self) -> list[Verdict]:
-        """Shape, buckling, discretisation, explicit step, size, strength, first frequency."""
-        from ...fem.verdicts import first_frequency, static_checks, strength
+        """Shape, buckling, discretisation, explicit step, size, strength, frequency, range."""
+        from ...fem.verdicts import first_frequency, span_of_answers, static_checks, strength
 
         checks = [*static_checks(self.solved), *map(strength, self.safety)]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
+        if self.intervals is not None:
+            checks.append(span_of_answers(*self.intervals.values()))
         return [*map(Verdict.of, checks)]

@@ -1,0 +1,71 @@
+"""RowFactors of the table become intervals: exact scaling of one material, monotone for several."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.intervals import (
+    displacement_interval,
+    frequency_intervals,
+    mass_range,
+    material_ranges,
+)
+from autophyx_tet.fem.scenarios.sag import Sag
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.solve.equilibrium import StaticMethod
+from autophyx_tet.fem.solve.modal import natural_modes
+
+from .bodies import shaken_box
+
+STEEL, OAK = (load_table().exact(name) for name in ("carbon steel", "oak"))
+
+
+def bar(second=STEEL) -> TetMesh:
+    """Standing bar of two parts: steel, and ``second`` above it."""
+    mesh = shaken_box((0.1, 0.1, 0.4), (2, 2, 6), amount=0.0)
+    upper = mesh.centroids[:, 2] > 0.2
+    E, nu, rho = (
+        np.where(upper, getattr(second.value(), name), getattr(STEEL.value(), name))
+        for name in ("E", "nu", "rho")
+    )
+    names = ("foot", "head")
+    return TetMesh(mesh.points, mesh.tets, upper.astype(int), names, ElementMaterial(E, nu, rho))
+
+
+def test_one_material_scales_exactly():
+    """u ~ rho / E, f ~ sqrt(E / rho), m ~ rho."""
+    mesh, rows = bar(), {"foot": "carbon steel", "head": "carbon steel"}
+    ranges = material_ranges(mesh, rows)
+    assert ranges is not None
+    scene = Sag().scene(mesh)
+    result = StaticMethod().solve(scene)
+    value, E, rho = STEEL.value(), STEEL.E, STEEL.rho
+    found = displacement_interval(scene, result, ranges)
+    assert found is not None
+    u = result.max_displacement
+    assert found.low == pytest.approx(u * value.E / E.max * rho.min / value.rho, rel=1e-6)
+    assert found.high == pytest.approx(u * value.E / E.min * rho.max / value.rho, rel=1e-6)
+    mass = mass_range(mesh, ranges)
+    assert mass.high == pytest.approx(mesh.mass * rho.max / value.rho, rel=1e-12)
+    modes = natural_modes(mesh, 2, supports=scene.held)
+    for f, (low, high) in zip(
+        modes.frequencies, frequency_intervals(mesh, modes, ranges), strict=True
+    ):
+        assert low == pytest.approx(f * (E.min / value.E * value.rho / rho.max) ** 0.5, rel=1e-9)
+        assert high == pytest.approx(f * (E.max / value.E * value.rho / rho.min) ** 0.5, rel=1e-9)
+
+
+def test_two_materials_enclose_the_answer():
+    """The value as taken lies inside; a part of no row, or of an apparent E, adds nothing."""
+    mesh, rows = bar(OAK), {"foot": "carbon steel", "head": OAK.name}
+    wide, narrow = material_ranges(mesh, rows), material_ranges(mesh, {"foot": "carbon steel"})
+    assert wide is not None
+    assert narrow is not None
+    scene = Sag().scene(mesh)
+    result = StaticMethod().solve(scene)
+    outer, inner = (displacement_interval(scene, result, r) for r in (wide, narrow))
+    assert outer is not None
+    assert inner is not None
+    assert outer.low < inner.low < result.max_displacement < inner.high < outer.high
+    assert material_ranges(mesh, {}) is None
+    assert material_ranges(mesh, {"foot": "expanded polystyrene"}) is None
