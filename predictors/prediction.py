@@ -23,13 +23,15 @@ class Binding(NamedTuple):
     """What a network understood of one part: the clause that took most of it, and how surely.
 
     ``share`` of the part's cells follow the clause (None: the text does not speak of them);
-    ``spread`` is the mean deviation of log10 E between views of the object from several sides.
+    ``spread`` is the mean deviation of log10 E between views of the object from several sides;
+    ``certainty`` is how often such an answer is right, where that was measured, else None.
     """
 
     clause: str | None
     share: float
     voxels: int
     spread: float
+    certainty: float | None = None
 
 
 @dataclass(frozen=True)

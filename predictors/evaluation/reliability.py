@@ -12,6 +12,9 @@ from ..film.certainty import Calibration, log_odds
 from .held_out import HeldOutObject, HeldOutSet
 from .rows import ROWS, Setting
 
+LEAST = 20  # answers of a bin, for its share of right ones to be known to a tenth
+WITHIN = 0.1  # "in 7 of 10" is told in tenths
+
 
 class Answer(NamedTuple):
     """The clause found for a part: its share there, whether it is the one, of what object."""
@@ -89,3 +92,14 @@ def curve(certainty: Float[np.ndarray, "n"], right: Sequence[bool], *, bins: int
 def expected_error(bins: Sequence[Bin]) -> float:
     """Expected calibration error: mean |said - right| over the answers."""
     return sum(b.count * abs(b.said - b.right) for b in bins) / sum(b.count for b in bins)
+
+
+def borne_out(bins: Sequence[Bin]) -> list[tuple[float, float]]:
+    """Spans of certainty in which ``LEAST`` answers or more are right as often as is said."""
+    spans: list[tuple[float, float]] = []
+    for b in bins:
+        if b.count >= LEAST and abs(b.said - b.right) <= WITHIN:
+            joins = bool(spans) and np.isclose(spans[-1][1], b.low)
+            low = spans.pop()[0] if joins else b.low
+            spans.append((round(low, 3), round(b.high, 3)))
+    return spans

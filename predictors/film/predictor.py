@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.scene.materials import FIELDS, Material, MaterialTable, MaterialValue
+from ...fem.scene.materials import FIELDS, MaterialTable, MaterialValue
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
@@ -24,6 +25,7 @@ from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..predictor import Appearance
 from ..voxels import PartVoxels
+from .certainty import Certainty
 from .inference import FilmModel, Inference
 
 
@@ -42,6 +44,7 @@ class FilmPredictor:
     ) -> None:
         self.model = FilmModel(weights=weights, table=table, encoder=encoder)
         self.table = self.model.table
+        self.certainty = None if weights else Certainty.load()  # measured of the shipped ones
         self.lookup = (
             Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
         )
@@ -117,11 +120,16 @@ class FilmPredictor:
         Of what ``words`` made likeliest stays whether the text was understood.
         """
         clause = None if owner is None else found.clauses[owner]
-        share = float(found.shares[cells][:, -1 if owner is None else owner].mean())
+        shares = found.shares[cells].mean(axis=0)
+        share = float(shares[-1 if owner is None else owner])
         said = None if clause is None else clause.written
-        binding = Binding(said, share, int(cells.sum()), float(found.spread[cells].mean()))
-        # Its share is no certainty: it is not calibrated, and so not told as one.
+        measured = said is not None and owner == shares.argmax() and not found.of_pieces
+        certainty = self.certainty.of(share) if self.certainty and measured else None
+        spread = float(found.spread[cells].mean())
+        binding = Binding(said, share, int(cells.sum()), spread, certainty)
         why = f"network: {'nothing said' if said is None else repr(said)}"
+        if certainty is not None:
+            why += f", right in about {10 * certainty:.0f} of 10 such cases"
         if clause is not None and clause.material:
             choice = self.lookup.of_phrase(words.part, clause.material, clause.level, why)
             return replace(
@@ -129,18 +137,17 @@ class FilmPredictor:
             )
         mean = found.values[cells].mean(axis=0)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
-        row = _nearest(self.table, mean, found.normalisation)
+        away = _row_values(self.table, found.normalisation) - mean
+        row = self.table.rows[int(np.square(away).sum(axis=1).argmin())]
         return PartChoice(
             words.part, row, value, share, 0.5, why, settled=False, binding=binding,
             network="FiLM", understood=words.understood,
         )  # fmt: skip
 
 
-def _nearest(
-    table: MaterialTable, value: Float[np.ndarray, "3"], normalisation: Normalisation
-) -> Material:
-    rows = np.array([normalisation.normalise(*row.value()) for row in table])
-    return table.rows[int(np.square(rows - value).sum(axis=1).argmin())]
+@lru_cache(maxsize=4)
+def _row_values(table: MaterialTable, normalisation: Normalisation) -> Float[np.ndarray, "rows 3"]:
+    return np.array([normalisation.normalise(*row.value()) for row in table])
 
 
 def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Inference) -> MaterialField:

@@ -163,6 +163,13 @@ def test_every_clause_gets_a_part_if_there_are_enough():
         TABLE.exact("soft foam").name,
     ]
     assert told.parts is parts
+    # The first is what its share says, and how often that is right is known; the second is what is
+    # left, and nobody measured that.
+    first, second = (choice.binding for choice in told.choices)
+    assert 0.5 < first.certainty < 1
+    assert "right in about" in told.choices[0].why
+    assert second.certainty is None
+    assert "right in" not in told.choices[1].why
 
 
 def test_what_was_not_understood_stays_so_where_the_network_decides():

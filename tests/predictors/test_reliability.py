@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.evaluation.reliability import Answer, curve, expected_error, fit
-from autophyx_tet.predictors.film.certainty import Calibration, log_odds
+from autophyx_tet.predictors.evaluation.reliability import (
+    Answer,
+    Bin,
+    borne_out,
+    curve,
+    expected_error,
+    fit,
+)
+from autophyx_tet.predictors.film.certainty import Calibration, Certainty, log_odds
 
 
 def drawn(law: Calibration, count: int) -> list[Answer]:
@@ -38,3 +45,21 @@ def test_certainty_grows_with_the_share_and_is_never_whole():
     assert said == sorted(said)
     assert 0 < said[0] < said[-1] < 1
     np.testing.assert_allclose(log_odds(np.array([0.5, 0.75])), [0, np.log(3)])
+
+
+def test_only_what_others_bore_out_is_told():
+    """Bins with few answers, or right more or less often than said, say nothing."""
+    bins = [Bin(0.0, 0.2, 5, 0.1, 0.1), Bin(0.4, 0.6, 40, 0.5, 0.7), Bin(0.6, 0.8, 40, 0.7, 0.66)]
+    assert borne_out(bins) == [(0.6, 0.8)]
+    certainty = Certainty(Calibration(1.0, 0.0), ((0.6, 0.8),))
+    assert certainty.of(0.7) == pytest.approx(0.7)
+    assert certainty.of(0.5) is None
+    assert Certainty(Calibration(1.0, 0.0)).of(0.7) is None
+
+
+def test_the_shipped_calibration_says_more_of_larger_shares():
+    certainty = Certainty.load()
+    told = [certainty.of(share) for share in np.linspace(0, 1, 101)]
+    said = [value for value in told if value is not None]
+    assert said == sorted(said)
+    assert all(any(low <= value <= high for low, high in certainty.spans) for value in said)
