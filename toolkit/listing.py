@@ -28,7 +28,12 @@ def materials(query: str = "", *, contents: bool = False) -> dict[str, Any]:
 
 def _row(row: Material) -> dict[str, Any]:
     """All that is known of a material; what is not known is null."""
-    from ..fem.scene.material_properties import load_colours, load_grains, load_strengths
+    from ..fem.scene.material_properties import (
+        load_colours,
+        load_flows,
+        load_grains,
+        load_strengths,
+    )
 
     return {
         "name": row.name,
@@ -42,6 +47,7 @@ def _row(row: Material) -> dict[str, Any]:
         "estimated": row.estimated,
         "grade": row.grade,
         "strength": load_strengths().get(row.name),
+        "flow": load_flows().get(row.name),
         "grain": load_grains().get(row.name),
         "colour": load_colours().get(row.name),
     }

@@ -136,7 +136,7 @@ class SimulateOptions:
     stiff: Literal["rigid", "stationary", "cap"] = "rigid"
     """What is too stiff for MPM's steps: rigid (held: still), all of it still, or softened."""
     matter: Annotated[tuple[str, ...], Repeated] = ()
-    """Class of a part under MPM, PART=CLASS[,name=value]: bread=jelly,tension=5e3; repeatable."""
+    """Class of a part under MPM, PART=CLASS[,name=value]: "pot=brittle,tension=5e6"; repeatable."""
     threads: Literal[1, 2] = 1
     """Threads of MPM on a CPU."""
     law: Annotated[str, choice(LAWS)] | None = None

@@ -133,6 +133,32 @@ class Colour:
     source: str
 
 
+@dataclass(frozen=True)
+class Flow:
+    """How a material flows, slides or breaks; None where that is not known.
+
+    Parameters
+    ----------
+    yield_stress
+        Lowest and highest stress at which a paste begins to flow [Pa].
+    viscosity
+        Of a liquid, or of a paste beyond its yield stress [Pa s].
+    friction
+        Angle of internal friction of grains [deg].
+    fracture
+        Energy of a crack [J/m^2].
+    source, estimated
+        Where the numbers come from, and which of them are estimates.
+    """
+
+    yield_stress: Span | None
+    viscosity: Span | None
+    friction: Span | None
+    fracture: Span | None
+    source: str
+    estimated: tuple[str, ...] = ()
+
+
 def _records(table: str) -> list[dict[str, str]]:
     """Records of a table beside the material table, by the names of its columns."""
     path = TABLE_PATH.with_name(f"{table}.csv")
@@ -188,3 +214,16 @@ def load_colours() -> Mapping[str, Colour]:
         )
         for record in _records("colour")
     }
+
+
+@lru_cache(maxsize=1)
+def load_flows() -> Mapping[str, Flow]:
+    """Return how materials flow, slide or break by the name of the row, contents among them."""
+    columns = ("yield_{}_Pa", "viscosity_{}_Pa_s", "friction_{}_deg", "fracture_{}_J_m2")
+    found = {}
+    for record in _records("flow"):
+        ends = [(record[c.format("min")], record[c.format("max")]) for c in columns]
+        spans = [Span(float(low), float(high)) if low else None for low, high in ends]
+        estimated = tuple(record["estimated"].split())
+        found[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
+    return found

@@ -10,6 +10,8 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.mpm.classes import MaterialClass
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.material_properties import load_flows
+from autophyx_tet.fem.scene.materials import load_contents, load_table
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
@@ -100,10 +102,35 @@ def test_matter_is_said_in_words():
             substances([wrong])
 
 
+def test_what_is_not_said_is_taken_from_the_tables():
+    """The middle of the sourced range; where there is none the number is asked for."""
+    rows = {"pane": "soda-lime glass", "pile": "sand (uniform)", "can": "aluminium 6061-T6"}
+    found = substances(["pane=brittle", "pile=sand", "can=metal"], rows)
+    assert found["pane"].fracture_energy == pytest.approx(8.2)
+    assert found["pane"].tears
+    assert found["can"].yield_stress == pytest.approx(2.58e8)
+    sine = np.sin(np.deg2rad((27.5 + 34) / 2))
+    assert found["pile"].friction == pytest.approx(np.sqrt(2 / 3) * 2 * sine / (3 - sine))
+    assert substances(["pane=brittle,fracture_energy=3"], rows)["pane"].fracture_energy == 3
+    with pytest.raises(UsageError, match=r"give friction=\.\.\.: the tables know none of 'oak'"):
+        substances(["leg=sand"], {"leg": "oak"})
+
+
+def test_every_row_of_the_table_of_flow_is_of_a_known_material():
+    """With a source or named as an estimate, and ranges the right way round."""
+    names = {row.name for row in load_table().rows} | {row.name for row in load_contents().rows}
+    for name, flow in load_flows().items():
+        assert name in names
+        assert (flow.source == "estimate") == bool(flow.estimated)
+        spans = (flow.yield_stress, flow.viscosity, flow.friction, flow.fracture)
+        assert any(spans)
+        assert all(0 < span.min <= span.max for span in spans if span)
+
+
 def test_what_particles_cannot_do_is_refused(bar):
     with pytest.raises(UsageError, match="do not ring"):
         simulate(bar, options=SimulateOptions(scenario="modal", solver="mpm"))
     with pytest.raises(UsageError, match="at least 4"):
         simulate(bar, options=SimulateOptions(scenario="fall", grid=2))
     with pytest.raises(UsageError, match="no part 'wing'"):
-        simulate(bar, options=SimulateOptions(scenario="fall", grid=8, matter=("wing=sand",)))
+        simulate(bar, options=SimulateOptions(scenario="fall", grid=8, matter=("wing=snow",)))

@@ -3,26 +3,45 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...fem.errors import ConvergenceError, UsageError
-from ...fem.mpm.classes import MaterialClass, Substance
+from ...fem.mpm.classes import MaterialClass, Substance, triaxial_friction
 from ...fem.mpm.stability import MpmError
+from ...fem.scene.material_properties import load_flows, load_strengths
+from ...fem.scene.materials import Span
 from ..options import SimulateOptions
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
 
 
+# A jelly that tears, and what a class cannot do without.
+BRITTLE = "brittle"
+WANTED = {
+    "metal": ("yield_stress",),
+    "sand": ("friction",),
+    "visplas": ("yield_stress", "viscosity"),
+    BRITTLE: ("tension", "fracture_energy"),
+}
+
+
 def particle_method(
-    options: SimulateOptions, announce: Callable[[str], None] | None = None
+    options: SimulateOptions,
+    materials: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
 ) -> MpmMethod:
-    """The method that the options ask for; ``announce`` hears what it will cost."""
+    """The method that the options ask for; ``announce`` hears what it will cost.
+
+    ``materials`` are the rows of the table that parts are of: numbers that are not said are theirs.
+    """
     from ...fem.mpm.method import MpmMethod
     from ...fem.mpm.stiff import Stiff
 
@@ -31,29 +50,64 @@ def particle_method(
     return MpmMethod(
         grid=options.grid,
         stiff=Stiff(options.stiff),
-        substances=substances(options.matter),
+        substances=substances(options.matter, materials),
         threads=options.threads,
         announce=announce,
     )
 
 
-def substances(entries: Sequence[str]) -> dict[str, Substance]:
-    """Matter by name of part, of entries such as 'bread=jelly,tension=5e3,fracture_energy=20'."""
+def substances(
+    entries: Sequence[str], materials: Mapping[str, str] | None = None
+) -> dict[str, Substance]:
+    """Matter by name of part, of entries such as 'bread=brittle,tension=5e3,fracture_energy=20'.
+
+    What is not said is taken from the tables of strength and flow, for the row in ``materials``:
+    the middle of its range. ``brittle`` is jelly that tears.
+    """
     known = {field.name for field in fields(Substance)} - {"kind"}
     found = {}
     for entry in entries:
         part, equals, said = entry.partition("=")
         name, *numbers = [word.strip() for word in said.split(",")]
-        if not equals or name.upper() not in MaterialClass.__members__:
-            classes = ", ".join(kind.name.lower() for kind in MaterialClass)
+        if not equals or name.upper() not in (*MaterialClass.__members__, BRITTLE.upper()):
+            classes = ", ".join([*(kind.name.lower() for kind in MaterialClass), BRITTLE])
             raise UsageError(f"--matter {entry!r}: wanted PART=CLASS[,name=value] of {classes}")
         values = {}
         for number in numbers:
             key, _, value = number.partition("=")
             values[_known(key.strip(), known, entry)] = _number(value, entry)
         seed = {"seed": int(values.pop("seed"))} if "seed" in values else {}
-        found[part.strip()] = Substance(kind=MaterialClass[name.upper()], **values, **seed)
+        row = (materials or {}).get(part.strip(), "")
+        values = _from_tables(name, row) | values
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            where = f"the tables know none of {row!r}" if row else "its material is not known"
+            raise UsageError(f"--matter {entry!r}: give {missing[0]}=...: {where}")
+        kind = MaterialClass.JELLY if name == BRITTLE else MaterialClass[name.upper()]
+        found[part.strip()] = Substance(kind=kind, **values, **seed)
     return found
+
+
+def _from_tables(name: str, row: str) -> dict[str, float]:
+    """Numbers of a class from the rows of strength and flow: the middle of what is sourced."""
+    flow, strength = load_flows().get(row), load_strengths().get(row)
+    found: dict[str, Span | None] = {}
+    if name == "metal" and strength is not None and strength.kind == "yield":
+        found["yield_stress"] = strength.tension
+    if name == BRITTLE and strength is not None:
+        found["tension"] = strength.tension
+    if flow is not None:
+        if name == BRITTLE:
+            found["fracture_energy"] = flow.fracture
+        if name in ("visplas", "fluid"):
+            found["viscosity"] = flow.viscosity
+        if name == "visplas":
+            found["yield_stress"] = flow.yield_stress
+    values = {number: (span.min + span.max) / 2 for number, span in found.items() if span}
+    if name == "sand" and flow is not None and flow.friction is not None:
+        angle = np.deg2rad((flow.friction.min + flow.friction.max) / 2)
+        values["friction"] = triaxial_friction(angle)
+    return values
 
 
 def _known(name: str, known: set[str], entry: str) -> str:

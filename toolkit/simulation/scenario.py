@@ -54,7 +54,7 @@ def run_scenario(
     scenario = _scenario(options, stated.gravity)
     particles = options.solver == "mpm" or scenario.method == "mpm"
     if particles:
-        method: Method = _particle_method(options, scenario, progress, started)
+        method: Method = _particle_method(options, scenario, materials or {}, progress, started)
     else:
         method = METHODS[scenario.method]
     _check_law(options, method)
@@ -79,7 +79,11 @@ def run_scenario(
 
 
 def _particle_method(
-    options: SimulateOptions, scenario: Scenario, progress: Progress | None, started: float
+    options: SimulateOptions,
+    scenario: Scenario,
+    materials: Mapping[str, str],
+    progress: Progress | None,
+    started: float,
 ) -> Method:
     """The material point method, for what moves; loaded when it is asked for."""
     from .matter import particle_method
@@ -87,8 +91,10 @@ def _particle_method(
     if scenario.method == "modal":
         raise UsageError(f"--scenario {options.scenario}: particles do not ring; --solver fem")
     if progress is None:
-        return particle_method(options)
-    return particle_method(options, lambda plan: progress(plan, time.perf_counter() - started))
+        return particle_method(options, materials)
+    return particle_method(
+        options, materials, lambda plan: progress(plan, time.perf_counter() - started)
+    )
 
 
 def _answer(
