@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..converters.registry import Keeps
 from ..fem.errors import InputError, UsageError
 from ..fem.grain import has_grain
 from ..fem.scene.mesh import TetMesh
@@ -257,5 +258,9 @@ def _losses(result: ExportResult) -> Iterator[str]:
         )
     yield from _left_out(f"the files for {result.target}", result.done.lost)
     material = result.mesh.material
+    for item, name in ((Keeps.E, "E"), (Keeps.NU, "nu"), (Keeps.RHO, "rho")):
+        if item in result.done.lost:
+            values = getattr(material, name)
+            yield f"{name} runs from {values.min():.3g} to {values.max():.3g}: one value is written"
     if material is not None and (soft := int((material.nu > NU_MOST).sum())):
         yield f"{soft} tets have nu > {NU_MOST}: linear tets of most programs lock there"

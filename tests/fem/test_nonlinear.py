@@ -111,6 +111,17 @@ def test_a_soft_column_lies_on_the_ground():
     assert result.reaction[:, 2].sum() < 0.9 * mesh.mass * 9.81
 
 
+@pytest.mark.slow
+def test_quadratic_elements_of_a_collapse_are_never_inside_out():
+    """The column of quadratic tets lies whole above the ground, or "Newton stopped" is said."""
+    result = sag(soft_column(2e4, (2, 2, 8)), order=2)
+    if result.trusted:
+        assert _volume_ratios(result.static).min() > 0
+        assert (soft_column(2e4, (2, 2, 8)).points + result.displacement)[:, 2].min() > -1e-2
+    else:
+        assert any("Newton stopped" in said for said in result.warnings)
+
+
 def test_what_is_inside_out_is_no_answer():
     """A start turned inside out under a force that holds it there is refused, with the count."""
     mesh = soft_column(1e4, (1, 1, 2))

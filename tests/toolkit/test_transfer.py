@@ -266,3 +266,15 @@ def test_python_is_the_command_line(folder):
             oak_box(), folder / "splats.ply", output=folder / "o.ply",
             options=TransferOptions(scale=float("nan")),
         )  # fmt: skip
+
+
+def test_a_mean_is_never_called_exact(folder):
+    """SOFA knows one nu: .1 and .48 become their mean, and that is said with both."""
+    box = box_mesh((1, 1, 1), (2, 2, 2))
+    low = box.centroids[:, 2] < 0.5
+    E, rho = np.full(len(low), 1e6), np.full(len(low), 1e3)
+    mesh = box.with_material(ElementMaterial(E, np.where(low, 0.1, 0.48), rho))
+    said = apx.export(mesh, "sofa", output=folder / "one.scn").warnings
+    assert "not kept in the files for sofa: nu of every tet" in said
+    assert "nu runs from 0.1 to 0.48: one value is written" in said
+    assert apx.export(mesh, "calculix", output=folder / "one.inp").warnings == ()
