@@ -34,7 +34,8 @@ class LanguageModel:
     def __init__(self, nlp: Language) -> None:
         self._nlp = nlp
         tables = nlp.get_pipe("lemmatizer").lookups  # pyright: ignore[reportAttributeAccessIssue]
-        self._index = {kind: tables.get_table("lemma_index")[kind] for kind in _KINDS}
+        index = tables.get_table("lemma_index")
+        self._index = {kind: frozenset(index[kind]) for kind in _KINDS}  # lists: slow to ask
         self._exceptions = {kind: tables.get_table("lemma_exc")[kind] for kind in _KINDS}
         self._function_words = nlp.Defaults.stop_words
         self._rules = {kind: tables.get_table("lemma_rules")[kind] for kind in ("noun", "verb")}
@@ -85,20 +86,31 @@ def load_model() -> LanguageModel:
     for name, wanted in SHA256.items():
         if hashlib.sha256((folder / name).read_bytes()).hexdigest() != wanted:
             raise InputError(f"{folder / name} is not of the model 3.8.0: {INSTALL}")
-    with _without_torch():
+    with (
+        _hidden("torch", None),
+        _hidden("spacy.cli", _NoCommands),
+        _hidden("spacy.cli.info", _NoCommands),
+    ):
         import spacy
 
         return LanguageModel(spacy.load(folder, exclude=["ner", "senter"]))
 
 
+class _NoCommands:
+    """In place of spaCy's command line, whose libraries take longer to import than its parser."""
+
+    __path__ = ()
+    info = None
+
+
 @contextmanager
-def _without_torch() -> Iterator[None]:
-    """Keep spaCy's layers from importing torch, which they can use and this model does not."""
-    hidden = "torch" not in sys.modules
-    if hidden:
-        sys.modules["torch"] = None  # pyright: ignore[reportArgumentType]
+def _hidden(module: str, instead: object) -> Iterator[None]:
+    """Keep spaCy from importing a module that it does not need here."""
+    absent = module not in sys.modules
+    if absent:
+        sys.modules[module] = instead  # pyright: ignore[reportArgumentType]
     try:
         yield
     finally:
-        if hidden:
-            del sys.modules["torch"]
+        if absent:
+            sys.modules.pop(module, None)
