@@ -70,7 +70,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             continue
         found = {i: m for name in clause.subject.names for i, m in _fits(name, parts, k)}
         for i, match in found.items():
-            if not _is_excepted(parts[i], clause):
+            if not _is_excepted(i, parts, clause):
                 matches[i].append(match)
         lost += [] if found else [k]
     for k, clause in enumerate(clauses):
@@ -81,8 +81,8 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             lost += [] if found else [k]
     whole, rest, lost = _general(clauses, lost, matches, parts)
     bound = []
-    for i, part in enumerate(parts):
-        own = sorted(matches[i], key=lambda m: (-m.words, -m.tier, m.clause))
+    for i, found in enumerate(matches):
+        own = sorted(found, key=lambda m: (-m.words, -m.tier, m.clause))
         naming = [m for m in own if clauses[m.clause].material]
         # "the back of the seat" is not what "the seat" speaks of.
         own = [m for m in own if m not in naming or m.words == naming[0].words]
@@ -94,7 +94,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             settled = any(clauses[k].material or clauses[k].unknown for k in ks)
             if settled or (name == "rest" and any(clauses[k].says_matter for k in ks)):
                 continue
-            new = [k for k in general if k not in ks and not _is_excepted(part, clauses[k])]
+            new = [k for k in general if k not in ks and not _is_excepted(i, parts, clauses[k])]
             ks += new
             how.extend(name for _ in new)
         bound.append(BoundPart(tuple(ks), tuple(how)))
@@ -196,6 +196,9 @@ def _fits(name: Phrase, parts: Sequence[_Part], clause: int) -> list[tuple[int, 
             found.append((i, _Match(tier, len(matched), clause)))
     if not found:
         return []
+    # "the corner post" is "post_corner" before any other post.
+    called = [(i, m) for i, m in found if len(name) > 1 and {*name} <= {*parts[i].own}]
+    found = called or found
     best = max(match.tier for _, match in found)
     siblings = _siblings(name, found, parts)
     found = [(i, match) for i, match in found if match.tier == best or i in siblings]
@@ -214,8 +217,8 @@ def _siblings(name: Phrase, found: list[tuple[int, _Match]], parts: Sequence[_Pa
     return first if not counted and any(m.tier == HEAD for i, m in found if i in first) else set()
 
 
-def _is_excepted(part: _Part, clause: Clause) -> bool:
-    return any(_fits(name, [part], 0) for name in clause.subject.exceptions)
+def _is_excepted(i: int, parts: Sequence[_Part], clause: Clause) -> bool:
+    return any(i == j for name in clause.subject.exceptions for j, _ in _fits(name, parts, 0))
 
 
 def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:

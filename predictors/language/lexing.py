@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
+from ...fem.scene.materials import Material
+from .clauses import Quantity
 from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
 from .quantities import numerals
 from .spelling import mended_spelling
@@ -58,7 +61,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
     ]
-    lexemes = _tag(lexemes, lexicon)
+    lexemes = _tag(_hardnesses(lexemes), lexicon)
     notes += [lexeme.note for lexeme in lexemes if lexeme.note]
     return Lexed(lexemes, list(dict.fromkeys(notes)))
 
@@ -183,6 +186,20 @@ def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
         if not _TIMES.fullmatch(m[0])
         and all(m.end() <= x.start or x.end <= m.start() or x.role == "word" for x in found)
     ]  # fmt: skip
+
+
+def _hardnesses(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Take a bare number after a rubber for its hardness, as lists of seals write: "NBR 70"."""
+    out = list(lexemes[:1])
+    for before, lexeme in pairwise(lexemes):
+        row = before.value if before.role == "material" else None
+        rubber = isinstance(row, Material) and row.category == "elastomer"
+        if rubber and lexeme.role == "digits" and re.fullmatch(r"[2-9]\d", lexeme.text):
+            said = Quantity("shore_a", float(lexeme.text), lexeme.text)
+            note = f"{lexeme.text!r} after {before.text!r} is taken as its Shore A hardness"
+            lexeme = replace(lexeme, role="number", value=said, note=note)
+        out.append(lexeme)
+    return out
 
 
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}

@@ -55,7 +55,8 @@ _SHORE = re.compile(
     rf"(?<!\w)(?:(?:(?i:hardness)\s*(?:of\s*)?)?{_HARD}[\s-]*(?P<s1>[ADad](?!\w))?"
     rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?-?(?P<s2>[ADad])(?!\w))?"
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
-    rf"|(?P<n2>\d{{1,3}})\s?°?\s?-?(?P<s3>[ADad])?\s?-?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?!\w)"
+    rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
+    rf"|(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?!\w)"
     rf"|(?P<n3>[1-9]\d)-?(?P<s5>[ADad])(?![\w-]))"
 )
 _SHORE_00 = re.compile(r"(?i:shore\s?-?)(?:O?OO|000?|o)\s?-?\d*|(?<![\w.])00-\d\d(?!\d)")
@@ -110,8 +111,8 @@ def _shores(text: str) -> Iterator[Numeral]:
     for match in _SHORE_00.finditer(text):
         yield Numeral(*match.span(), None, f"{match[0]!r}: Shore 00 has no relation to E here")
     for match in _SHORE.finditer(text):
-        number = next(match[g] for g in ("n1", "n2", "n3") if match[g])
-        scale = next((match[g] for g in ("s1", "s2", "s3", "s4", "s5") if match[g]), "A")
+        number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
+        scale = next((match[g] for g in ("s1", "s2", "s3", "s4", "s5", "s6") if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
         if 0 < int(number) <= 100:
             yield Numeral(*match.span(), Quantity(measure, float(number), match[0]))

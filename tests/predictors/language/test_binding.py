@@ -11,6 +11,7 @@ def test_more_words_beat_fewer(agree):
         front legs are oak, rear legs are steel => leg_front_L, leg_front_R: oak; leg_rear: steel
         the top of the table is glass, the table leg is brass => table_top: glass; table_leg: brass
         upper arm steel, lower arm brass => arm_upper: steel; arm_lower: brass
+        the posts are oak apart from the corner post: that is ash => post_1: oak; post_corner: ash
     """)
 
 

@@ -44,7 +44,8 @@ def test_a_number_is_read_in_every_notation(clauses_of):
         ("shore_a", 60.0): """
             60A | Shore 60 | shore A 60 | 60 Shore A | Shore hardness 60A | durometer 60A |
             60 ShA | 60 duro | 60° Shore A | 60 durometer | Shore-A 60 | 60 A Shore |
-            hardness of 60 Shore A | Shore A hardness of 60 | IRHD 60 | 60 sh A | 60a""",
+            hardness of 60 Shore A | Shore A hardness of 60 | IRHD 60 | 60 sh A | 60a |
+            hardness 60 A | 60 +/-5 ShA""",
         ("shore_d", 70.0): """
             Shore D 70 | 70D | 70 Shore D | Shore 70D | durometer D 70 | Shore-D: 70""",
     }
