@@ -220,7 +220,7 @@ def span_of_answers(mass: Interval, u: Interval | None, tones: Sequence[Interval
     answer = u or (tones[0] if tones else mass)
     return Check(
         "range", True, answer.high / answer.low, np.inf,
-        f"By the ranges of E and rho of its materials {', '.join(said)}.",
+        f"By the ranges of E and rho of its materials {' and '.join(said)}.",
     )  # fmt: skip
 
 

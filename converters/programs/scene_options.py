@@ -33,7 +33,7 @@ class SceneOptions:
     def items(self, mesh: TetMesh) -> Iterator[Keeps]:
         """What the files for ``mesh`` have to keep; what does not vary is no value a tet."""
         for item in items_of(mesh):
-            if item not in _VARYING or np.ptp(getattr(mesh.material, _VARYING[item])) > 0:
+            if item not in _VARYING or _varies(getattr(mesh.material, _VARYING[item])):
                 yield item
         if self.supports is not None:
             yield from _held(self.supports)
@@ -43,7 +43,13 @@ class SceneOptions:
             yield Keeps.QUADRATIC
 
 
+# Values of one part that went through a field differ in their last bits, and are one value.
+_SAME = 1e-9
 _VARYING = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}
+
+
+def _varies(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) > _SAME * values.max())
 
 
 def _held(supports: Supports) -> Iterator[Keeps]:

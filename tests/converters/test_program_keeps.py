@@ -94,6 +94,8 @@ def test_uniform_values_are_never_lost(tmp_path):
     mesh = BOX.with_material(ElementMaterial.uniform(N, E=1e6, nu=0.3, rho=1e3))
     for name, form in CASES:
         assert exported(name, form, tmp_path, mesh).lost == (), name
+        shaken = ElementMaterial(np.full(N, 1e6), np.full(N, 0.3), 1e3 * (1 + 1e-15 * np.arange(N)))
+        assert exported(name, form, tmp_path, mesh.with_material(shaken)).lost == (), name
 
 
 def regions_in(files) -> dict[str, np.ndarray]:
