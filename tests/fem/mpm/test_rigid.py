@@ -4,12 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.mpm.background import grid_around
 from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
-from autophyx_tet.fem.mpm.particles import Particles
+from autophyx_tet.fem.mpm.particles import Particles, block_places
 from autophyx_tet.fem.mpm.solver import MpmSolver
-from autophyx_tet.fem.mpm.walls import Wall
-from autophyx_tet.fem.scene.obstacles import Plane
+from autophyx_tet.fem.mpm.stability import largest_modulus
+from autophyx_tet.fem.mpm.stiff import Stiff, treated
+from autophyx_tet.fem.mpm.walls import Impulse, Touch, Wall
+from autophyx_tet.fem.scene.obstacles import Box, Plane
 
 from .bodies import block, momenta
 
@@ -88,3 +91,64 @@ def test_what_stands_on_stationary_matter_is_held_by_it():
     assert solver.advance(0.1)
     push = solver.substep.take_impulses()[-1, 2] / 0.1
     assert push == pytest.approx(weight, rel=0.02)  # 1.6 %: the rest of the swing
+
+
+def test_stiff_matter_is_found_and_treated_before_running():
+    """At twice E_max: held bodies stand still, free ones are rigid; a cap is told, with its sag."""
+    most = float(largest_modulus(0.3, 1000.0, DX, 1 / 40_000))
+    places = [block_places((x, 0, 0), (x + 2 * DX, 2 * DX, 2 * DX), DX) for x in (0.0, 1.0, 2.0)]
+    E = np.repeat([2 * most, 2 * most, 0.5 * most], 64)
+    body = Particles.of(np.concatenate(places), (DX / 2) ** 3, E=E, nu=0.3, rho=1000.0)
+    held = body.x[:, 0] < DX
+    found = treated(body, DX, held=held)
+    assert (found.stationary, found.rigid, found.bodies, found.capped) == (64, 64, 1, 0)
+    assert found.particles.held[:64].all()
+    assert (found.particles.rigid[64:128] == 0).all()
+    assert (found.particles.rigid[128:] == -1).all()
+    assert "1 rigid body" in found.notes[0]
+    still = treated(body, DX, held=held, stiff=Stiff.STATIONARY)
+    assert (still.stationary, still.rigid) == (128, 0)
+    soft = treated(body, DX, held=held, stiff=Stiff.CAP)
+    assert soft.capped == 128
+    assert np.allclose(soft.particles.E[:128], most)
+    assert "softened" in soft.notes[0]
+    assert treated(body, DX, held=held, budget=80_000).rigid == 0
+
+
+def test_published_settings_have_their_limit():
+    """PhysGaussian's 2 m over 50 cells, steps of 1e-4 s, rho 200, nu 0.4: 1.5e7 Pa at C = 1."""
+    found = largest_modulus(0.4, 200.0, 2.0 / 50, 1e-4, courant=1.0)
+    assert found == pytest.approx(200 * 400**2 * (1.4 * 0.2) / 0.6, rel=1e-12)
+    assert 1.45e7 < found < 1.55e7
+
+
+def test_an_impulse_is_shared_by_mass():
+    """Change of momentum = the impulse, whatever the sampling."""
+    body = block((0, 0, 0), (DX, DX, DX), DX)
+    for box in (None, Box((0, 0, 0), (DX / 2,) * 3)):
+        change = Impulse(momentum=(1.0, 2.0, 0.0), box=box).change(body.x, body.mass)
+        assert np.allclose((body.mass[:, None] * change).sum(axis=0), [1, 2, 0], rtol=1e-14)
+    with pytest.raises(InputError, match="meets no particle"):
+        Impulse(momentum=(1.0, 0, 0), box=Box((9, 9, 9), (1, 1, 1))).change(body.x, body.mass)
+
+
+@pytest.mark.slow
+def test_grips_take_along_and_twist_what_they_hold():
+    """A sticky box that moves carries its particles; one that spins turns them; an end lets go."""
+    body = block((0, 0, 0), (4 * DX,) * 3, DX, E=1e5)
+    room = grid_around([-0.3] * 3, [0.6] * 3, DX)
+    grip = Box((0.125,) * 3, (0.4,) * 3, velocity=(0.5, 0.0, 0.0))
+    still = {"gravity_vector": (0, 0, 0)}
+    solver = MpmSolver(body, room, walls=(Wall(shape=grip, touch=Touch.STICKY, end=0.1),), **still)
+    assert solver.advance(0.2)
+    assert np.allclose(solver.state.v, [0.5, 0, 0], atol=1e-9)
+    held = Wall(
+        shape=Box((0.125,) * 3, (0.4,) * 3),
+        touch=Touch.STICKY,
+        spin=(0, 0, 2.0),
+        axis_point=(0.125,) * 3,
+    )
+    solver = MpmSolver(body, room, walls=(held,), **still)
+    assert solver.advance(0.25)
+    arm = solver.state.x - 0.125
+    assert np.allclose(solver.state.v, np.cross([0, 0, 2.0], arm), atol=0.02)
