@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,8 @@ def main() -> None:
     done = read_rows(args.rows)
     known = {(row["input"], row["tool"]) for row in done}
     peers = [peer for peer in args.peers.split(",") if peer]
+    if missing := [peer for peer in peers if find_spec(peer) is None]:
+        sys.exit(f"not installed, so that no row would say anything: {', '.join(missing)}")
     sample = set(inputs[:: max(1, -(-len(inputs) // SAMPLE))])
     # In random order, so that a run that is interrupted has seen a fair sample.
     for path in np.random.default_rng(0).permutation(np.array(inputs, dtype=object)):
