@@ -35,13 +35,18 @@ class Bin(NamedTuple):
 
 
 def answers(held_out: HeldOutSet, row: str = "film") -> Iterator[Answer]:
-    """Yield the answer of a row of the evaluation for every part whose clause is known."""
+    """Yield the answer of a row of the evaluation for every part whose clause is known.
+
+    Not of objects with more clauses than parts, whose cells decide each for itself.
+    """
     text = held_out.text_table()
     predict = ROWS[row].build(Setting(text))
     for draw in range(held_out.texts):
         for index, example in held_out.drawn(text, draw=draw):
-            _, logits = predict(example)
-            yield from _of_parts(example, logits.exp()[0].numpy(), index)
+            scene = example.batch.scene
+            if int(scene.clause_mask.sum()) <= int(scene.part.max()) + 1:
+                _, logits = predict(example)
+                yield from _of_parts(example, logits.softmax(1)[0].numpy(), index)
 
 
 def _of_parts(example: HeldOutObject, shares: np.ndarray, index: int) -> Iterator[Answer]:

@@ -10,6 +10,7 @@ from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.assignment import predict_materials
 from autophyx_tet.predictors.datasets.objects import make_objects
 from autophyx_tet.predictors.datasets.shapes import EMPTY, rasterise
+from autophyx_tet.predictors.film.certainty import Calibration, Certainty
 from autophyx_tet.predictors.film.inference import FilmModel, Inference
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
@@ -157,6 +158,7 @@ def test_every_clause_gets_a_part_if_there_are_enough():
     shares = np.zeros_like(found.shares)
     shares[parts.part == 0], shares[parts.part == 1] = [0.9, 0.1, 0], [0.6, 0.3, 0.1]
     film = network(found._replace(shares=shares))
+    film.certainty = Certainty(Calibration(1.0, 0.0), ((0.5, 1.0),))
     told = assigned(parts, "oak legs, soft foam seat", predictor=film)
     assert [choice.row.name for choice in told.choices] == [
         TABLE.exact("oak").name,
@@ -166,8 +168,8 @@ def test_every_clause_gets_a_part_if_there_are_enough():
     # The first is what its share says, and how often that is right is known; the second is what is
     # left, and nobody measured that.
     first, second = (choice.binding for choice in told.choices)
-    assert 0.5 < first.certainty < 1
-    assert "right in about" in told.choices[0].why
+    assert first.certainty == pytest.approx(0.9)
+    assert "right in about 9 of 10" in told.choices[0].why
     assert second.certainty is None
     assert "right in" not in told.choices[1].why
 

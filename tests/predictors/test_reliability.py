@@ -1,15 +1,22 @@
 """Laws of certainty: a fit finds the law that made the answers; a curve counts what it is given."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import torch
+from autophyx_tet.predictors.evaluation import held_out
+from autophyx_tet.predictors.evaluation.held_out import HeldOutSet
 from autophyx_tet.predictors.evaluation.reliability import (
     Answer,
     Bin,
+    answers,
     borne_out,
     curve,
     expected_error,
     fit,
 )
+from autophyx_tet.predictors.evaluation.rows import ROWS
 from autophyx_tet.predictors.film.certainty import Calibration, Certainty, log_odds
 
 
@@ -63,3 +70,38 @@ def test_the_shipped_calibration_says_more_of_larger_shares():
     said = [value for value in told if value is not None]
     assert said == sorted(said)
     assert all(any(low <= value <= high for low, high in certainty.spans) for value in said)
+
+
+class Loud:
+    """A row that always gives the first clause, by logits that no softmax has seen."""
+
+    names = False
+
+    def build(self, setting):
+        def predict(example):
+            logits = torch.zeros(1, example.batch.scene.clause_mask.shape[1] + 1, 1, 1, 1)
+            logits[:, 0] = 2.0
+            return None, logits.expand(-1, -1, *example.batch.scene.part.shape[1:])
+
+        return predict
+
+
+@pytest.mark.slow
+def test_shares_are_shares_and_pieces_are_left_out(monkeypatch):
+    """In [0, 1] whatever the logits are; of objects with no more clauses than parts."""
+    embed = lambda texts: np.random.default_rng(0).normal(size=(len(texts), 12)) / 4  # noqa: E731
+    monkeypatch.setattr(held_out, "HintedEncoder", lambda encoder: SimpleNamespace(text=embed))
+    objects = HeldOutSet("procedural", objects=3, cells=16)
+    pieces = {
+        index
+        for index, example in objects.drawn(objects.text_table())
+        if example.batch.scene.clause_mask.sum() > example.batch.scene.part.max() + 1
+    }
+    ROWS.register("loud", Loud())
+    try:
+        given = list(answers(objects, "loud"))
+    finally:
+        ROWS.unregister("loud")
+    assert given
+    assert all(0 < answer.share < 1 for answer in given)
+    assert not pieces & {answer.index for answer in given}
