@@ -21,8 +21,8 @@ SAMPLES = 32_000  # in the boxes of all shells; one of one volume in three is kn
 FEWEST = 2_000  # in the box of one shell of many
 CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sampled one is closed
 # Relative errors of volume with which the first passes and the later ones are content.
-PASSES, MOST_PASSES = 3, 9
-GOOD, GOOD_ENOUGH = 0.005, 0.009
+PASSES, MOST_PASSES = 2, 9
+GOOD, GOOD_ENOUGH = 0.002, 0.009
 FARTHEST = 0.35  # largest offset: labels are known within a long edge of the surfaces
 STEEPEST = 3.0  # how many times more or less than its area a volume may grow with the offset
 
