@@ -94,6 +94,7 @@ def test_an_existing_column_keeps_its_place(tmp_path):
 
 @pytest.mark.parametrize("ascii_", [False, True])
 @pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.slow
 def test_pcd_of_another_writer(ascii_, compressed, tmp_path):
     """PCD by Open3D, text, binary or LZF-packed, reads as it does there."""
     o3d = _open3d()

@@ -20,6 +20,7 @@ G = (0.0, 0.0, -9.81)
 
 
 @pytest.mark.parametrize("material", [RUBBER, STEEL], ids=["rubber", "steel"])
+@pytest.mark.slow
 def test_ball_falls_and_rests(material):
     """Never in the ground; energy never grows (implicit Euler, no friction); at rest F = m g."""
     mesh = lifted(ball(0.05, 3, **material), 5e-3)
@@ -49,6 +50,7 @@ def rebound(dt, speed=1.0):
         touched |= pressed
 
 
+@pytest.mark.slow
 def test_rebound_converges():
     """The rebound speed changes less with every halving of the step, and stays below 1.
 

@@ -69,6 +69,7 @@ def _pad(cells):
     return with_uniform(box_mesh((0.1, 0.1, 0.03), cells), E=1e6, nu=0.495, rho=1100.0)
 
 
+@pytest.mark.slow
 def test_a_squeezed_rubber_pad_does_not_lock():
     """Plates on a pad of nu = .495: within 5 % of a refined quadratic answer; P1 locks."""
     press = lambda cells, order: squeeze(  # noqa: E731

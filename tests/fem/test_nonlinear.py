@@ -92,6 +92,7 @@ def soft_column(E, cells):
     return shaken_box((0.2, 0.2, 1.0), cells, E=E, nu=0.3, rho=1000, amount=0)
 
 
+@pytest.mark.slow
 def test_a_soft_column_lies_on_the_ground():
     """E = 2e4 Pa stands a twentieth of its weight: it bends over and lies, above the ground.
 

@@ -111,6 +111,7 @@ def test_recovery_estimate_follows_the_error(monkeypatch):
     assert 0.1 < estimate.value / exact.value < 10
 
 
+@pytest.mark.slow
 def test_soft_body_is_repeated_nonlinearly():
     """Strains above 5 % are computed with the neo-Hookean law, and that is said."""
     mesh = shaken_box((0.2, 0.2, 1.0), (2, 2, 10), E=5e4, nu=0.3, rho=1000, amount=0)

@@ -53,6 +53,7 @@ def test_drop():
     assert result.contact_forces[:, 2].max() > mesh.mass * 9.81
 
 
+@pytest.mark.slow
 def test_drop_follows_up():
     mesh = shaken_box((0.1,) * 3, (1, 1, 1), E=1e6, nu=0.4, rho=1000)
     for axis, up in enumerate("xy"):

@@ -170,6 +170,7 @@ class Truth:
         return lambda example: (example.batch.target, None)
 
 
+@pytest.mark.slow
 def test_a_row_is_one_entry(monkeypatch):
     """A contender of anyone's is scored beside ours; a row that is not there is named at once."""
     embed = lambda texts: np.random.default_rng(0).normal(size=(len(texts), 12)) / 4  # noqa: E731

@@ -66,6 +66,7 @@ def test_features_of_a_painted_solid():
     assert colours.max() <= 1
 
 
+@pytest.mark.slow
 def test_a_cloud_with_pictures_has_features():
     """A density without a mesh is seen, lifted and filled all the same."""
     asset = two_boxes()

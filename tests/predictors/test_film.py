@@ -178,6 +178,7 @@ def test_held_out_wordings_frames_and_pairs_never_train():
             )
 
 
+@pytest.mark.slow
 def test_training_clauses_hold_no_word_of_the_held_out_parts():
     """Boat and umbrella stay unseen: none of their part words is in the corpus."""
     words = {w for k in part_kinds().values() if k.held_out for w in k.words}

@@ -1,6 +1,7 @@
 """Laws of seeing a grid: Beer and Lambert's opacity, occlusion, the same silhouettes as a mesh."""
 
 import numpy as np
+import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.grid import Grid
@@ -39,6 +40,7 @@ def test_a_box_looks_like_its_mesh():
     assert np.allclose(views.colour[both], expected.colour[both], atol=0.02)
 
 
+@pytest.mark.slow
 def test_what_a_grid_shows_is_lifted_back():
     """Colours seen of a grid return to the cells they came from, and not to those behind."""
     centers = GRID.centers()

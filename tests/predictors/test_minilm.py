@@ -90,6 +90,7 @@ def reference(folder, tokens):
 
 
 @pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.slow
 def test_numpy_and_torch_are_one_network(device):
     """Both libraries give what torch's own layers give, to 1e-5."""
     embed = MiniLM(device=device)

@@ -1,32 +1,37 @@
 """OpenCLIP's value path on a tiny model with random weights: there are none to download here."""
 
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.encoders import Encoder, load_encoder
 
-try:
+absent = find_spec("open_clip") is None
+needs_package = pytest.mark.skipif(absent, reason="extra openclip not installed")
+WIDTH, PATCH, DIM = 32, 8, 12
+
+
+def packages():
+    """Torch and open_clip, imported where they are needed: six seconds."""
     import torch
 
     # A CPU build of torch beside torchvision's CUDA wheel lacks two operators that nothing uses.
-    for _operator in ("nms", "qnms"):
-        _name = f"torchvision::{_operator}"
-        if not hasattr(torch.ops.torchvision, _operator):
-            torch.library.define(_name, "(Tensor dets, Tensor scores, float threshold) -> Tensor")
+    for operator in ("nms", "qnms"):
+        name = f"torchvision::{operator}"
+        if not hasattr(torch.ops.torchvision, operator):
+            torch.library.define(name, "(Tensor dets, Tensor scores, float threshold) -> Tensor")
     import open_clip
-except ImportError:
-    open_clip = None
 
-needs_package = pytest.mark.skipif(open_clip is None, reason="extra openclip not installed")
-WIDTH, PATCH, DIM = 32, 8, 12
+    return torch, open_clip
 
 
 @pytest.fixture(scope="module")
 def encoder():
     from autophyx_tet.predictors.encoders.openclip import OpenClip
 
+    torch, open_clip = packages()
     torch.manual_seed(0)
     vision = {"layers": 3, "width": WIDTH, "head_width": 8, "patch_size": PATCH, "image_size": 32}
     text = {"context_length": 16, "vocab_size": 49408, "width": WIDTH, "heads": 4, "layers": 2}
@@ -60,6 +65,7 @@ def test_last_block_has_no_residual_and_no_mlp(encoder):
     """Scaling the last block's MLP, keys and queries changes nothing; its values do."""
     last = encoder._network.visual.transformer.resblocks[-1]
     before = encoder.dense(pictures(32, 32))
+    torch, _ = packages()
     with torch.no_grad():
         last.mlp.c_proj.weight.mul_(100)
         last.attn.in_proj_weight[: 2 * WIDTH].normal_()

@@ -3,8 +3,10 @@
 import sys
 
 import numpy as np
+import pytest
 
 
+@pytest.mark.slow
 def test_probe_scores(root, monkeypatch):
     """Separable classes score 1 whatever their sizes, noise scores chance within its interval."""
     monkeypatch.syspath_prepend(str(root / "benchmarks"))

@@ -48,6 +48,7 @@ def depth_inside(points):
     return np.maximum(low, high)
 
 
+@pytest.mark.slow
 def test_photographs_give_the_solid_back(photographs):
     """Filled, the field is the solid farther than a cell from its surface, but for one in 100."""
     found = fit_radiance(photographs, GRID, options=QUICK)
@@ -62,6 +63,7 @@ def test_photographs_give_the_solid_back(photographs):
     assert np.allclose(found.colour[full & ~above].mean(axis=0), [1, 0, 0], atol=0.1)
 
 
+@pytest.mark.slow
 def test_a_plain_background_does_without_alpha(photographs):
     """Photographs before one grey wall: the wall is no matter, the boxes are."""
     cover = photographs.opacity[..., None]
@@ -99,6 +101,7 @@ def test_silhouettes_without_a_common_point_are_told(photographs):
         silhouette_bounds(Views(photographs.cameras, photographs.colour, nothing))
 
 
+@pytest.mark.slow
 def test_from_a_folder_of_photographs_to_features(photographs, tmp_path):
     """transforms.json and PNGs alone: the density is fitted, and the colours lifted onto it."""
     frames = []

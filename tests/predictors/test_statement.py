@@ -1,6 +1,7 @@
 """Laws of reading one clause: what it speaks of, of what it is, and how that is."""
 
 import numpy as np
+import pytest
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.datasets.grammar import Grammar
 from autophyx_tet.predictors.datasets.objects import CATEGORIES
@@ -44,6 +45,7 @@ def test_a_level_moves_a_material_within_its_own_range():
     assert np.allclose(hints[start : start + 3], wanted, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_materials_of_the_grammar_are_read():
     """Of 400 clauses in frames of training 98 % are read to the value they were written for."""
     grammar = Grammar(np.random.default_rng(2))

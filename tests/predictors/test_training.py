@@ -75,6 +75,7 @@ def test_resume_is_exact(text, tmp_path):
     assert same(rest.network, whole.network)
 
 
+@pytest.mark.slow
 def test_another_config_does_not_resume(text, tmp_path):
     """A state belongs to its config: with another one the way out is said."""
     train_film(TINY, text=text, resume=tmp_path, pause=0.0)

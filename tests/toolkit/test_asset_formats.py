@@ -62,6 +62,7 @@ def _write(suffix, folder):
     return path
 
 
+@pytest.mark.slow
 def test_what_a_file_states_needs_no_option(tmp_path):
     """Unit and up axis are warned about where the format does not keep them, and only there."""
     forms = {ASSET_FORMATS[suffix]: suffix for suffix in ASSET_FORMATS}

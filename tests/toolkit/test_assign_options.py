@@ -50,6 +50,7 @@ def test_wrong_numbers_are_one_line():
         assigned("oak", set=("bra:E=2e9",))
 
 
+@pytest.mark.slow
 def test_own_rows_win(tmp_path):
     """The same in TOML and CSV: own names and aliases come first, the table's others stay."""
     toml, table = tmp_path / "own.toml", tmp_path / "own.csv"

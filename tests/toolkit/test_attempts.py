@@ -12,6 +12,7 @@ from autophyx_tet.toolkit.native.child import ChildFailure
 from .test_tetrahedralize import QUICK, asset_of, converted
 
 
+@pytest.mark.slow
 def test_cache_remembers_the_engine(tmp_path, monkeypatch):
     """The second conversion runs no child and gives the same mesh; another option runs one."""
     cube = trimesh.creation.box((1, 1, 1))
@@ -37,6 +38,7 @@ def test_damaged_cache_is_made_again(tmp_path):
     assert mesh.volume == pytest.approx(1, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
     """The first attempt runs out of time: the next one doubles edge and epsilon, and says so."""
     _slow_at_first(monkeypatch)

@@ -70,6 +70,7 @@ def test_a_wrong_manifest_is_refused_before_the_work(tmp_path):
         assert not (tmp_path / "out").exists(), text
 
 
+@pytest.mark.slow
 def test_bad_assets_stop_nothing_and_are_named(tmp_path):
     """Missing, empty, flat, a wrong option: one row each, with the exit code of `run`."""
     (tmp_path / "empty.obj").write_text("")

@@ -92,6 +92,7 @@ def test_interrupt_leaves_nothing():
         _run(SLOW, progress=interrupt)
 
 
+@pytest.mark.slow
 def test_works_from_a_thread():
     results = []
     thread = threading.Thread(target=lambda: results.append(_run()))

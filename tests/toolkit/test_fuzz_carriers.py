@@ -99,6 +99,7 @@ def _guarded(path):
     assert peak < PEAK
 
 
+@pytest.mark.slow
 def test_most_formats_are_here_as_valid_files(tmp_path):
     """The fuzzing starts from files that are read."""
     for suffix in (".npz", ".nvdb", ".pcd", *SUFFIXES):

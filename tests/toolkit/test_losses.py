@@ -239,6 +239,7 @@ def test_shares_are_told_by_name():
     assert [(part.name, part.volume, part.area) for part in found.parts] == [("sheet", 0, 1)]
 
 
+@pytest.mark.slow
 def test_patches_become_one_mesh():
     """Through the engine: the ball's volume, both distances to the file as read within epsilon."""
     ball = trimesh.creation.icosphere(2)

@@ -120,6 +120,7 @@ DOORS = 2 * 0.39 * 0.02 * 1.78
 
 
 @pytest.mark.parametrize("wall", [0.001, 0.003])
+@pytest.mark.slow
 def test_bottle_leaves_the_analytic_volume(wall):
     """Base, wall, shoulder and neck of glass: the volume between two bodies of revolution, 2 %."""
     bottle = trimesh.creation.revolve(BOTTLE, sections=128)

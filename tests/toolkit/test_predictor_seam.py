@@ -72,6 +72,7 @@ def test_unknown_predictors_are_named_in_one_line():
         apx.assign(two_regions(), "oak", options=AssignOptions(predictor="flim", cells=8))
 
 
+@pytest.mark.slow
 def test_a_sentence_is_read_once_whoever_predicts(monkeypatch):
     """One parse of the text for each call of ``assign``, and no clause of it is read twice.
 
