@@ -6,10 +6,12 @@ import re
 import shlex
 import subprocess
 import sys
+import time
 
 import autophyx_tet
 import numpy as np
 import tyro
+from autophyx_tet.toolkit.cli import progress
 from autophyx_tet.toolkit.cli.main import COMMANDS, main
 
 from .command import run_cli, run_here
@@ -126,3 +128,15 @@ def test_doctor_lists_what_the_package_requires(capsys):
     # The smallest is a head of 58 kB; what stands for a file that was not fetched is under 1 kB.
     assert all(file["bytes"] > 1e4 for file in document["weights"])
     assert "kernels" in {cache["name"] for cache in document["caches"]}
+
+
+def test_a_log_hears_of_the_work_now_and_then(monkeypatch, capsys):
+    """Where stderr is no terminal the stage is a line now and then; a short call is silent."""
+    monkeypatch.setattr(progress, "FIRST", 0.05)
+    monkeypatch.setattr(progress, "AGAIN", 60.0)
+    with progress.progress() as tell:
+        tell("wind: frame 3 of 125, 40 s left", 1.0)
+        time.sleep(0.3)
+    assert re.fullmatch(r"wind: frame 3 of 125, 40 s left \.\.\. 0 s\n", capsys.readouterr().err)
+    with progress.progress(quiet=True) as tell:
+        assert tell is None

@@ -1,26 +1,61 @@
-"""Progress on stderr while the engine works; silent where stderr is not a terminal."""
+"""Progress on stderr while the engine works: a live line, or now and then one for a log."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ..batch.task import Outcome
 
 
+# Seconds before the first line of a log, and between two.
+FIRST, AGAIN = 30.0, 30.0
+
+
 @contextmanager
 def progress(*, quiet: bool = False) -> Iterator[Callable[[str, float], None] | None]:
     """Give a callback for (stage, seconds), or None where nobody would see it."""
-    if quiet or not sys.stderr.isatty():
+    if quiet:
         yield None
+        return
+    if not sys.stderr.isatty():
+        with _logged() as tell:
+            yield tell
         return
     from rich.console import Console
 
     with Console(stderr=True).status("loading") as status:
         yield lambda stage, seconds: status.update(f"{stage} … {seconds:.0f} s")
+
+
+@contextmanager
+def _logged() -> Iterator[Callable[[str, float], None]]:
+    """Write the stage that was heard of last, however rarely one is."""
+    began, done, stage = time.monotonic(), Event(), "loading"
+
+    def tell(heard: str, _: float) -> None:
+        nonlocal stage
+        stage = heard
+
+    def write() -> None:
+        pause = FIRST
+        while not done.wait(pause):
+            sys.stderr.write(f"{stage} ... {time.monotonic() - began:.0f} s\n")
+            sys.stderr.flush()
+            pause = AGAIN
+
+    writer = Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield tell
+    finally:
+        done.set()
+        writer.join()
 
 
 @contextmanager
