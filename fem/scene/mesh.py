@@ -59,6 +59,11 @@ class TetMesh:
     region_names: tuple[str, ...] = ("body",)
     material: ElementMaterial | None = None
 
+    def __repr__(self) -> str:
+        names = ", ".join(self.region_names[:5]) + ", ..." * (len(self.region_names) > 5)
+        known = "" if self.material is None else ", with E, nu and rho"
+        return f"<TetMesh: {len(self.tets):,} tets, {len(self.points):,} points, {names}{known}>"
+
     def __post_init__(self) -> None:
         points = _frozen(self.points, np.float64)
         tets = _frozen(self.tets, np.int32)

@@ -18,6 +18,7 @@ from ..io.document import mesh_document
 from ..io.sidecar import Sidecar
 from ..meshing.messages import listed
 from ..walls.built_parts import FAR_APART, BuiltPart
+from .summary import as_table, in_a_line
 from .verdict import ADVICE, Verdict
 
 if TYPE_CHECKING:
@@ -42,6 +43,12 @@ class Assignment:
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
 
     def part_rows(self) -> list[dict[str, Any]]:
         """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg].

@@ -11,6 +11,7 @@ from ...predictors.asset import Asset
 from ..io.document import mesh_document
 from ..io.sidecar import Sidecar
 from ..walls.wall_options import WallOptions
+from .summary import as_table, in_a_line
 
 if TYPE_CHECKING:
     from ..meshing.conversion_report import ConversionReport
@@ -25,6 +26,12 @@ class Conversion:
     report: ConversionReport
     files: tuple[Path, ...] = ()
     walls: WallOptions = field(default_factory=WallOptions)
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
 
     @property
     def warnings(self) -> list[str]:

@@ -14,7 +14,7 @@ from .simulation import Animation, Simulation
 from .verdict import Verdict
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Moving(Simulation):
     """A body that falls, is squeezed, blown at or torn."""
 

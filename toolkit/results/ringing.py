@@ -21,7 +21,7 @@ SWING = np.arange(24) / 24
 DRAWN = 0.05
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Ringing(Simulation):
     """The natural vibrations of a body as it stands."""
 

@@ -11,6 +11,7 @@ from .assignment import Assignment
 from .conversion import Conversion
 from .settled import Settled
 from .simulation import Simulation
+from .summary import as_table, in_a_line
 from .verdict import Verdict
 
 if TYPE_CHECKING:
@@ -37,6 +38,12 @@ class RunResult:
     seconds: dict[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
     features: VoxelFeatures | None = None
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
 
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""

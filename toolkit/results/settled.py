@@ -27,7 +27,7 @@ from .verdict import Verdict
 RAMP = np.linspace(0, 1, 6)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Settled(Simulation):
     """A body at rest under its load."""
 

@@ -18,6 +18,7 @@ from ...fem.scene.scene import Scene
 from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
+from .summary import as_table, in_a_line
 from .verdict import Verdict
 
 
@@ -46,6 +47,12 @@ class Simulation(ABC):
 
     # Name of the answer's numbers in the document.
     kind: ClassVar[str]
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
 
     @property
     def mesh(self) -> TetMesh:
