@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..fem.errors import InputError, UsageError
 
+Options = TypeVar("Options")  # a dataclass of options
 # What belongs to one call, not to a configuration.
 _OF_THE_CALL = ("common", "output", "dry_run")
 _SHORT = {"field_output": "field", "target": "for"}  # names that the command line changes
@@ -51,6 +52,23 @@ def read_config(path: Path) -> list[str]:
     for name, value in document.items():
         flat |= value if isinstance(value, dict) else {name: value}
     return arguments(flat)
+
+
+def with_given(options: Options, given: Mapping[str, Any], *, verb: str) -> Options:
+    """Return the options with those ``given`` by name, as a Python user writes them.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such option.
+    """
+    known = [item.name for item in fields(options)]  # type: ignore
+    for name in given:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise UsageError(f"{verb} has no option {name!r}{hint}")
+    return replace(options, **given)  # type: ignore
 
 
 def option_names(command: Any) -> set[str]:

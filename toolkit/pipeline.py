@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset
+from .config import with_given
 from .io.outputs import check_file, check_mesh, check_run
 from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
@@ -20,6 +21,7 @@ from .simulation.simulate import simulate
 from .walls.wall_options import WallOptions
 
 if TYPE_CHECKING:
+    from ..converters.material_sampling import SampledMesh
     from ..fem.scene.materials import MaterialTable
     from ..predictors.language.binding import Bound
     from ..predictors.prediction import Prediction
@@ -32,8 +34,11 @@ def convert(
     options: ConvertOptions | None = None,
     walls: WallOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
+    **given: Any,
 ) -> Conversion:
     """Make a watertight tetrahedral mesh [m] of an asset, one region per part.
+
+    Options may be ``given`` by name too: ``convert("chair.glb", size=0.9)``.
 
     Parameters
     ----------
@@ -58,7 +63,8 @@ def convert(
     from .meshing.import_tets import SUFFIXES, import_tets
     from .meshing.tetrahedralize import tetrahedralize
 
-    options, walls = options or ConvertOptions(), walls or WallOptions()
+    options = with_given(options or ConvertOptions(), given, verb="convert")
+    walls = walls or WallOptions()
     if output is not None:
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
@@ -87,11 +93,12 @@ def assign(
     field_output: Path | None = None,
     options: AssignOptions | None = None,
     walls: WallOptions | None = None,
+    **given: Any,
 ) -> Assignment:
     """Give every tet E [Pa], nu [1], rho [kg/m^3] from a sentence.
 
     Parts that are hollow, by ``walls``, by the text or by what they are, get the apparent material
-    that weighs and bends as their wall and what it holds.
+    that weighs and bends as their wall and what it holds. Options may be ``given`` by name.
 
     Raises
     ------
@@ -106,7 +113,7 @@ def assign(
     from .walls.built_parts import Walls, build_parts, with_walls
     from .walls.part_words import Called
 
-    options = (options or AssignOptions()).checked()
+    options = with_given(options or AssignOptions(), given, verb="assign").checked()
     _check_outputs(output, field_output)
     mesh, sidecar, seen, warnings = read_known(mesh, asset)
     said = Walls.said(walls, sidecar, mesh.region_names)
@@ -120,7 +127,6 @@ def assign(
     built = build_parts(mesh, found.choices, called, said)
     field = with_walls(found.field, built)
     sampled = sample_material(mesh, field)
-    far = [f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"]
     apparent = filter(None, (one.warning for one in built))
     doubts = (*found.doubts(), *filter(None, (one.doubt for one in built)))
     result = Assignment(
@@ -131,13 +137,18 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *doubts, *apparent, *(far if sampled.unmatched else ())),
+        warnings=(*warnings, *doubts, *apparent, *_unmatched(sampled)),
         doubts=doubts,
     )
     if options.strict:
         result.check_bands()
         result.check_doubts()
     return _written(result, output, field_output)
+
+
+def _unmatched(sampled: SampledMesh) -> Iterator[str]:
+    if sampled.unmatched:
+        yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
 
 
 def _check_outputs(output: Path | None, field_output: Path | None) -> None:

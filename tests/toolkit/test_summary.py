@@ -1,4 +1,4 @@
-"""Results at a prompt and in a notebook: a line, a table, no arrays."""
+"""At a prompt and in a notebook: options by name; results as a line and a table, no arrays."""
 
 import autophyx_tet as apx
 import numpy as np
@@ -13,6 +13,16 @@ def assigned():
     names = ("<seat>", "legs")
     region = (mesh.centroids[:, 2] < 0.1).astype(np.int32)
     return apx.assign(TetMesh(mesh.points, mesh.tets, region, names), "steel")
+
+
+def test_options_are_given_by_name(assigned):
+    """As keywords of the verbs; what is no option names the nearest one."""
+    soft, stiff = (apx.assign(assigned.mesh, "steel", alpha=a) for a in (0.0, 1.0))
+    assert (soft.mesh.material.E < stiff.mesh.material.E).all()
+    with pytest.raises(apx.AutophyxError, match="assign has no option 'alpa'; did you mean 'al"):
+        apx.assign(assigned.mesh, "steel", alpa=0.1)
+    with pytest.raises(apx.AutophyxError, match="convert has no option 'sizes'"):
+        apx.convert("nowhere.glb", sizes=3)
 
 
 def test_a_mesh_is_a_line(assigned):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
-from difflib import get_close_matches
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from ...fem.conditions.boundary_conditions import KINDS, BoundaryConditions, ent
 from ...fem.conditions.conditions_file import ConditionsFile, read_conditions
 from ...fem.conditions.selection import numbers
 from ...fem.errors import UsageError
+from ..config import with_given
 from ..options import SimulateOptions
 
 
@@ -40,15 +40,9 @@ def stated_conditions(options: SimulateOptions) -> ConditionsFile:
 
 def changed_options(options: SimulateOptions, given: Mapping[str, Any]) -> SimulateOptions:
     """Return the options with those ``given`` by name, as Python users write them."""
-    known = [field.name for field in fields(options)]
-    for name in given:
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UsageError(f"simulate has no option {name!r}{hint}")
     repeated = (*KINDS, "grain")
     plain = {name: entries(value) if name in repeated else value for name, value in given.items()}
     way = plain.get("gravity_dir")
     if way is not None and not isinstance(way, str):
         plain["gravity_dir"] = ",".join(repr(float(x)) for x in way)
-    return replace(options, **plain)
+    return with_given(options, plain, verb="simulate")
