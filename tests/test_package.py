@@ -15,7 +15,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 ROOMS = ("fem", "predictors", "converters", "toolkit")
-DATA = {".csv", ".safetensors", ".md", ".css", ".html", ".js", ".toml"}
+DATA = {".csv", ".safetensors", ".md", ".css", ".html", ".js", ".toml", ".json"}
 # Bytes: 15 MB are the weights of the FiLM network, 0.6 MB those of the image encoder; the rest of
 # the budget is room for one more network of that size, and far below an index's usual 100 MB.
 LARGEST_WHEEL = 25e6

@@ -51,6 +51,8 @@ def test_a_cold_process_embeds_a_sentence_without_torch():
     """The text path starts in a fraction of a second because it loads no heavy package."""
     code = (
         "from autophyx_tet.predictors.encoders.minilm import MiniLM; MiniLM().text(['oak chair']);"
+
+from .torchvision import with_operators
         "import sys; assert not {'torch', 'transformers', 'scipy'} & set(sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -102,6 +104,7 @@ def test_numpy_and_torch_are_one_network(device):
 @pytest.mark.slow
 def test_it_is_the_reference_implementation(encoder):
     """Cosine >= .9999 with sentence-transformers on the same weights, truncation included."""
+    with_operators()
     reference = pytest.importorskip("sentence_transformers")
     model = reference.SentenceTransformer(str(packaged_weights()), device="cpu")
     assert model.max_seq_length == MAX_TOKENS

@@ -8,6 +8,8 @@ import pytest
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.encoders import Encoder, load_encoder
 
+from .torchvision import with_operators
+
 absent = find_spec("open_clip") is None
 needs_package = pytest.mark.skipif(absent, reason="extra openclip not installed")
 WIDTH, PATCH, DIM = 32, 8, 12
@@ -15,14 +17,9 @@ WIDTH, PATCH, DIM = 32, 8, 12
 
 def packages():
     """Torch and open_clip, imported where they are needed: six seconds."""
-    import torch
-
-    # A CPU build of torch beside torchvision's CUDA wheel lacks two operators that nothing uses.
-    for operator in ("nms", "qnms"):
-        name = f"torchvision::{operator}"
-        if not hasattr(torch.ops.torchvision, operator):
-            torch.library.define(name, "(Tensor dets, Tensor scores, float threshold) -> Tensor")
+    with_operators()
     import open_clip
+    import torch
 
     return torch, open_clip
 

@@ -100,7 +100,7 @@ def _values(options: Mapping[str, str]) -> dict[str, str | bool | list[str]]:
     """Cells as values: flags and repeated options are told by the option's type."""
     found: dict[str, str | bool | list[str]] = {}
     for name, cell in options.items():
-        if OPTIONS[name] == "bool" and cell.lower() in YES + NO:
+        if "bool" in OPTIONS[name] and cell.lower() in YES + NO:
             found[name] = cell.lower() in YES
         elif "tuple" in OPTIONS[name]:
             found[name] = [item.strip() for item in cell.split(";") if item.strip()]
