@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, _gelu, packaged_weights
 
+from .torchvision import with_operators
+
 SENTENCES = [
     "a steel frame with an oak seat",
     "Metal_Chrome",
@@ -51,8 +53,6 @@ def test_a_cold_process_embeds_a_sentence_without_torch():
     """The text path starts in a fraction of a second because it loads no heavy package."""
     code = (
         "from autophyx_tet.predictors.encoders.minilm import MiniLM; MiniLM().text(['oak chair']);"
-
-from .torchvision import with_operators
         "import sys; assert not {'torch', 'transformers', 'scipy'} & set(sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
