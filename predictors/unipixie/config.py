@@ -1,9 +1,9 @@
-"""Sizes of the UniPixie network: those of the paper, those shipped, and some for a CPU."""
+"""Sizes of the UniPixie network: those of the paper, and some for a CPU."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 THETA = 650  # numbers of a skinning body: ten weights of 64 features and a constant each
 ANCHORS = 2048  # of a spring network
@@ -37,10 +37,6 @@ class UniPixieConfig:
     steps: int = 15
     method: Literal["euler", "heun"] = "heun"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for a checkpoint's metadata."""
-        return asdict(self)
-
 
 # The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and
 # the fusion of the condition are, it does not say: as Table S3's totals allow.
@@ -50,4 +46,3 @@ CPU = UniPixieConfig(
     decoder_blocks=2, spring_blocks=1, frequencies=4, own=True, predicts="x1", steps=2,
     method="euler",
 )  # fmt: skip
-NETWORKS = {"unipixie-paper": PAPER, "cpu": CPU}

@@ -30,11 +30,6 @@ def velocity_towards(x1: Tensor, x: Tensor, time: Tensor) -> Tensor:
     return (x1 - x) / left
 
 
-def times_of_training(n: int, generator: torch.Generator, device: torch.device) -> Tensor:
-    """Return ``n`` logit-normal times (Esser et al. 2024): most in the middle of the way."""
-    return torch.sigmoid(torch.randn(n, generator=generator, device=device))
-
-
 def integrate(
     velocity: Velocity, x: Tensor, *, steps: int, method: Literal["euler", "heun"] = "heun"
 ) -> Tensor:
