@@ -7,8 +7,6 @@ size costs nothing, and small motions see exactly the stiffness at rest times th
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
@@ -26,13 +24,8 @@ class Viscosity:
 
     def __init__(self, grid: Discretisation, lame: LameParameters) -> None:
         self.grid = grid
-        arrays = [self._array(np.asarray(m)) for m in lame]
+        arrays = [self.grid.array(np.asarray(m)) for m in lame]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *arrays]
-
-    def _array(self, values: np.ndarray) -> Any:
-        wp = start_warp()
-        dtype = wp.vec3d if values.ndim == 2 else wp.float64
-        return wp.array(values, dtype=dtype, device=self.grid.device)
 
     def force(
         self, u: Float[np.ndarray, "nodes 3"], v: Float[np.ndarray, "nodes 3"]
@@ -50,7 +43,7 @@ class Viscosity:
         from . import kernels_viscosity as k
 
         wp = start_warp()
-        fields = [self._array(u), self._array(along)]
+        fields = [self.grid.array(u), self.grid.array(along)]
         tets, device = len(self.grid.space.elements), self.grid.device
         energy = wp.empty(tets, dtype=wp.float64, device=device)
         force = wp.zeros_like(fields[0])
@@ -67,7 +60,7 @@ class Viscosity:
         """
         from . import kernels_viscosity as k
 
-        inputs = [*self._arrays, 1 / dt, self._array(u), self._array(start), projected]
+        inputs = [*self._arrays, 1 / dt, self.grid.array(u), self.grid.array(start), projected]
         inputs += [self.grid.pattern.slots, matrix.values]
         tets, device = len(self.grid.space.elements), self.grid.device
         start_warp().launch(k.tangent, tets, inputs=inputs, device=device)

@@ -39,6 +39,12 @@ class Discretisation:
     quadrature: Any
     pattern: Pattern
 
+    def array(self, values: np.ndarray) -> Any:
+        """Array on the device of numbers (n,), or of vectors (n, 3)."""
+        wp = start_warp()
+        dtype = wp.vec3d if values.ndim == 2 else wp.float64
+        return wp.array(values, dtype=dtype, device=self.device)
+
 
 # Discretisations of the last meshes, by the identity of their arrays: materials come and go on the
 # same tets, while a solve of each order on two meshes is all that alternates in practice.

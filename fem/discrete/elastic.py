@@ -46,14 +46,9 @@ class ElasticBody:
             if self._law.finite:
                 raise InputError(f"the {self._law.title} law knows no grain: wanted the linear one")
             self._grained = linear_stiffness(grid, material)
-        moduli = [self._array(m) for m in material.lame]
+        moduli = [grid.array(m) for m in material.lame]
         self._p1_arrays = [grid.points, grid.elements, *moduli]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
-
-    def _array(self, values: np.ndarray) -> Any:
-        wp = start_warp()
-        dtype = wp.vec3d if values.ndim == 2 else wp.float64
-        return wp.array(values, dtype=dtype, device=self.grid.device)
 
     def _launch(self, kernel: Any, inputs: list) -> None:
         tets = len(self.grid.space.elements)
@@ -65,7 +60,7 @@ class ElasticBody:
             pull = self._grained.times(u)
             return Response(0.5 * float((u * pull).sum()), pull)
         wp = start_warp()
-        field = self._array(u)
+        field = self.grid.array(u)
         tets = len(self.grid.space.elements)
         energy = wp.empty(tets, dtype=wp.float64, device=self.grid.device)
         force = wp.zeros_like(field)
@@ -94,7 +89,7 @@ class ElasticBody:
         if kernels.stiffness_p1:
             kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
             return kernel, self._p1_arrays if p1 else self._arrays
-        field = self._array(u)
+        field = self.grid.array(u)
         if kernels.projected and (projected or not kernels.exact):
             return kernels.projected, [*self._arrays, field]
         if self._law.tangent_p1 and p1:
