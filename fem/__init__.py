@@ -2,7 +2,7 @@
 
 In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
 Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
-Read: scene, conditions, laws, discrete, linalg, contact, damping, result, solve, scenarios.
+Read: scene, conditions, laws, discrete, linalg, contact, result, solve, reduced, scenarios.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
 """
@@ -49,6 +49,8 @@ _HOME = {
     "natural_modes": "solve.modal",
     "static_displacement": "solve.gradients",
     "implicit_step": "solve.gradients",
+    "ReducedModel": "reduced.model",
+    "reduce_body": "reduced.reduction",
     "SCENARIOS": "scenarios.scenario",
     "sag": "scenarios.sag",
     "hang": "scenarios.hang",

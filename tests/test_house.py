@@ -11,7 +11,7 @@ FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
         "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
-        "mpm", "scenarios", "grain", "safety",
+        "mpm", "reduced", "scenarios", "grain", "safety",
         "intervals", "verdicts",
     ),
     "predictors": (
@@ -21,8 +21,9 @@ FLOORS = {
         "training", "evaluation",
     ),
     "converters": (
-        "registry", "files", "announced_sizes", "npz", "mesh", "grids", "points", "embedding",
-        "driving", "voxelisation", "material_sampling", "field_sources", "carriers", "programs",
+        "registry", "files", "announced_sizes", "npz", "reduced_archive", "mesh", "grids", "points",
+        "embedding", "driving", "voxelisation", "material_sampling", "field_sources", "carriers",
+        "programs",
     ),
     "toolkit": (
         "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",

@@ -26,6 +26,8 @@ class ElasticKernels(NamedTuple):
     stress: Any
     exact: Any
     projected: Any
+    exact_at: Any
+    projected_at: Any
     stiffness_p1: Any
     stiffness_p2: Any
 
@@ -87,11 +89,15 @@ def force_block(B: mat93d, p: wp.vec3d) -> wp.mat33d:
 def elastic_kernels(law: ElasticLaw) -> ElasticKernels:
     """Kernels of ``law``, all at once: one more later would compile the others again."""
     change, projected, block = law.stress_change, law.projected_tangent, law.stiffness_block
+    at = change or (_change_of_linear(law.energy_and_stress) if block else None)
+    exact = _second_derivative(at) if at else None
     return ElasticKernels(
         _energy_and_force(law),
         _stress(law),
-        _tangent(law, _second_derivative(change)) if change else None,
+        _tangent(law, exact) if change else None,
         _tangent(law, projected) if projected else None,
+        _tangent_at(law, exact) if exact else None,
+        _tangent_at(law, projected) if projected else None,
         _stiffness_p1(law, block) if block else None,
         _stiffness_p2(law, block) if block else None,
     )
@@ -105,10 +111,12 @@ def _stress(law: ElasticLaw) -> Any:
         H: wp.array(dtype=wp.mat33d),
         lam: wp.array(dtype=wp.float64),
         mu: wp.array(dtype=wp.float64),
+        W: wp.array(dtype=wp.float64),
         P: wp.array(dtype=wp.mat33d),
     ):
         i = wp.tid()
-        _W, here = energy_and_stress(H[i], lam[i], mu[i])
+        energy, here = energy_and_stress(H[i], lam[i], mu[i])
+        W[i] = energy
         P[i] = here
 
     return stress
@@ -173,6 +181,35 @@ def _second_derivative(stress_change: Any) -> Any:
         return A
 
     return second_derivative
+
+
+def _change_of_linear(energy_and_stress: Any) -> Any:
+    """Change of the stress of a law that is linear in H: the stress of the change."""
+
+    @wp.func
+    def stress_change(H: wp.mat33d, G: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
+        _W, P = energy_and_stress(G, lam, mu)
+        return P
+
+    return stress_change
+
+
+def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
+    @wp.kernel(module=law.energy_and_stress.module)
+    def tangent_at(
+        H: wp.array(dtype=wp.mat33d),
+        lam: wp.array(dtype=wp.float64),
+        mu: wp.array(dtype=wp.float64),
+        out: wp.array2d(dtype=wp.float64),
+    ):
+        """Second derivative by F_ic and F_jd, at 27 i + 9 c + 3 j + d of a row."""
+        t = wp.tid()
+        A = second_derivative(H[t], lam[t], mu[t])
+        for r in range(9):
+            for s in range(9):
+                out[t, 27 * (r % 3) + 9 * (r // 3) + 3 * (s % 3) + s // 3] = A[r, s]
+
+    return tangent_at
 
 
 def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:

@@ -45,3 +45,14 @@ def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:
     data = np.bincount(slots.ravel(), values.ravel(), minlength=len(columns))
     count = len(grid.space.nodes)
     return csr_array((data, columns, rows), shape=(count, count))
+
+
+def diagonal_mass(mesh: TetMesh, grid: Discretisation) -> Any:
+    """Lumped mass matrix [kg] of one component, in the form of ``consistent_mass``."""
+    from scipy.sparse import csr_array
+
+    rows, columns = (a.numpy() for a in grid.pattern[:2])
+    count = len(grid.space.nodes)
+    on_diagonal = columns == np.repeat(np.arange(count), np.diff(rows))
+    data = np.where(on_diagonal, lumped_mass(mesh, grid.space)[columns], 0.0)
+    return csr_array((data, columns, rows), shape=(count, count))

@@ -42,8 +42,8 @@ def first_piola(
     leading = H.shape[:-2]
     moduli = [np.broadcast_to(m, leading).astype(float).ravel() for m in lame]
     given = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
-    P = wp.empty_like(given)
-    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), P]
+    W, P = wp.empty(len(given), dtype=wp.float64, device="cpu"), wp.empty_like(given)
+    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
     wp.launch(elastic_kernels(LAWS[law]).stress, len(given), inputs=inputs, device="cpu")
     return P.numpy().reshape(H.shape)
 

@@ -13,7 +13,7 @@ from ..device import Recorder, checked_device, single_threaded
 from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
-from ..discrete.mass import consistent_mass, lumped_mass
+from ..discrete.mass import consistent_mass, diagonal_mass, lumped_mass
 from ..discrete.space import extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -80,11 +80,13 @@ def natural_modes(
     *,
     supports: Supports | None = None,
     order: int = 2,
+    lumped: bool = False,
     device: str = "cpu",
 ) -> Modes:
     """First ``count`` natural vibrations of ``mesh``, free in space without ``supports``.
 
-    Motions that meet no resistance (six of every free piece, hinges) are no vibrations.
+    With the consistent mass, or with the ``lumped`` one of motions. What meets no resistance (six
+    motions of every free piece, hinges) is no vibration.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def natural_modes(
         If the eigensolver does not reach its tolerance.
     """
     checked_count("modes", count)
-    problem = _vibrations(mesh, supports, order, checked_device(device))
+    problem = _vibrations(mesh, supports, order, checked_device(device), lumped)
     unknowns, rigid = int(problem.free.sum()), problem.motions.shape[2]
     if count + rigid >= unknowns // 2:
         raise InputError(f"{count} modes of a body with {unknowns} unknowns: wanted fewer modes")
@@ -116,7 +118,9 @@ def natural_modes(
     return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
 
 
-def _vibrations(mesh: TetMesh, supports: Supports | None, order: int, device: str) -> Vibrations:
+def _vibrations(
+    mesh: TetMesh, supports: Supports | None, order: int, device: str, lumped: bool
+) -> Vibrations:
     grid = discretise(mesh, order, device)
     space = grid.space
     held = node_supports(supports or Supports.none(len(mesh.points)), space)
@@ -125,7 +129,7 @@ def _vibrations(mesh: TetMesh, supports: Supports | None, order: int, device: st
     free = ~held.fixed & used[:, None]
     stopped = (held.fixed | (held.springs > 0))[: space.points]
     motions = extend_linear(space, _free(mesh, stopped))
-    mass = consistent_mass(mesh, grid)
+    mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
     return Vibrations(mesh, grid, held, free, mass, _slowest(mesh), motions)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from ..discrete.block_matrix import BlockMatrix, add_diagonal
+from ..discrete.block_matrix import add_diagonal
 from ..discrete.constraints import apply_supports
 from ..errors import ConvergenceError
 
@@ -49,23 +49,26 @@ class Point(NamedTuple):
 
 @runtime_checkable
 class Objective(Protocol):
-    """An energy of nodal displacements (nodes, 3)."""
+    """An energy of nodal displacements (nodes, 3), or of other coordinates.
 
-    def evaluate(self, u: np.ndarray) -> Point:
+    Its Hessian is of the kind that the linear solver takes.
+    """
+
+    def evaluate(self, u: np.ndarray, /) -> Point:
         """Energy, gradient and scale."""
         ...
 
-    def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
+    def hessian(self, u: np.ndarray, /, *, projected: bool) -> Any:
         """Hessian [N/m] with prescribed rows dropped; ``projected``: positive semi-definite."""
         ...
 
-    def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
+    def longest_step(self, u: np.ndarray, step: np.ndarray, /) -> float:
         """Largest share of ``step`` that stays allowed."""
         ...
 
 
 # Solves H step = b so that |b - H step| is well below the goal [N] of Newton.
-LinearSolve = Callable[[BlockMatrix, np.ndarray, float], np.ndarray]
+LinearSolve = Callable[[Any, np.ndarray, float], np.ndarray]
 
 
 class Minimum(NamedTuple):

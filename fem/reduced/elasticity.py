@@ -1,0 +1,76 @@
+"""Elastic energy of a reduced model, by the same functions of the law as the full body's."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..device import Recorder, start_warp
+from ..laws.law import LAWS, Law
+from .gradients import cell_gradients
+from .model import ReducedModel
+
+
+class ReducedResponse(NamedTuple):
+    """Elastic ``energy`` [J] and its gradient ``force`` (dofs,) [N/sqrt(kg)]."""
+
+    energy: float
+    force: np.ndarray
+
+
+class ReducedElasticity:
+    """Elastic energy W(q) of a reduced model, its gradient and second derivative.
+
+    Parameters
+    ----------
+    model
+        The reduced model.
+    law
+        Name of the elastic law, one of ``LAWS``.
+    """
+
+    def __init__(self, model: ReducedModel, law: str = Law.NEO_HOOKEAN) -> None:
+        from ..discrete.kernels_elastic import elastic_kernels
+
+        wp = start_warp()
+        kernels = elastic_kernels(LAWS[law])
+        self.model, self.law = model, law
+        self.gradients = cell_gradients(model)
+        self._H, self._P = (wp.empty(len(model.cells), dtype=wp.mat33d, device="cpu") for _ in "HP")
+        self._W, self._lam, self._mu = (
+            wp.empty(len(model.cells), dtype=wp.float64, device="cpu") for _ in range(3)
+        )
+        self._A = wp.empty((len(model.cells), 81), dtype=wp.float64, device="cpu")
+        record = Recorder(len(model.cells), "cpu")
+        given = [self._H, self._lam, self._mu]
+        self._stress = record(kernels.stress, [*given, self._W, self._P])
+        exact, projected = kernels.exact_at, kernels.projected_at
+        self._exact = record(exact or projected, [*given, self._A])
+        self._projected = record(projected or exact, [*given, self._A])
+        self.set_moduli(model.E, model.nu)
+
+    def set_moduli(self, E: np.ndarray, nu: np.ndarray) -> None:
+        """Take other moduli ``E`` [Pa] and ``nu`` [1] of the cells, shape (cells,)."""
+        self.model = self.model.with_moduli(E, nu)
+        lam, mu = self.model.lame  # laws are linear in them: the weight of a cell goes in here
+        self._lam.assign(self.model.weights * lam)
+        self._mu.assign(self.model.weights * mu)
+
+    def stress(self, q: np.ndarray) -> np.ndarray:
+        """First Piola stress times the weight of every cell [Pa m^3], shape (cells, 3, 3)."""
+        self._H.numpy()[:] = self.gradients.of(q)
+        self._stress.launch()
+        return self._P.numpy()
+
+    def response(self, q: np.ndarray) -> ReducedResponse:
+        """Energy and force at the coordinates ``q`` (dofs,) [m sqrt(kg)], springs and all."""
+        force = self.gradients.pull(self.stress(q))
+        springs = self.model.springs @ q
+        return ReducedResponse(float(self._W.numpy().sum() + 0.5 * springs @ q), force + springs)
+
+    def tangent(self, q: np.ndarray, *, projected: bool = False) -> np.ndarray:
+        """Second derivative (dofs, dofs) [1/s^2]; ``projected``: no cell has a negative part."""
+        self._H.numpy()[:] = self.gradients.of(q)
+        (self._projected if projected else self._exact).launch()
+        return self.gradients.pull_tangent(self._A.numpy().reshape(-1, 9, 9)) + self.model.springs

@@ -1,0 +1,110 @@
+"""Displacement gradients of the cells from the coordinates, and what is pulled back through them.
+
+Of fields of vectors they are one dense matrix; of a skinned body the three axes share the gradients
+of its scalar functions, which makes the stiffness four times cheaper.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from ..scene.mesh import TetMesh
+from .model import ReducedModel, Subspace
+
+# Pairs of axes k <= l: the other blocks of a symmetric matrix follow.
+_K, _L = np.triu_indices(3)
+
+
+@runtime_checkable
+class CellGradients(Protocol):
+    """Linear map from the coordinates (dofs,) to displacement gradients (cells, 3, 3)."""
+
+    def of(self, q: np.ndarray) -> np.ndarray:
+        """Displacement gradients H [1], shape (cells, 3, 3)."""
+        ...
+
+    def pull(self, stress: np.ndarray) -> np.ndarray:
+        """Forces on the coordinates of ``stress`` (cells, 3, 3) [Pa m^3]."""
+        ...
+
+    def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
+        """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
+        ...
+
+
+class VectorGradients:
+    """Gradients of fields of vectors."""
+
+    def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
+        self._each = np.ascontiguousarray(gradients.reshape(len(gradients), 9, -1))
+        self._flat = self._each.reshape(-1, gradients.shape[3])
+
+    def of(self, q: np.ndarray) -> np.ndarray:
+        """Displacement gradients H [1], shape (cells, 3, 3)."""
+        return (self._flat @ q).reshape(-1, 3, 3)
+
+    def pull(self, stress: np.ndarray) -> np.ndarray:
+        """Forces on the coordinates of ``stress`` (cells, 3, 3) [Pa m^3]."""
+        return stress.reshape(-1) @ self._flat
+
+    def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
+        """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
+        return self._flat.T @ (tangent @ self._each).reshape(self._flat.shape)
+
+
+class SkinnedGradients:
+    """Gradients of a skinned body: H = Z G, with the same functions along the three axes."""
+
+    def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
+        count = gradients.shape[3] // 3
+        self._each = np.ascontiguousarray(gradients[:, 0, :, :count])  # (cells, 3, functions)
+        self._flat = self._each.reshape(-1, count)
+
+    def of(self, q: np.ndarray) -> np.ndarray:
+        """Displacement gradients H [1], shape (cells, 3, 3)."""
+        H = q.reshape(3, -1) @ self._flat.T
+        return np.ascontiguousarray(H.reshape(3, -1, 3).swapaxes(0, 1))
+
+    def pull(self, stress: np.ndarray) -> np.ndarray:
+        """Forces on the coordinates of ``stress`` (cells, 3, 3) [Pa m^3]."""
+        return (stress.swapaxes(0, 1).reshape(3, -1) @ self._flat).ravel()
+
+    def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
+        """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
+        cells, count = len(self._each), self._each.shape[2]
+        A = tangent.reshape(cells, 3, 3, 3, 3)[:, _K, :, _L]  # (6, cells, i, j)
+        A = A.transpose(1, 2, 0, 3).reshape(cells, 18, 3)
+        right = (A @ self._each).reshape(3 * cells, 6 * count)
+        blocks = (self._flat.T @ right).reshape(count, 6, count).swapaxes(0, 1)
+        K = np.empty((3, count, 3, count))
+        K[_L, :, _K] = blocks.swapaxes(1, 2)
+        K[_K, :, _L] = blocks
+        return K.reshape(3 * count, 3 * count)
+
+
+def cell_gradients(model: ReducedModel) -> CellGradients:
+    """Gradients of ``model`` in the form that is cheapest for its kind."""
+    skinned = model.kind is Subspace.SKINNING
+    return (SkinnedGradients if skinned else VectorGradients)(model.gradients)
+
+
+def hat_gradients(mesh: TetMesh) -> Float[np.ndarray, "tets 4 3"]:
+    """Gradients [1/m] of the four linear shape functions of every tet."""
+    corners = mesh.points[mesh.tets]
+    edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+    inner = np.linalg.inv(edges)
+    return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+
+
+def basis_gradients(
+    mesh: TetMesh, basis: Float[np.ndarray, "points 3 dofs"]
+) -> Float[np.ndarray, "tets 3 3 dofs"]:
+    """Gradients d U_a,i / d x_j of ``basis`` in every tet: exact, it is linear there."""
+    hats = np.swapaxes(hat_gradients(mesh), 1, 2)  # (tets, j, 4)
+    corners = basis[mesh.tets]  # (tets, 4, i, dofs)
+    tets, _, _, dofs = corners.shape
+    found = hats @ corners.reshape(tets, 4, 3 * dofs)
+    return np.ascontiguousarray(found.reshape(tets, 3, 3, dofs).swapaxes(1, 2))

@@ -1,0 +1,175 @@
+"""The reduced model of a body: what it takes to move it in a few coordinates, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from ..scene.material import LameParameters, lame_parameters
+
+# The basis is orthonormal in mass to this: what a pivoted QR leaves is far below.
+ORTHONORMAL = 1e-8
+
+
+class Subspace(StrEnum):
+    """What the coordinates move: fields of vectors, or handles that skin the body (LBS)."""
+
+    VECTOR = "vector"
+    SKINNING = "skinning"
+
+
+class Accuracy(NamedTuple):
+    """How good a model is, against the full body of the same elements.
+
+    ``frequency`` is its lowest natural frequency [Hz] over that of the full body, ``sag`` the
+    relative error [1] of its displacement under its own weight, in the norm of mass; by cubature
+    alone, against all tets, ``cell_frequency`` and ``cell_sag``. NaN: not measured.
+    """
+
+    frequency: float = np.nan
+    sag: float = np.nan
+    cell_frequency: float = np.nan
+    cell_sag: float = np.nan
+
+    @property
+    def cell_error(self) -> float:
+        """Larger error of the cubature in frequency and sag, of what was measured [1]."""
+        return float(np.nanmax([abs(self.cell_frequency - 1), self.cell_sag, 0.0]))
+
+
+UNMEASURED = Accuracy()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReducedModel:
+    """A body whose displacement is u(x) = sum_a q_a U_a(x), in SI.
+
+    The kinetic energy is |dq/dt|^2 / 2, since the U_a are orthonormal in mass: q has the unit
+    m sqrt(kg). The elastic energy is sum_c w_c W(sum_a q_a grad U_a(c)) over the cells c.
+
+    Parameters
+    ----------
+    points
+        Rest positions of the mesh points [m], shape (points, 3).
+    faces
+        Boundary faces of the mesh, ids of points, outward, shape (faces, 3).
+    mass
+        Lumped mass of the points [kg], shape (points,).
+    basis
+        U_a at the points [1/sqrt(kg)], shape (points, 3, dofs); zero where the body is held. Of
+        ``Subspace.SKINNING``: dofs = 3 m, and coordinate k m + a moves along axis k by the scalar
+        function a, so that ``basis[:, k, k * m + a]`` is the same for the three k, and all else 0.
+    kind
+        What the coordinates move.
+    cells, weights
+        Tets that the elastic energy is summed over, shape (cells,), and the volume [m^3] that each
+        stands for, not negative.
+    gradients
+        d U_a,i / d x_j in every cell [1/(m sqrt(kg))], shape (cells, 3, 3, dofs).
+    E, nu
+        Young's modulus [Pa] and Poisson's ratio [1] of the cells, shape (cells,).
+    region, region_names
+        Part of every cell, an index into the names of the parts.
+    springs
+        Springs of the supports on the coordinates [1/s^2], shape (dofs, dofs).
+    accuracy
+        What it is worth; see ``Accuracy``.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    faces: Int[np.ndarray, "faces 3"]
+    mass: Float[np.ndarray, "points"]
+    basis: Float[np.ndarray, "points 3 dofs"]
+    kind: Subspace
+    cells: Int[np.ndarray, "cells"]
+    weights: Float[np.ndarray, "cells"]
+    gradients: Float[np.ndarray, "cells 3 3 dofs"]
+    E: Float[np.ndarray, "cells"]
+    nu: Float[np.ndarray, "cells"]
+    region: Int[np.ndarray, "cells"]
+    region_names: tuple[str, ...]
+    springs: Float[np.ndarray, "dofs dofs"]
+    accuracy: Accuracy = UNMEASURED
+
+    def __post_init__(self) -> None:
+        if not (self.weights >= 0).all():
+            raise InputError(f"cubature weight {self.weights.min():g} m^3: wanted >= 0")
+        flat = self.basis.reshape(-1, self.dofs)
+        error = np.abs(flat.T @ (np.repeat(self.mass, 3)[:, None] * flat) - np.eye(self.dofs)).max()
+        if not error < ORTHONORMAL:
+            raise InputError(f"the basis is orthonormal in mass to {error:.2g}: wanted 1e-8")
+
+    def __repr__(self) -> str:
+        return f"<ReducedModel: {self.kind}, {self.dofs} coordinates, {len(self.cells)} cells>"
+
+    @property
+    def dofs(self) -> int:
+        """Number of coordinates."""
+        return self.basis.shape[2]
+
+    @property
+    def lame(self) -> LameParameters:
+        """Lame parameters (lam, mu) [Pa] of the cells, each (cells,)."""
+        return lame_parameters(self.E, self.nu)
+
+    @property
+    def functions(self) -> Float[np.ndarray, "points functions"]:
+        """Scalar functions of a skinned body at the points [1/sqrt(kg)]."""
+        if self.kind is not Subspace.SKINNING:
+            raise InputError(f"a {self.kind} model has no scalar functions: wanted a skinned one")
+        return self.basis[:, 0, : self.dofs // 3]
+
+    def displacement(self, q: Float[np.ndarray, "dofs"]) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of the points at the coordinates ``q`` [m sqrt(kg)]."""
+        return self.basis @ q
+
+    def coordinates(self, u: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "dofs"]:
+        """Coordinates [m sqrt(kg)] of the motion nearest to ``u`` [m], in the norm of mass."""
+        return self.pull_back(self.mass[:, None] * u)
+
+    def pull_back(self, forces: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "dofs"]:
+        """Forces on the coordinates [N/sqrt(kg)] of ``forces`` [N] at the points."""
+        return forces.ravel() @ self.basis.reshape(-1, self.dofs)
+
+    def weight(self, gravity_vector: Any) -> Float[np.ndarray, "dofs"]:
+        """Forces on the coordinates [N/sqrt(kg)] of ``gravity_vector`` (3,) [m/s^2]."""
+        return self.pull_back(self.mass[:, None] * np.asarray(gravity_vector, dtype=float))
+
+    def with_moduli(self, E: np.ndarray, nu: np.ndarray | None = None) -> ReducedModel:
+        """Return the model with other moduli ``E`` [Pa] and ``nu`` [1] of its cells, (cells,).
+
+        The basis stays that of the body it was made of.
+        """
+        return replace(self, E=np.asarray(E, float), nu=self.nu if nu is None else np.asarray(nu))
+
+    def to_js(self) -> dict[str, Any]:
+        """Return what a page needs to move the surface, as numbers and flat lists.
+
+        ``dofs``, ``cells`` and ``vertices`` are counts. Flat, in C order: ``gradients``
+        (cells, 3, 3, dofs), ``weights``, ``lam``, ``mu``, ``region`` (cells,), ``springs``
+        (dofs, dofs), ``gravity`` (3, dofs): force on the coordinates of 1 m/s^2 along x, y, z;
+        ``basis`` (vertices, 3, dofs) and ``points`` (vertices, 3) of the surface, ``faces``
+        (faces, 3) among those; ``parts`` are the names of the regions. Units as of the model.
+        """
+        used, index = np.unique(self.faces, return_inverse=True)
+        lam, mu = self.lame
+        flat = {
+            "gradients": self.gradients,
+            "weights": self.weights,
+            "lam": lam,
+            "mu": mu,
+            "region": self.region,
+            "springs": self.springs,
+            "gravity": np.stack([self.weight(axis) for axis in np.eye(3)]),
+            "basis": self.basis[used],
+            "points": self.points[used],
+            "faces": index,
+        }
+        counts = {"dofs": self.dofs, "cells": len(self.cells), "vertices": len(used)}
+        lists = {name: np.ravel(array).tolist() for name, array in flat.items()}
+        return {"kind": self.kind.value, **counts, **lists, "parts": list(self.region_names)}

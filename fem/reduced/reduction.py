@@ -1,0 +1,235 @@
+"""From a mesh to its reduced model: a basis, cells to sum over, and how good they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..device import single_threaded
+from ..errors import ConvergenceError
+from ..scene.mesh import TetMesh, material_of
+from ..scene.supports import Supports
+from ..solve.nonlinear import solve_nonlinear
+from ..validation import checked_count
+from .cubature import RIGID, Cubature, select_cells, training
+from .elasticity import ReducedElasticity
+from .gradients import basis_gradients
+from .model import Accuracy, ReducedModel, Subspace
+from .rest import reduced_frequencies, reduced_rest
+from .skinning import FITTED, HANDLES, modal_weights, skinned_basis, skinned_functions
+from .subspace import LinearBody, linear_body, vector_basis
+
+GRAVITY = (0.0, 0.0, -9.81)
+# Cells that are tried, until frequency and sag agree with all tets to this share.
+CELLS = (60, 90, 120, 180, 250, 400)
+ACCEPTED = 2e-3
+# Beyond these the model is not what it says: its frequency and its sag against the full body's.
+FREQUENCY_LIMIT, SAG_LIMIT = 0.01, 0.03
+
+
+@single_threaded
+def reduce_body(
+    mesh: TetMesh,
+    supports: Supports | None = None,
+    *,
+    gravity_vector=GRAVITY,
+    kind: Subspace | None = None,
+    handles: int = HANDLES,
+    most_cells: int = CELLS[-1],
+    seed: int = 0,
+) -> ReducedModel:
+    """Reduced model of ``mesh`` as it is held, with linear elements and its neo-Hookean law.
+
+    Parameters
+    ----------
+    supports
+        What holds it; None: nothing does.
+    gravity_vector
+        Weight [m/s^2] that the cells are accepted by, shape (3,).
+    kind
+        What the coordinates move; None: fields of vectors of a held body, handles of a free one.
+    handles
+        Handles of a skinned body; beside these a free one has its affine motion.
+    most_cells
+        Most cells that the energy is summed over; 0: all tets, exactly.
+    seed
+        Of the states that the cells are chosen by.
+
+    Raises
+    ------
+    InputError
+        Where supports move, a point is half held (skinning), or the material has a grain.
+    ConvergenceError
+        Where a piece of a held body can move freely.
+    """
+    body = linear_body(mesh, supports)
+    kind = kind or (Subspace.SKINNING if body.is_free else Subspace.VECTOR)
+    if kind is Subspace.VECTOR:
+        basis = vector_basis(body)
+    else:
+        basis = skinned_basis(_skinning(body, checked_count("handles", handles), gravity_vector))
+    whole = whole_model(body, basis, kind)
+    return with_cells(whole, gravity_vector, most_cells, seed=seed) if most_cells else whole
+
+
+def whole_model(
+    body: LinearBody, basis: Float[np.ndarray, "points 3 dofs"], kind: Subspace
+) -> ReducedModel:
+    """Model of an M-orthonormal ``basis`` whose energy is summed over all tets."""
+    mesh, material = body.mesh, material_of(body.mesh)
+    flat = basis.reshape(-1, basis.shape[2])
+    model = ReducedModel(
+        points=mesh.points,
+        faces=mesh.boundary.faces.astype(np.int64),
+        mass=body.mass,
+        basis=basis,
+        kind=kind,
+        cells=np.arange(len(mesh.tets)),
+        weights=mesh.volumes,
+        gradients=basis_gradients(mesh, basis),
+        E=material.E,
+        nu=material.nu,
+        region=mesh.region.astype(np.int64),
+        region_names=mesh.region_names,
+        springs=flat.T @ (body.held.springs.reshape(-1, 1) * flat),
+    )
+    ratio = _lowest(ReducedElasticity(model)) / float(body.modes.frequencies[0])
+    return replace(model, accuracy=Accuracy(frequency=ratio))
+
+
+def with_cells(
+    whole: ReducedModel, gravity_vector, most: int, *, seed: int = 0, accepted: float = ACCEPTED
+) -> ReducedModel:
+    """Model of few cells, at most so many: as few as agree with ``whole`` in frequency and sag.
+
+    Where none do, the one with the most cells is returned; its ``accuracy`` tells.
+    """
+    elasticity = ReducedElasticity(whole)
+    weight = whole.weight(gravity_vector)
+    found = training(elasticity, weight, size=_size(whole), seed=seed)
+    known = _Reference(_lowest(elasticity), _rest(elasticity, weight))
+    cubature: Cubature | None = None
+    model = whole
+    for count in [n for n in CELLS if n < most] + [most]:
+        if count >= len(whole.cells):
+            break
+        cubature = select_cells(found, count, start=cubature)
+        model = _checked(whole, cubature, weight, known)
+        if model.accuracy.cell_error <= accepted:
+            return model
+    return whole if cubature is None else model
+
+
+class _Reference(NamedTuple):
+    """Lowest frequency [Hz] and coordinates at rest of the model with all tets; None: no rest."""
+
+    frequency: float
+    rest: np.ndarray | None
+
+
+def _checked(
+    whole: ReducedModel, cubature: Cubature, weight: np.ndarray, known: _Reference
+) -> ReducedModel:
+    model = on_cells(whole, cubature.cells, cubature.factor * whole.weights[cubature.cells])
+    elasticity = ReducedElasticity(model)
+    ratio, sag = _lowest(elasticity) / known.frequency, np.nan
+    if known.rest is not None:
+        rest = _rest(elasticity, weight)
+        size = float(np.linalg.norm(known.rest))
+        sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
+    accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
+    return replace(model, accuracy=accuracy._replace(frequency=whole.accuracy.frequency * ratio))
+
+
+def on_cells(
+    whole: ReducedModel, cells: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n"]
+) -> ReducedModel:
+    """The same model, its energy summed over some of its ``cells`` with other ``weights`` [m^3]."""
+    names = ("cells", "gradients", "E", "nu", "region")
+    taken = {name: getattr(whole, name)[cells] for name in names}
+    return replace(whole, weights=weights, **taken)
+
+
+def measured(
+    model: ReducedModel, mesh: TetMesh, supports: Supports, gravity_vector=GRAVITY
+) -> ReducedModel:
+    """The same model with its sag measured against the full body's, which is solved for it.
+
+    Both under their own weight, with linear elements and the neo-Hookean law.
+    """
+    forces = model.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+    full = solve_nonlinear(mesh, supports, forces=forces, order=1).displacement
+    rest = _rest(ReducedElasticity(model), model.weight(gravity_vector))
+    error = np.inf if rest is None else relative_error(model, model.displacement(rest), full)
+    return replace(model, accuracy=model.accuracy._replace(sag=error))
+
+
+def relative_error(
+    model: ReducedModel,
+    found: Float[np.ndarray, "*frames points 3"],
+    wanted: Float[np.ndarray, "*frames points 3"],
+) -> float:
+    """Error of displacements over the wanted ones [1], in the norm of mass, all frames together."""
+    mass = model.mass[:, None]
+    return float(np.sqrt((mass * (found - wanted) ** 2).sum() / (mass * wanted**2).sum()))
+
+
+def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
+    """What to say where a model is not as good as it should be."""
+    ratio, sag, _, cell_sag = model.accuracy
+    found = []
+    if abs(ratio - 1) > FREQUENCY_LIMIT:
+        found.append(f"the reduced body's lowest frequency is {ratio:.3f} times the full one's")
+    if sag > SAG_LIMIT:
+        found.append(f"the reduced body sags otherwise than the full one, by {sag:.1%}")
+    if cell_sag > SAG_LIMIT:
+        found.append(f"{len(model.cells)} cells sag otherwise than all tets, by {cell_sag:.1%}")
+    return tuple(found)
+
+
+def _skinning(body: LinearBody, handles: int, gravity_vector) -> Float[np.ndarray, "points _"]:
+    """Scalar functions of the modal weights that come nearest to the linear body."""
+    best: tuple[float, np.ndarray] | None = None
+    for fitted in FITTED:
+        weights = modal_weights(body, handles, fitted)
+        functions = skinned_functions(body.mesh, weights, free=body.is_free)
+        model = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
+        error = abs(model.accuracy.frequency - 1) + _linear_sag_error(body, model, gravity_vector)
+        if best is None or error < best[0]:
+            best = error, functions
+    assert best is not None
+    return best[1]
+
+
+def _linear_sag_error(body: LinearBody, model: ReducedModel, gravity_vector) -> float:
+    if body.is_free:
+        return 0.0
+    forces = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+    K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
+    found = model.displacement(np.linalg.solve(K, model.pull_back(forces)))
+    return relative_error(model, found, body.compliance(forces))
+
+
+def _lowest(elasticity: ReducedElasticity) -> float:
+    """Lowest frequency [Hz] that is no rigid motion."""
+    frequencies = reduced_frequencies(elasticity)
+    return float(frequencies[frequencies > np.sqrt(RIGID) * frequencies[-1]][0])
+
+
+def _rest(elasticity: ReducedElasticity, weight: np.ndarray) -> np.ndarray | None:
+    """Coordinates at rest under the weight; None of a free body, or where none is found."""
+    K = elasticity.tangent(np.zeros(len(weight)))
+    if not weight.any() or np.linalg.eigvalsh(K)[0] < RIGID * np.abs(K).max():
+        return None
+    try:
+        return reduced_rest(elasticity, weight).u
+    except ConvergenceError:
+        return None
+
+
+def _size(model: ReducedModel) -> float:
+    """Longest side of the body [m]."""
+    return float(np.ptp(model.points[model.mass > 0], axis=0).max())

@@ -1,0 +1,197 @@
+"""A reduced model is the full body on a subspace: its energy, force and stiffness there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from autophyx_tet.converters.reduced_archive import load_reduced, save_reduced
+from autophyx_tet.fem.discrete.assembly import discretise
+from autophyx_tet.fem.discrete.elastic import ElasticBody
+from autophyx_tet.fem.discrete.forces import traction_force
+from autophyx_tet.fem.discrete.strain import first_piola
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.laws.law import LAWS
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
+from autophyx_tet.fem.reduced.model import Accuracy, Subspace
+from autophyx_tet.fem.reduced.rest import reduced_frequencies
+from autophyx_tet.fem.reduced.skinning import (
+    affine_coordinates,
+    laplacian_weights,
+    skinned_basis,
+    skinned_functions,
+)
+from autophyx_tet.fem.reduced.subspace import orthonormal_fields
+from autophyx_tet.fem.scene.boundary import face_normals
+from autophyx_tet.fem.scene.loads import Traction
+from autophyx_tet.fem.scene.supports import Supports
+
+from ..bodies import random_rotation
+from .bodies import linear, two_part_bar, whole
+
+MESH = two_part_bar()
+
+
+@pytest.fixture(scope="module")
+def free():
+    """Skinned body that nothing holds."""
+    return whole(linear(MESH, free=True), Subspace.SKINNING)
+
+
+@pytest.fixture(scope="module", params=list(Subspace), ids=str)
+def held(request):
+    """Clamped body, moved by fields of vectors, and by handles."""
+    return whole(linear(MESH), request.param)
+
+
+def state(model, size=0.02, seed=0):
+    """Coordinates of a random motion of the slow vibrations whose points move up to ``size``."""
+    elasticity = ReducedElasticity(model)
+    square, modes = np.linalg.eigh(elasticity.tangent(np.zeros(model.dofs)))
+    slow = modes[:, np.argsort(np.abs(square))[:12]]
+    q = slow @ np.random.default_rng(seed).normal(size=slow.shape[1])
+    return q * size / np.linalg.norm(model.displacement(q), axis=1).max()
+
+
+def test_affine_maps_are_in_the_span_and_turns_cost_nothing(free):
+    turn = random_rotation()
+    for A in (turn - np.eye(3), np.random.default_rng(1).normal(size=(3, 3))):
+        u = MESH.points @ A.T + [0.3, -0.1, 0.2]
+        assert free.displacement(free.coordinates(u)) == pytest.approx(u, abs=1e-12)
+    q = free.coordinates(MESH.points @ (turn - np.eye(3)).T)
+    energy = ReducedElasticity(free).response(q).energy
+    assert abs(energy) < 1e-12 * (MESH.material.E * MESH.volumes).sum()
+
+
+@pytest.mark.parametrize("law", LAWS.names)
+def test_energy_and_force_are_the_full_body_s(held, law):
+    """W(U q), and its gradient pulled back: the sums over tets are the same but for round-off."""
+    q = state(held)
+    u = held.displacement(q)
+    full = ElasticBody(discretise(MESH, 1), MESH.material, law).response(u)
+    found = ReducedElasticity(held, law).response(q)
+    assert found.energy == pytest.approx(full.energy, rel=1e-12)
+    force = held.pull_back(full.force)
+    assert np.linalg.norm(found.force - force) < 1e-12 * np.linalg.norm(force)
+
+
+@pytest.mark.parametrize("law", LAWS.names)
+def test_the_tangent_is_the_derivative_of_the_force(held, law):
+    """Against central differences; symmetric to round-off."""
+    elasticity, q, d = ReducedElasticity(held, law), state(held), state(held, 1e-6, seed=1)
+    K = elasticity.tangent(q)
+    ahead, behind = (elasticity.response(q + s * d).force for s in (1, -1))
+    wanted = (ahead - behind) / 2
+    # The corotated law's tangent is projected: what it drops is small, but not zero.
+    tolerance = 1e-7 if law != "corotated" else 1e-1
+    assert np.linalg.norm(K @ d - wanted) < tolerance * np.linalg.norm(wanted)
+    assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
+
+
+def test_patch(free):
+    """An affine map is in equilibrium with the tractions P n of its one stress P."""
+    H = 0.1 * np.random.default_rng(2).normal(size=(3, 3))
+    mesh = MESH.with_material(replace(MESH.material, E=np.full(len(MESH.tets), 1e5)))
+    model = free.with_moduli(mesh.material.E)
+    elasticity = ReducedElasticity(model)
+    q = model.coordinates(MESH.points @ H.T)
+    P = first_piola("neohookean", H[None], type(model.lame)(*(m[:1] for m in model.lame)))[0]
+    stress = elasticity.stress(q) / model.weights[:, None, None]
+    assert np.abs(stress - P).max() < 1e-10 * np.abs(P).max()
+    faces = mesh.boundary.faces
+    load = Traction(faces, face_normals(mesh.points, faces) @ P.T)
+    pulled = model.pull_back(traction_force(mesh, discretise(mesh, 1).space, load))
+    force = elasticity.response(q).force
+    assert np.linalg.norm(force - pulled) < 1e-10 * np.linalg.norm(force)
+
+
+def test_more_handles_are_softer_and_none_softer_than_the_body():
+    """Linear compliance f . K^-1 f rises with the space, frequencies fall; the full space is FEM.
+
+    The handles are nested: the first ones of one set of eigenmodes.
+    """
+    body = linear(MESH)
+    fixed = body.held.fixed.any(axis=1)
+    weights = laplacian_weights(MESH, 6, fixed)
+    forces = body.mass[:, None] * np.array([0.3, -1.0, 2.0])
+    full = float((forces * body.compliance(forces)).sum())
+    compliance, lowest = [], []
+    spaces = [skinned_functions(MESH, weights[:, :n], free=False) for n in (1, 2, 4, 6)]
+    spaces.append(orthonormal_fields(np.eye(len(fixed))[:, ~fixed], body.mass))
+    for functions in spaces:
+        model = model_of_functions(body, functions)
+        elasticity = ReducedElasticity(model)
+        pulled = model.pull_back(forces)
+        compliance.append(
+            pulled @ np.linalg.solve(elasticity.tangent(np.zeros(model.dofs)), pulled)
+        )
+        lowest.append(reduced_frequencies(elasticity)[0])
+    assert (np.diff(compliance) > 0).all()
+    assert (np.diff(lowest) < 0).all()
+    assert compliance[-1] == pytest.approx(full, rel=1e-10)
+    assert lowest[-1] == pytest.approx(body.modes.frequencies[0], rel=1e-10)
+
+
+def model_of_functions(body, functions):
+    from autophyx_tet.fem.reduced.reduction import whole_model
+
+    return whole_model(body, skinned_basis(functions), Subspace.SKINNING)
+
+
+def test_springs_hold_it_too():
+    """Springs of the supports add their quadratic form of the displacement."""
+    supports = Supports.none(len(MESH.points)).with_springs(MESH.points[:, 0] < 0.1, 50.0)
+    from autophyx_tet.fem.reduced.subspace import linear_body
+
+    model = whole(linear_body(MESH, supports), Subspace.VECTOR)
+    q = state(model)
+    stiff = 0.5 * float((supports.springs * model.displacement(q) ** 2).sum())
+    loose = ReducedElasticity(replace(model, springs=np.zeros_like(model.springs)))
+    difference = ReducedElasticity(model).response(q).energy - loose.response(q).energy
+    assert difference == pytest.approx(stiff, rel=1e-10)
+
+
+def test_what_handles_cannot_do_is_refused():
+    """A support that moves, a point held in one direction only, a free body of fixed fields."""
+    from autophyx_tet.fem.reduced.reduction import reduce_body
+
+    points = len(MESH.points)
+    moved = Supports.clamp(points, MESH.points[:, 0] < 1e-9, 0.01)
+    with pytest.raises(InputError, match="moved by its supports"):
+        reduce_body(MESH, moved)
+    half = Supports.clamp(points, MESH.points[:, 0] < 1e-9).with_fixed([points - 1], 1)
+    with pytest.raises(InputError, match="some directions only"):
+        reduce_body(MESH, half, kind=Subspace.SKINNING)
+    with pytest.raises(InputError, match="take skinning"):
+        reduce_body(MESH, None, kind=Subspace.VECTOR)
+
+
+def test_coordinates_about_the_middle_are_in_shares_of_the_longest_side():
+    affine = affine_coordinates(MESH)
+    assert np.ptp(affine[:, 0]) == pytest.approx(1.0, rel=1e-12)
+    assert affine[:, 3] == pytest.approx(1.0, rel=0)
+
+
+def test_round_trip(held, tmp_path):
+    """What is saved comes back bit by bit; another file is refused."""
+    given = replace(held, accuracy=Accuracy(1.01, 0.02, 0.99, float("nan")))
+    save_reduced(tmp_path / "a.npz", given)
+    back = load_reduced(tmp_path / "a.npz")
+    for name in ("points", "faces", "mass", "basis", "cells", "weights", "gradients"):
+        assert np.array_equal(getattr(back, name), getattr(given, name))
+    assert (back.kind, back.region_names) == (given.kind, given.region_names)
+    assert back.accuracy[:3] == given.accuracy[:3]
+    np.savez(tmp_path / "b.npz", x=np.zeros(3))
+    with pytest.raises(InputError, match="wanted a ReducedModel"):
+        load_reduced(tmp_path / "b.npz")
+
+
+def test_a_page_gets_the_surface(held):
+    """What a page moves is the body's own surface, by the same basis."""
+    page = held.to_js()
+    q, count = state(held), page["dofs"]
+    basis = np.array(page["basis"]).reshape(-1, 3, count)
+    faces = np.array(page["faces"]).reshape(-1, 3)
+    assert (basis @ q)[faces] == pytest.approx(held.displacement(q)[held.faces], abs=1e-15)
+    pull = np.array(page["gravity"]).reshape(3, count)
+    u = held.displacement(q)
+    assert pull @ q == pytest.approx(held.mass @ u, rel=1e-12)
