@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .contact.self_contact import PieceForce
 from .deprecation import say_renamed
 from .discrete.space import Space
 from .discrete.strain import von_mises
@@ -172,11 +173,14 @@ class Motion:
     u, v, a
         Displacement [m], velocity [m/s] and acceleration [m/s^2], shape (nodes, 3).
     contact_force
-        Force of the obstacles together on every node [N], shape (nodes, 3).
+        Force of obstacles and other faces together on every node [N], shape (nodes, 3).
     obstacle_force
         Force of every obstacle on the body [N], shape (obstacles, 3).
     gap
-        Smallest distance of the surface from an obstacle [m]; infinite without obstacles.
+        Smallest distance of the surface from an obstacle, and from itself where it nearly touches
+        [m]; infinite where there is neither.
+    piece_forces
+        Forces of separate pieces on each other.
     kinetic, elastic, potential, barrier
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
@@ -195,6 +199,7 @@ class Motion:
     potential: float
     barrier: float
     iterations: int
+    piece_forces: tuple[PieceForce, ...] = ()
 
     @property
     def energy(self) -> float:
@@ -218,6 +223,8 @@ class MotionResult:
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
     particles
         The particles, where the motion is theirs.
+    notes
+        What was assumed of the body.
     """
 
     frames: tuple[Motion, ...]
@@ -226,6 +233,7 @@ class MotionResult:
     order: int = 1
     locking_share: float = 0.0
     particles: ParticleRun | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:
@@ -244,7 +252,7 @@ class MotionResult:
 
     @property
     def smallest_gap(self) -> float:
-        """Smallest distance from an obstacle [m] ever; positive means no penetration."""
+        """Smallest distance from obstacles and itself [m] ever; positive means no penetration."""
         return min(f.gap for f in self.frames)
 
 

@@ -154,13 +154,13 @@ def locking(result: StaticResult | MotionResult) -> Check:
 
 
 def no_penetration(motion: MotionResult) -> Check:
-    """Whether the body kept its distance from every obstacle."""
+    """Whether the body kept its distance from every obstacle, and from itself."""
     gap = motion.smallest_gap
     passed = gap > 0
+    nearest = f"the smallest distance is {gap:.2g} m" if np.isfinite(gap) else "it meets nothing"
     return Check(
         "no penetration", passed, gap, 0.0,
-        f"It {'never goes into' if passed else 'goes into'} an obstacle: the smallest distance is "
-        f"{gap:.2g} m.",
+        f"It {'never goes into' if passed else 'goes into'} an obstacle or itself: {nearest}.",
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Contact with obstacles: a logarithmic barrier and lagged, smoothed Coulomb friction."""
+"""Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Distance, Obstacle, obstacle_size
 from .friction import Lagged, outer
+from .self_contact import PieceForce, SelfContact
 from .sites import MOST_CELLS, SPACING, Sites, SurfaceSites
 
 # The barrier acts closer than this share of the body's diagonal.
@@ -42,7 +43,7 @@ class Nearness(NamedTuple):
 
 
 class Contact:
-    """Barrier energy of the surface of a body against rigid obstacles.
+    """Barrier energy of the surface of a body against rigid obstacles, and against itself.
 
     For a site of area A at distance d < dhat the energy is k A dhat b(d / dhat) with the barrier
     b(s) = -(s - 1)^2 log s of IPC (Li et al. 2020): zero at dhat, infinite at contact.
@@ -60,6 +61,8 @@ class Contact:
         obstacles: Sequence[Obstacle],
         friction: float,
         thickness: float | None = None,
+        *,
+        self_contact: bool = False,
     ) -> None:
         diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         self.thickness = thickness or barrier_thickness(mesh)
@@ -75,6 +78,12 @@ class Contact:
         self.stick = STICK_SHARE * diagonal
         self.time, self.step = 0.0, 1.0
         self.lagged: list[Lagged] = []
+        self.own = SelfContact(mesh, space, self.thickness, friction) if self_contact else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is not kept apart."""
+        return self.own.notes if self.own else ()
 
     def _shift(self, obstacle: int) -> np.ndarray:
         return self.time * np.asarray(self.obstacles[obstacle].velocity, dtype=float)
@@ -88,8 +97,8 @@ class Contact:
                 yield Nearness(k, sites, self.obstacles[k].distance(x))
 
     def gap(self, u: np.ndarray) -> float:
-        """Smallest distance of any site from any obstacle [m]."""
-        smallest = np.inf
+        """Smallest distance [m] of any site from any obstacle, and of what touches itself."""
+        smallest = self.own.gap(u) if self.own else np.inf
         for k, surface in enumerate(self.surfaces):
             shift, obstacle = self._shift(k), self.obstacles[k]
             x = surface.rest[surface.corners] + u[surface.corners] - shift
@@ -112,7 +121,7 @@ class Contact:
 
     def barrier(self, u: np.ndarray) -> float:
         """Energy of the barrier [J]; infinite on contact."""
-        total = 0.0
+        total = self.own.barrier(u) if self.own else 0.0
         for _, sites, d in self._touching(u, self.thickness):
             s = d.gap / self.thickness
             if not (s > 0).all():
@@ -123,7 +132,8 @@ class Contact:
 
     def value(self, u: np.ndarray) -> float:
         """Barrier and friction energy [J]; infinite on contact."""
-        return self.barrier(u) + sum(lag.energy(u) for lag in self.lagged)
+        rubbed = self.own.friction_energy(u) if self.own else 0.0
+        return self.barrier(u) + rubbed + sum(lag.energy(u) for lag in self.lagged)
 
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
         """Add the gradient [N] of the energy to ``out`` (nodes, 3)."""
@@ -131,9 +141,16 @@ class Contact:
             sites.spread(self._slope(sites, d.gap)[:, None] * d.normal, out)
         for lag in self.lagged:
             lag.sites.spread(lag.gradient(u), out)
+        if self.own:
+            self.own.add_gradient(u, out)
 
-    def add_hessian(self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False) -> None:
-        """Add the positive part of the Hessian [N/m] to ``matrix``; ``sharp`` as for ``Lagged``."""
+    def with_hessian(
+        self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False
+    ) -> BlockMatrix:
+        """``matrix`` [N/m] and the positive part of the Hessian; ``sharp`` as for ``Lagged``.
+
+        It is added in place but for pairs of nodes that share no tet: there the matrix grows.
+        """
         diagonal, pairs = np.zeros((len(u), 3, 3)), []
         for _, sites, d in self._touching(u, self.thickness):
             s = np.maximum(d.gap / self.thickness, 1e-300)
@@ -145,6 +162,7 @@ class Contact:
         add_diagonal(matrix, diagonal)
         for i, j, blocks in pairs:
             add_blocks(matrix, i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3))
+        return self.own.with_hessian(u, matrix) if self.own else matrix
 
     def _slope(self, sites: Sites, gap: np.ndarray) -> np.ndarray:
         """Derivative of the barrier energy by the distance [N], not positive."""
@@ -157,11 +175,15 @@ class Contact:
         self.time, self.step = time, step
         self.lagged = []
         self._start = u.copy()
+        if self.own:
+            self.own.begin(u, step)
 
     def lag_friction(self, u: np.ndarray) -> None:
         """Freeze normal forces and normals at ``u`` for the friction of the next solve."""
         if self.friction == 0:
             return
+        if self.own:
+            self.own.lag_friction(u)
         self.lagged = [
             Lagged(
                 k,
@@ -215,7 +237,7 @@ class Contact:
 
         Distance changes no faster than position, so a site may always move by its distance.
         """
-        share = 1.0
+        share = self.own.longest_step(u, step) if self.own else 1.0
         farthest = float(np.linalg.norm(step, axis=1).max()) / GAP_SHARE
         for k, sites, first in self._touching(u, farthest):
             p = sites.moved(step)
@@ -244,8 +266,16 @@ class Contact:
             total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
 
+    def passes(self, u: np.ndarray, after: np.ndarray) -> bool:
+        """Whether the body can go from ``u`` to ``after`` without meeting itself."""
+        return self.own is None or self.own.longest_step(u, after - u) == 1
+
+    def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
+        """Force of every piece on every other that it touches."""
+        return self.own.piece_forces(u) if self.own else ()
+
     def forces(self, u: np.ndarray, count: int) -> np.ndarray:
-        """Force of the obstacles on every node [N], shape (count, 3)."""
+        """Force of obstacles and other faces on every node [N], shape (count, 3)."""
         out = np.zeros((count, 3))
         self.add_gradient(u, out)
         return -out

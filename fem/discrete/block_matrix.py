@@ -81,3 +81,48 @@ def add_diagonal(matrix: BlockMatrix, blocks: np.ndarray) -> None:
     added = wp.array(blocks, dtype=wp.mat33d, device=device)
     inputs = [matrix.rows, matrix.columns, added, matrix.values]
     wp.launch(k.add_diagonal, matrix.nodes, inputs=inputs, device=device)
+
+
+class GrownPattern:
+    """Pattern of a matrix with room for blocks of nodes that share no tet.
+
+    Pairs once given room keep it, so that the pattern is the same array from one matrix to the
+    next while no new ones come.
+    """
+
+    def __init__(self) -> None:
+        self._base: Any = None
+        self._pairs = np.zeros(0, dtype=np.int64)
+        self._grown: tuple[Any, Any, np.ndarray] | None = None  # rows, columns, slots of the old
+
+    def room(self, matrix: BlockMatrix, i: np.ndarray, j: np.ndarray) -> BlockMatrix:
+        """``matrix``, or a copy where the pairs of nodes ``i`` and ``j`` (n,) have a place."""
+        pairs = np.unique(np.asarray(i, dtype=np.int64) * matrix.nodes + j)
+        if matrix.columns is not self._base:
+            self._base, self._pairs = matrix.columns, pairs
+            self._grow(matrix)
+        elif not np.isin(pairs, self._pairs).all():
+            self._pairs = np.union1d(self._pairs, pairs)
+            self._grow(matrix)
+        if self._grown is None:
+            return matrix
+        rows, columns, slots = self._grown
+        values = np.zeros((columns.shape[0], 3, 3))
+        values[slots] = matrix.values.numpy()
+        dtype, device = start_warp().mat33d, matrix.values.device
+        return BlockMatrix(rows, columns, start_warp().array(values, dtype=dtype, device=device))
+
+    def _grow(self, matrix: BlockMatrix) -> None:
+        wp, count, device = start_warp(), matrix.nodes, matrix.values.device
+        rows, columns = matrix.rows.numpy(), matrix.columns.numpy()
+        known = np.repeat(np.arange(count, dtype=np.int64), np.diff(rows)) * count + columns
+        at = np.minimum(np.searchsorted(known, self._pairs), len(known) - 1)
+        new = self._pairs[known[at] != self._pairs]
+        if not new.size:
+            self._grown = None
+            return
+        keys = np.insert(known, np.searchsorted(known, new), new)
+        start = rows + np.searchsorted(new, np.arange(count + 1, dtype=np.int64) * count)
+        slots = np.arange(len(known)) + np.searchsorted(new, known)
+        arrays = (wp.array(a, dtype=wp.int32, device=device) for a in (start, keys % count))
+        self._grown = (*arrays, slots)

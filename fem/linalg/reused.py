@@ -70,6 +70,8 @@ class RepeatedSolver:
         """Return x with |b - A x| <= ``goal`` [N], within the limits; NaN if A is not positive."""
         share = 0.3 * goal / max(float(np.linalg.norm(b)), 1e-300)
         target = float(np.clip(share, TIGHTEST, LOOSEST) * np.linalg.norm(b))
+        if self._kept is not None and self._kept.current.columns is not matrix.columns:
+            self._kept = _around(matrix, self._kept.system, self._kept.cg.preconditioner)
         if self._kept is not None:
             x, iterations = self._iterate(self._kept, matrix, b, target, self._usual + STALE)
             if x is not None:
@@ -96,10 +98,7 @@ class RepeatedSolver:
                 return None
         else:
             cycle = TwoLevel(system, self.points, self.fixed, DEGREE)
-        # CG has a matrix of its own, whose values are those of every new system in turn.
-        current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
-        cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
-        return _Kept(system, current, cg, cycle.r)
+        return _around(matrix, system, cycle)
 
     @staticmethod
     def _iterate(
@@ -122,3 +121,14 @@ class RepeatedSolver:
         x = wp.empty_like(cg.x)
         launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
         return size * x.numpy(), iterations
+
+
+def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _Kept:
+    """CG with the preconditioner ``cycle`` of ``system`` for matrices of the pattern of ``matrix``.
+
+    It has a matrix of its own, whose values are those of every new system in turn.
+    """
+    wp = start_warp()
+    current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
+    cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
+    return _Kept(system, current, cg, cycle.r)

@@ -34,6 +34,25 @@ def face_components(mesh: TetMesh) -> Int[np.ndarray, "tets"]:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
+def point_components(mesh: TetMesh) -> Int[np.ndarray, "points"]:
+    """Piece of every point: tets that share a point are in one; -1 for points of no tet.
+
+    Pieces are numbered by their first point.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    a, b = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].ravel()
+    count = len(mesh.points)
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    label = connected_components(graph, directed=False)[1]
+    used = np.unique(mesh.tets)
+    order, first = np.unique(label[used], return_index=True)
+    number = np.full(label.max() + 1, -1, dtype=np.int64)
+    number[order[np.argsort(first)]] = np.arange(len(order))
+    return number[label]
+
+
 def spans_plane(points: Float[np.ndarray, "n 3"]) -> bool:
     """Whether the points are at least three and not on one line."""
     if len(points) < 3:

@@ -51,6 +51,8 @@ class Scene:
         What the body stands on, without friction; None: it is held in the air.
     obstacles, friction
         Rigid obstacles, and the coefficient of Coulomb friction [1] on all of them.
+    self_contact
+        Whether faces of the body keep out of each other in a motion, those of its pieces too.
     velocity
         Initial velocity [m/s], shape (3,) or (points, 3).
     duration, frames
@@ -71,6 +73,7 @@ class Scene:
     ground: Plane | None = None
     obstacles: tuple[Obstacle, ...] = ()
     friction: float = 0.0
+    self_contact: bool = True
     velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     duration: float = 1.0
     frames: int = 60

@@ -62,6 +62,8 @@ class Dynamics:
     obstacles, friction, thickness
         Rigid obstacles, the coefficient of Coulomb friction on all of them, and the distance [m]
         at which they begin to push, by default a thousandth of the body's diagonal.
+    self_contact
+        Whether faces of the body keep out of each other, those of separate pieces too.
     velocity
         Initial velocity [m/s], (3,) or (nodes, 3).
     law, order, scheme, damping
@@ -82,6 +84,7 @@ class Dynamics:
         obstacles: Sequence[Obstacle] = (),
         friction: float = 0.0,
         thickness: float | None = None,
+        self_contact: bool = True,
         velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         law: str = Law.NEO_HOOKEAN,
         order: int | None = None,
@@ -100,7 +103,9 @@ class Dynamics:
         if forces is not None:
             rows = checked_rows("forces", forces, node_counts(self.space), "N")
             self.load[: len(rows)] += rows
-        self.contact = Contact(mesh, grid.space, obstacles, friction, thickness)
+        self.contact = Contact(
+            mesh, grid.space, obstacles, friction, thickness, self_contact=self_contact
+        )
         known = (grid, material_of(mesh), self.mass)
         self.damping = Rayleigh(*known, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
@@ -146,6 +151,7 @@ class Dynamics:
             *motion,
             contact_force=self.contact.forces(u, len(u)),
             obstacle_force=self.contact.obstacle_forces(u),
+            piece_forces=self.contact.piece_forces(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
             elastic=self.response(u).energy + springs,
@@ -201,6 +207,8 @@ class Dynamics:
         start = np.where(fixed, old, self.contact.allowed(old))
         if not self.contact.gap(start) > 0:
             raise ConvergenceError("an obstacle moves through the body: use a smaller step")
+        if not self.contact.passes(old, start):
+            raise ConvergenceError("an obstacle presses the body through itself")
         ahead = np.where(fixed, old, step.target + self._forecast.next() / step.factor) - start
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
         target = np.where(fixed, old, step.target)
@@ -261,7 +269,8 @@ class DynamicMethod:
             if progress is not None:
                 progress(frame, frames)
         locking = locking_share(scene.mesh) if order == 1 else 0.0
-        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locking)
+        notes = body.contact.notes
+        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locking, notes=notes)
 
 
 METHOD = DynamicMethod()
@@ -279,6 +288,7 @@ def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) ->
         forces=forces,
         obstacles=scene.obstacles,
         friction=scene.friction,
+        self_contact=scene.self_contact,
         velocity=scene.velocity,
         law=law,
         order=order,

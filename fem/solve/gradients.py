@@ -177,7 +177,10 @@ def implicit_step(
         if body.contact.obstacles:
             raise InputError("a step with obstacles has no gradient: wanted a body without contact")
         kept.update(body=body, material=material)
-        u = body.step(dt).u
+        state = body.step(dt)
+        if state.barrier > 0:
+            raise InputError("the body touches itself: a step with contact has no gradient")
+        u = state.u
         if body.last_step is None or body.last_step.dt != dt:
             raise InputError(f"the step of {dt:g} s was halved, so it has no gradient: take less")
         return u

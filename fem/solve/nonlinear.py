@@ -79,7 +79,7 @@ class Potential:
         """Hessian [N/m] with prescribed rows dropped."""
         matrix = self.body.tangent(u, projected=projected)
         if self.contact:
-            self.contact.add_hessian(u, matrix)
+            matrix = self.contact.with_hessian(u, matrix)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
 

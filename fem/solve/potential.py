@@ -57,7 +57,7 @@ class Incremental:
             of.damping.add_to(matrix, u, self.start, self.dt, projected=projected)
         blocks = (self.inertia + of.held.springs)[:, :, None] * np.eye(3)
         add_diagonal(matrix, blocks)
-        of.contact.add_hessian(u, matrix, sharp=self.near is u and not projected)
+        matrix = of.contact.with_hessian(u, matrix, sharp=self.near is u and not projected)
         apply_supports(matrix, of.held.fixed)
         return matrix
 

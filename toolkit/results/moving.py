@@ -74,9 +74,9 @@ class Moving(Simulation):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was assumed of the scene, and of the particles."""
+        """What was assumed of the scene, of the body, and of the particles."""
         run = self.motion.particles
-        return (*self.scene.warnings, *(run.notes if run is not None else ()))
+        return (*self.scene.warnings, *self.motion.notes, *(run.notes if run is not None else ()))
 
     def verdicts(self) -> list[Verdict]:
         """Nothing went through an obstacle; the elements suit the material."""
