@@ -218,13 +218,13 @@ class MotionResult:
     points
         Number of mesh points: the first rows of every frame.
     order
-        Order of the elements: 1 or 2.
+        Order of the elements: 1 or 2; 0 where there are none.
     locking_share
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
     particles
         The particles, where the motion is theirs.
-    notes
-        What was assumed of the body.
+    notes, solution
+        What the method assumed; and what solved it, as pairs of a name and words.
     """
 
     frames: tuple[Motion, ...]
@@ -234,6 +234,7 @@ class MotionResult:
     locking_share: float = 0.0
     particles: ParticleRun | None = None
     notes: tuple[str, ...] = ()
+    solution: tuple[tuple[str, str], ...] = ()
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

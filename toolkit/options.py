@@ -129,8 +129,8 @@ class SimulateOptions:
 
     scenario: Annotated[str, choice(SCENARIOS)] = "sag"
     """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls or is torn."""
-    solver: Literal["fem", "mpm"] = "fem"
-    """Finite elements, or particles (MPM) for what flows, breaks or bends far; fall, tear: mpm."""
+    solver: Literal["fem", "mpm", "spring"] = "fem"
+    """Finite elements; particles (MPM) for what flows, breaks or bends far; or a spring network."""
     grid: int = 64
     """Cells of MPM's grid along the longest side."""
     stiff: Literal["rigid", "stationary", "cap"] = "rigid"
@@ -139,6 +139,12 @@ class SimulateOptions:
     """Class of a part under MPM, PART=CLASS[,name=value]: "pot=brittle,tension=5e6"; repeatable."""
     threads: Literal[1, 2] = 1
     """Threads of MPM on a CPU."""
+    anchors: int = 2048
+    """Anchors of a spring network: masses in the body that springs join."""
+    neighbours: int = 32
+    """Anchors that each of them is joined with, the nearest in sight."""
+    eta: float = 0.0
+    """Weights of these neighbours: 0, all alike; 20, about the nearest 16 alone."""
     law: Annotated[str, choice(LAWS)] | None = None
     """Law of the material; by default linear at rest, and neo-Hookean where strains are large."""
     order: Literal[1, 2] | None = None

@@ -50,5 +50,6 @@ METHODS: Registry[Method] = Registry(
         "dynamics": "dynamics:METHOD",
         "modal": "modal:METHOD",
         "mpm": ".mpm.method:METHOD",
+        "spring": ".springs.method:METHOD",
     },
 )

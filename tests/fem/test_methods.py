@@ -15,7 +15,8 @@ from autophyx_tet.fem.solve.method import Method
 
 from .bodies import faces_at, shaken_box
 
-ANSWERS = {"statics": SagResult, "dynamics": MotionResult, "modal": Modes, "mpm": MotionResult}
+ANSWERS = {"statics": SagResult, "dynamics": MotionResult, "modal": Modes, "mpm": MotionResult,
+           "spring": MotionResult}  # fmt: skip
 
 
 @pytest.fixture

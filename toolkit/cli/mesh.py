@@ -108,6 +108,7 @@ class SimulateCommand:
 
     Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
     autophyx-tet simulate chair.msh --scenario drop -o drop.pvd;
+    autophyx-tet simulate jelly.msh --scenario drop --solver spring -o springs.pvd;
     autophyx-tet simulate hammer.msh --fix part:handle --load part:head=0,0,-10 -o push.vtu
     """
 

@@ -22,6 +22,7 @@ from ..results.settled import Settled
 from ..results.simulation import Simulation
 from .conditions import stated_conditions
 from .grain import grained
+from .solvers import chosen_method, method_name
 
 STANDING_MODES = 3
 
@@ -52,15 +53,11 @@ def run_scenario(
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     stated = stated_conditions(options)
     scenario = _scenario(options, stated.gravity)
-    particles = options.solver == "mpm" or scenario.method == "mpm"
-    if particles:
-        method: Method = _particle_method(options, scenario, materials or {}, progress, started)
-    else:
-        method = METHODS[scenario.method]
+    kind = method_name(options, scenario)
+    method = chosen_method(kind, options, materials or {}, _announce(progress, started))
     _check_law(options, method)
-    if not particles:
-        _check_conditions(options, stated.conditions, scenario)
-    kind = "mpm" if particles else scenario.method
+    if kind != "mpm":
+        _check_conditions(options, stated.conditions, kind)
     mesh, notes = grained(mesh, options, materials or {}, method=kind)
     scene = stated.conditions.applied(scenario.scene(mesh, up=up))
     scene = replace(scene, warnings=(*scene.warnings, *notes))
@@ -76,25 +73,6 @@ def run_scenario(
     if scenario.with_modes and isinstance(found, Settled):
         found = replace(found, modes=_standing_modes(scene, options.device))
     return replace(found, seconds=time.perf_counter() - started)
-
-
-def _particle_method(
-    options: SimulateOptions,
-    scenario: Scenario,
-    materials: Mapping[str, str],
-    progress: Progress | None,
-    started: float,
-) -> Method:
-    """The material point method, for what moves; loaded when it is asked for."""
-    from .matter import particle_method
-
-    if scenario.method == "modal":
-        raise UsageError(f"--scenario {options.scenario}: particles do not ring; --solver fem")
-    if progress is None:
-        return particle_method(options, materials)
-    return particle_method(
-        options, materials, lambda plan: progress(plan, time.perf_counter() - started)
-    )
 
 
 def _answer(
@@ -127,12 +105,13 @@ def _scenario(options: SimulateOptions, gravity: float | None) -> Scenario:
 
 
 def _check_conditions(
-    options: SimulateOptions, conditions: BoundaryConditions, scenario: Scenario
+    options: SimulateOptions, conditions: BoundaryConditions, method: str
 ) -> None:
-    """Say what a scenario cannot follow, rather than leave it out in silence."""
-    if scenario.method == "dynamics" and conditions.move:
-        raise UsageError(f"--move is for bodies at rest: --scenario {options.scenario} is a motion")
-    if scenario.method == "modal":
+    """Say what a method cannot follow, rather than leave it out in silence."""
+    if method in ("dynamics", "spring") and conditions.move:
+        what = f"--scenario {options.scenario}" if method == "dynamics" else f"--solver {method}"
+        raise UsageError(f"--move is for bodies at rest: {what} is a motion")
+    if method == "modal":
         for kind in (*LOADS, "move"):
             if getattr(conditions, kind):
                 raise UsageError(f"--{kind}: loads do not change vibrations; --fix does")
@@ -144,6 +123,13 @@ def _check_law(options: SimulateOptions, method: Method) -> None:
             f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
             f"got {options.law!r}"
         )
+
+
+def _announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
+    """Callback of a method that says what it is about to do."""
+    if progress is None:
+        return None
+    return lambda plan: progress(plan, time.perf_counter() - started)
 
 
 def _frames(scenario: str, progress: Progress | None, started: float) -> Any:

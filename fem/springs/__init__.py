@@ -1,0 +1,6 @@
+"""Spring-mass networks: anchors in the tets, joined by springs whose constants follow from E.
+
+In: a Scene; how many anchors, how many neighbours each, eta, dashpots.
+Out: a MotionResult on the mesh's points; scales of the springs fitted to another motion.
+Read: sight, anchors, network, following, contact, motion, vibration, body, method, fit.
+"""

@@ -1,0 +1,220 @@
+"""The network of a scene: its anchors, springs, loads and contacts, and its mesh after them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..discrete.assembly import discretise
+from ..discrete.forces import load_vector
+from ..errors import UsageError
+from ..result import Motion
+from ..scene.boundary import face_areas
+from ..scene.mesh import TetMesh, material_of
+from ..scene.obstacles import Plane
+from ..scene.scene import Scene
+from .anchors import Anchors, body_of_points, sample_anchors
+from .contact import AnchorLoads, SurfaceContact
+from .following import following
+from .motion import SpringMotion
+from .network import CAUCHY_NU, SpringNetwork
+from .sight import Sight
+from .vibration import network_frequencies
+
+# A network has nu = 1/4: what is further from it than this is said.
+NEAR_NU = 0.05
+# Bending needs so many anchors of thickness: at four a slab rings at .63 of what it should.
+LAYERS = 6.0
+# Where a part is fewer anchors thick than this, hinges are looked for: vibrations that are slower
+# than this share of the slowest wave's across the body.
+HINGES, SLACK = 3.0, 1e-3
+# Contact begins this share of the body's diagonal before a plane, as for finite elements.
+REACH = 1e-3
+# Stiffness of contact over that of a cube of matter around an anchor.
+HARDNESS = 4.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpringBody:
+    """The network of a scene, and the points of its mesh after it.
+
+    Parameters
+    ----------
+    scene
+        What it was made of.
+    network
+        Anchors and springs.
+    weights
+        Weights of the anchors for the mesh points, sparse (points, anchors).
+    loads, contact
+        Of the scene, on the anchors.
+    notes
+        What a network does not know of this body.
+    """
+
+    scene: Scene
+    network: SpringNetwork
+    weights: Any
+    loads: AnchorLoads
+    contact: SurfaceContact | None
+    notes: tuple[str, ...]
+
+    def motion(
+        self,
+        stiffness: Float[np.ndarray, "springs"],
+        *,
+        dashpot: float = 0.0,
+        device: str = "cpu",
+    ) -> SpringMotion:
+        """Motion from the start, with springs of ``stiffness`` [N/m] and ``dashpot`` [s] of it."""
+        mesh, anchors = self.scene.mesh, self.network.anchors
+        velocity = np.asarray(self.scene.velocity, dtype=float)
+        if velocity.ndim == 2:
+            given = velocity[mesh.tets].mean(axis=1)
+            from scipy.spatial import KDTree
+
+            velocity = given[KDTree(mesh.centroids).query(anchors.x)[1]]
+        return SpringMotion(
+            network=self.network,
+            stiffness=stiffness,
+            dashpot=dashpot * stiffness if dashpot else None,
+            loads=self.loads,
+            contact=self.contact,
+            velocity=np.broadcast_to(velocity, anchors.x.shape).copy(),
+            device=device,
+        )
+
+    def displacement(self, x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of the mesh points where anchors are at ``x`` [m]."""
+        held = self.scene.held
+        moved = self.weights @ (x - self.network.anchors.x)
+        return np.where(held.fixed, held.values, moved)
+
+    def state(self, motion: SpringMotion, time: float) -> Motion:
+        """The mesh at ``time`` [s]; forces are means since the last state."""
+        scene, anchors, x = self.scene, self.network.anchors, motion.x
+        u, v, free = self.displacement(x), motion.synchronous_v, ~scene.held.fixed
+        force, gap = np.zeros((len(scene.obstacles), 3)), np.inf
+        at_points = np.zeros_like(u)
+        if self.contact is not None:
+            dt = scene.duration / scene.frames
+            given = motion.take_impulses() / dt
+            used = np.unique(scene.mesh.boundary.faces)
+            at_points[used] = given.sum(axis=1)
+            force = given.sum(axis=0)
+            here = scene.mesh.points[used] + u[used]
+            shift = [time * np.asarray(o.velocity, dtype=float) for o in scene.obstacles]
+            pairs = zip(scene.obstacles, shift, strict=True)
+            gap = min(float(o.distance(here - s).gap.min()) for o, s in pairs)
+        return Motion(
+            time=time,
+            u=u,
+            v=free * (self.weights @ v),
+            a=free * (self.weights @ motion.a),
+            contact_force=at_points,
+            obstacle_force=force,
+            gap=gap,
+            kinetic=0.5 * float(anchors.mass @ (v**2).sum(axis=1)),
+            elastic=motion.elastic,
+            potential=-float((self.loads.force * (x - anchors.x)).sum()),
+            barrier=self._barrier(u, time),
+            iterations=0,
+        )
+
+    def _barrier(self, u: np.ndarray, time: float) -> float:
+        """Energy [J] of the points that planes push."""
+        if self.contact is None:
+            return 0.0
+        given, total = self.contact, 0.0
+        used = np.unique(self.scene.mesh.boundary.faces)
+        for plane in given.planes:
+            shift = time * np.asarray(plane.velocity, dtype=float)
+            gap = plane.distance(given.points + u[used] - shift).gap
+            total += 0.5 * float(given.stiffness @ np.maximum(given.reach - gap, 0) ** 2)
+        return total
+
+
+def spring_body(
+    scene: Scene, anchors: int = 2048, neighbours: int = 32, *, seed: int = 0
+) -> SpringBody:
+    """Network of about ``anchors`` anchors with ``neighbours`` each for a scene; see there."""
+    mesh = scene.mesh
+    surface = Sight(mesh.points, mesh.boundary.faces)
+    found = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
+    network = SpringNetwork.of(found, neighbours, surface)
+    weights = following(mesh.points, body_of_points(mesh), found, surface)
+    return SpringBody(
+        scene=scene,
+        network=network,
+        weights=weights,
+        loads=_loads(scene, found, weights),
+        contact=_contact(scene, found, weights),
+        notes=_notes(mesh, network),
+    )
+
+
+def _loads(scene: Scene, anchors: Anchors, weights: Any) -> AnchorLoads:
+    """Weight, tractions and forces of the scene on its anchors, and springs to the ground."""
+    space = discretise(scene.mesh, 1)
+    given = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
+    weight = anchors.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+    ground = np.maximum(weights.T @ scene.held.springs, 0.0)
+    return AnchorLoads(force=weight + weights.T @ given, ground=ground)
+
+
+def _contact(scene: Scene, anchors: Anchors, weights: Any) -> SurfaceContact | None:
+    """The surface against the planes of the scene."""
+    if not scene.obstacles:
+        return None
+    planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
+    if len(planes) < len(scene.obstacles):
+        raise UsageError("springs meet planes alone: --solver fem knows boxes, balls and capsules")
+    mesh = scene.mesh
+    faces = mesh.boundary.faces
+    used = np.unique(faces)
+    area = np.bincount(faces.ravel(), np.repeat(face_areas(mesh.points, faces) / 3, 3))[used]
+    E = np.zeros(len(mesh.points))
+    np.maximum.at(E, mesh.tets.ravel(), np.repeat(material_of(mesh).E, 4))
+    diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    return SurfaceContact(
+        points=mesh.points[used],
+        weights=weights[used],
+        stiffness=HARDNESS * E[used] * area / anchors.spacing,
+        planes=planes,
+        friction=scene.friction,
+        reach=REACH * diagonal,
+    )
+
+
+def _notes(mesh: TetMesh, network: SpringNetwork) -> tuple[str, ...]:
+    """What a network of springs does not know of this body."""
+    nu, volumes, notes = material_of(mesh).nu, mesh.volumes, []
+    far = np.abs(nu - CAUCHY_NU) > NEAR_NU
+    for k, name in enumerate(mesh.region_names):
+        own = far & (mesh.region == k)
+        if own.any():
+            mean = float(np.average(nu[own], weights=volumes[own]))
+            notes.append(f"{name}: springs take nu = {CAUCHY_NU:g}, its material has {mean:.3g}")
+    for name, layers in zip(mesh.region_names, network.anchors.layers, strict=True):
+        if layers < LAYERS:
+            notes.append(
+                f"{name}: about {layers:.1f} anchors thick, bends wrongly below {LAYERS:g}: "
+                "more --anchors"
+            )
+    if network.anchors.layers.min() < HINGES and _turns_freely(mesh, network):
+        notes.append("pieces of it turn freely: parts too thin for so few anchors: more --anchors")
+    if network.bridges:
+        notes.append(f"{network.bridges} springs leave the body: without them pieces fall apart")
+    if material_of(mesh).tensor is not None:
+        notes.append("wood is taken as stiff across its grain as along it: springs know no grain")
+    return tuple(notes)
+
+
+def _turns_freely(mesh: TetMesh, network: SpringNetwork) -> bool:
+    """Whether a vibration is far slower than the slowest wave across the body."""
+    speed = np.sqrt((network.anchors.E / mesh.mass * mesh.volume).min())
+    across = float(speed) / float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    return bool(network_frequencies(network, network.stiffness())[0] < SLACK * across)

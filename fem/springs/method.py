@@ -1,0 +1,111 @@
+"""Spring-mass networks as a method of the scene: tets become anchors, and follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import UsageError
+from ..result import MotionResult
+from ..scene.scene import Scene
+from ..solve.method import FrameProgress
+from ..validation import checked_count, checked_positive
+from .body import SpringBody, spring_body
+from .motion import SpringMotion
+
+# CPU time of a spring, from one end, and step [s]; see `benchmarks/springs.py`.
+COST = 1.2e-8
+# A run that takes longer [s] is refused.
+PATIENCE = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringMethod:
+    """Motion of a scene by a spring-mass network.
+
+    Parameters
+    ----------
+    anchors, neighbours
+        Anchors of the body, and how many each is joined with.
+    eta
+        Weights of the neighbours: 0, all of them alike; 20, the nearest sixteen alone.
+    scale
+        What the calibrated stiffness of the springs is multiplied by [1].
+    dashpot
+        Damping of every spring over its stiffness [s].
+    seed
+        Of the places of the anchors.
+    announce
+        Hears springs, steps and expected time, in words, before the run.
+    """
+
+    anchors: int = 2048
+    neighbours: int = 32
+    eta: float = 0.0
+    scale: float = 1.0
+    dashpot: float = 0.0
+    seed: int = 0
+    announce: Callable[[str], None] | None = None
+
+    laws: tuple[str, ...] = ()
+
+    def solve(
+        self,
+        scene: Scene,
+        *,
+        law: str | None = None,
+        order: int | None = None,
+        device: str = "cpu",
+        progress: FrameProgress | None = None,
+    ) -> MotionResult:
+        """Follow the scene for its duration; ``law`` and ``order`` are for elements.
+
+        Raises
+        ------
+        UsageError
+            Where an obstacle is no plane, or the run would take hours.
+        ConvergenceError
+            Where the positions overflow.
+        """
+        body = spring_body(scene, self.anchors, self.neighbours, seed=self.seed)
+        frames = checked_count("frames", scene.frames)
+        dt = checked_positive("duration", scene.duration, "s") / frames
+        motion = body.motion(self.stiffness(body), dashpot=self.dashpot, device=device)
+        plan = _plan(motion, scene.duration)
+        if self.announce is not None:
+            self.announce(plan)
+        states = [body.state(motion, 0.0)]
+        for frame in range(1, frames + 1):
+            motion.advance(dt)
+            states.append(body.state(motion, frame * dt))
+            if progress is not None:
+                progress(frame, frames)
+        solution = (("springs", plan), ("steps", f"{motion.steps:,}"))
+        points = len(scene.mesh.points)
+        return MotionResult(tuple(states), dt, points, order=0, notes=body.notes, solution=solution)
+
+    def stiffness(self, body: SpringBody) -> Float[np.ndarray, "springs"]:
+        """Stiffness of the springs of ``body`` [N/m]."""
+        return self.scale * body.network.stiffness(self.eta)
+
+
+METHOD = SpringMethod()
+
+
+def _plan(motion: SpringMotion, duration: float) -> str:
+    """Springs, steps and the time that they will take, in words; ``UsageError`` where hours."""
+    springs = len(motion.network.i)
+    steps = motion.steps_for(duration)
+    seconds = 2 * COST * springs * steps
+    if seconds > PATIENCE and motion.device == "cpu":
+        raise UsageError(
+            f"springs as stiff as these need steps of {motion.longest_step:.2g} s: {steps:,.0f} "
+            f"steps, some {seconds / 3600:,.0f} hours; --solver lbs or fem, or fewer --anchors"
+        )
+    return (
+        f"{len(motion.network.anchors.x):,} anchors, {springs:,} springs, about {steps:,} steps: "
+        f"some {seconds:,.0f} s"
+    )

@@ -1,0 +1,256 @@
+"""Anchors in motion: explicit steps as long as the network's highest frequency allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import checked_device, start_warp
+from ..errors import ConvergenceError
+from .contact import AnchorLoads, SurfaceContact
+from .network import SpringNetwork
+
+# Share of the longest stable step at rest: springs turn and stretch on the way.
+SAFE = 0.8
+# Relative error of the highest frequency; below so many unknowns it is exact.
+PRECISE, DENSE = 1e-3, 64
+# Steps of one launch on a GPU.
+CHUNK = 32
+
+
+@dataclass(eq=False, kw_only=True)
+class SpringMotion:
+    """A network in motion from rest, or from a velocity.
+
+    Parameters
+    ----------
+    network, stiffness
+        Springs, and how stiff each is [N/m].
+    dashpot
+        Force of every spring for a speed of its ends [N s/m], shape (springs,).
+    loads, contact
+        What acts on the anchors, and what pushes the surface.
+    velocity
+        At the start [m/s], shape (n, 3).
+    device
+        'cpu' or 'cuda'.
+    """
+
+    network: SpringNetwork
+    stiffness: Float[np.ndarray, "springs"]
+    dashpot: Float[np.ndarray, "springs"] | None = None
+    loads: AnchorLoads | None = None
+    contact: SurfaceContact | None = None
+    velocity: Float[np.ndarray, "n 3"] | None = None
+    device: str = "cpu"
+    steps: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        anchors = self.network.anchors
+        checked_device(self.device)
+        heavy = anchors.mass > 0
+        inverse = np.where(heavy, 1 / np.where(heavy, anchors.mass, 1.0), 0.0)
+        self.inverse_mass = np.where(anchors.fixed, 0.0, inverse[:, None])
+        start = anchors.x + np.where(anchors.fixed, anchors.values, 0.0)
+        given = np.zeros_like(start) if self.velocity is None else self.velocity
+        self._springs, self._contacts, self._now = self._arrays(start, given)
+        self.longest_step = self._longest_step()
+
+    def _longest_step(self) -> float:
+        """2 / w at the highest frequency [s], less what dashpots take."""
+        highest, damping = highest_frequency(self)
+        return 2 / highest * (np.sqrt(1 + damping**2) - damping)
+
+    @property
+    def x(self) -> Float[np.ndarray, "n 3"]:
+        """Positions of the anchors [m]."""
+        return self._now.x.numpy().copy()
+
+    @property
+    def v(self) -> Float[np.ndarray, "n 3"]:
+        """Velocities of the anchors [m/s], half a step before the positions."""
+        return self._now.v.numpy().copy()
+
+    @property
+    def a(self) -> Float[np.ndarray, "n 3"]:
+        """Accelerations of the anchors [m/s^2] where they are now."""
+        self._launch_forces(0.0)
+        return self._now.a.numpy().copy()
+
+    @property
+    def synchronous_v(self) -> Float[np.ndarray, "n 3"]:
+        """Velocities of the anchors [m/s] at the time of the positions."""
+        return self.v + 0.5 * float(self._now.clock.numpy()[1]) * self.a
+
+    @property
+    def elastic(self) -> float:
+        """Elastic energy of the springs [J]."""
+        net, x = self.network, self.x
+        stretch = np.linalg.norm(x[net.j] - x[net.i], axis=1) - net.length
+        ground = 0.0 if self.loads is None else (self.loads.ground * (x - net.anchors.x) ** 2).sum()
+        return 0.5 * float(self.stiffness @ stretch**2 + ground)
+
+    def take_impulses(self) -> Float[np.ndarray, "points planes 3"]:
+        """Momentum [N s] that every plane gave every point of the surface since asked last."""
+        planes = 0 if self.contact is None else len(self.contact.planes)
+        found = self._now.impulse.numpy().copy()
+        self._now.impulse.zero_()
+        return found.reshape(-1, max(planes, 1), 3)[:, :planes]
+
+    def advance(self, duration: float, *, steps: int | None = None) -> None:
+        """Follow the network for ``duration`` [s], by default in steps that are safely stable.
+
+        Raises
+        ------
+        ConvergenceError
+            Where the positions overflow.
+        """
+        count = steps or self.steps_for(duration)
+        dt, clock = duration / count, self._now.clock
+        clock.assign(np.array([clock.numpy()[0], dt]))
+        if self.contact is not None:
+            self._contacts.grip.assign(self.contact.grip(self.inverse_mass.max(axis=1), dt))
+        self._run(count)
+        self.steps += count
+        if not np.isfinite(self._now.x.numpy()).all():
+            raise ConvergenceError(
+                f"the springs overflow within {duration:g} s: a smaller load, or fewer neighbours"
+            )
+
+    def steps_for(self, duration: float) -> int:
+        """How many steps ``duration`` [s] takes."""
+        return max(1, int(np.ceil(duration / (SAFE * self.longest_step))))
+
+    def _run(self, count: int) -> None:
+        from . import kernels_springs as k
+
+        wp, given = start_warp(), [self._springs, self._contacts, self._now]
+        if self.device == "cpu":
+            wp.launch(k.follow, 1, inputs=[count, *given], device="cpu")
+            return
+
+        def step() -> None:
+            self._launch_forces(1.0)
+            wp.launch(k.move, self._now.x.shape[0], inputs=given[2:], device=self.device)
+            wp.launch(k.tick, 1, inputs=given[2:], device=self.device)
+
+        whole, rest = divmod(count, CHUNK)
+        if whole:
+            with wp.ScopedCapture(device=self.device) as capture:
+                for _ in range(CHUNK):
+                    step()
+            for _ in range(whole):
+                wp.capture_launch(capture.graph)
+        for _ in range(rest):
+            step()
+
+    def _launch_forces(self, counted: float) -> None:
+        """Accelerations at the positions; impulses of planes count for so many steps."""
+        from . import kernels_springs as k
+
+        wp, contacts, now = start_warp(), self._contacts, self._now
+        if self.contact is not None:
+            given = [contacts, now, wp.float64(counted)]
+            wp.launch(k.meet, now.push.shape[0], inputs=given, device=self.device)
+        given = [self._springs, contacts, now]
+        wp.launch(k.pull, now.x.shape[0], inputs=given, device=self.device)
+
+    def _arrays(self, start: np.ndarray, velocity: np.ndarray) -> tuple[Any, Any, Any]:
+        from . import kernels_springs as k
+
+        net, anchors = self.network, self.network.anchors
+        ends = np.concatenate([net.i, net.j])
+        order = np.argsort(ends, kind="stable")
+        twice = lambda values: np.tile(values, 2)[order]  # noqa: E731
+        dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
+        loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
+        springs = k.Springs()
+        springs.first = self._ints(_starts(ends, len(start)))
+        springs.other = self._ints(np.concatenate([net.j, net.i])[order])
+        springs.stiffness = self._reals(twice(self.stiffness))
+        springs.length = self._reals(twice(net.length))
+        springs.dashpot = self._reals(twice(dashpot))
+        springs.load, springs.ground = self._vectors(loads.force), self._vectors(loads.ground)
+        springs.inverse_mass = self._vectors(self.inverse_mass)
+        springs.rest = self._vectors(anchors.x)
+        now = k.Now()
+        now.x, now.a = self._vectors(start), self._vectors(0 * start)
+        now.v = self._vectors(np.where(self.inverse_mass > 0, velocity, 0.0))
+        points = 0 if self.contact is None else len(self.contact.points)
+        planes = 0 if self.contact is None else len(self.contact.planes)
+        now.push = self._vectors(np.zeros((points, 3)))
+        now.impulse = self._vectors(np.zeros((points * planes, 3)))
+        now.clock = self._reals(np.zeros(2))
+        return springs, self._contact_arrays(), now
+
+    def _contact_arrays(self) -> Any:
+        from . import kernels_springs as k
+
+        wp, given, contacts = start_warp(), self.contact, k.Contacts()
+        if given is None:
+            return contacts
+        rows, back = given.weights.tocsr(), given.weights.T.tocsr()
+        contacts.first, contacts.anchor = self._ints(rows.indptr), self._ints(rows.indices)
+        contacts.back, contacts.point = self._ints(back.indptr), self._ints(back.indices)
+        contacts.weight, contacts.share = self._reals(rows.data), self._reals(back.data)
+        rest = given.points - given.weights @ self.network.anchors.x
+        contacts.rest = self._vectors(rest)
+        contacts.stiffness = self._reals(given.stiffness)
+        contacts.grip = self._reals(0 * given.stiffness)
+        normals = np.array([plane.normal for plane in given.planes], dtype=float)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        contacts.normal = self._vectors(normals)
+        contacts.place = self._vectors(np.array([p.point for p in given.planes], dtype=float))
+        contacts.speed = self._vectors(np.array([p.velocity for p in given.planes], dtype=float))
+        contacts.reach, contacts.friction = wp.float64(given.reach), wp.float64(given.friction)
+        return contacts
+
+    def _ints(self, values: np.ndarray) -> Any:
+        wp = start_warp()
+        return wp.array(np.asarray(values, dtype=np.int32), dtype=int, device=self.device)
+
+    def _reals(self, values: Sequence[float] | np.ndarray) -> Any:
+        wp = start_warp()
+        return wp.array(np.asarray(values, dtype=float), dtype=wp.float64, device=self.device)
+
+    def _vectors(self, values: np.ndarray) -> Any:
+        wp = start_warp()
+        return wp.array(np.ascontiguousarray(values), dtype=wp.vec3d, device=self.device)
+
+
+def _starts(owner: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=count))])
+
+
+def highest_frequency(motion: SpringMotion) -> tuple[float, float]:
+    """Highest angular frequency [1/s] of a network at rest, contact and all, and its damping [1].
+
+    By Lanczos' method: the plain power iteration ends well below it.
+    """
+    from scipy.sparse import diags_array, eye_array, kron
+    from scipy.sparse.linalg import eigsh
+
+    matrix = motion.network.matrix(motion.stiffness)
+    if motion.loads is not None:
+        matrix = matrix + diags_array(motion.loads.ground.ravel())
+    if motion.contact is not None:
+        matrix = matrix + kron(motion.contact.matrix, eye_array(3), format="csr")
+    root = diags_array(np.sqrt(motion.inverse_mass.ravel()))
+    scaled = (root @ matrix @ root).tocsr()
+    start = np.random.default_rng(0).normal(size=scaled.shape[0])
+
+    def top(given: Any) -> float:
+        if given.shape[0] <= DENSE:
+            return float(np.linalg.eigvalsh(given.toarray())[-1])
+        options: dict[str, Any] = {"tol": PRECISE, "v0": start, "return_eigenvectors": False}
+        return float(eigsh(given, k=1, which="LM", **options)[0])
+
+    highest = np.sqrt(top(scaled))
+    if motion.dashpot is None or not motion.dashpot.any():
+        return float(highest), 0.0
+    drag = root @ motion.network.matrix(motion.dashpot) @ root
+    return float(highest), float(0.5 * top(drag) / highest)

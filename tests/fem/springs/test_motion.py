@@ -1,0 +1,184 @@
+"""Networks in motion: against elements and closed forms, on the ground, and fits to motions."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from autophyx_tet.fem import ElementMaterial, Scene, Supports, box_mesh
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.scene.obstacles import Plane, Sphere
+from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.springs.body import spring_body
+from autophyx_tet.fem.springs.fit import (
+    eta_for_ratio,
+    eta_reach,
+    fit_to_motion,
+    scale_to_frequency,
+)
+from autophyx_tet.fem.springs.method import SpringMethod
+from autophyx_tet.fem.springs.vibration import network_frequencies
+
+
+def post(nu=0.25, E=1e5, cells=(2, 2, 8), **given):
+    """A post of .2 x .2 x 1 m, clamped at its foot."""
+    mesh = box_mesh((0.2, 0.2, 1.0), cells)
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=E, nu=nu, rho=500.0))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
+    return Scene(mesh=mesh, supports=held, **given)
+
+
+def falling(**given):
+    """A cube of .2 m that starts .02 m above the ground."""
+    mesh = box_mesh((0.2, 0.2, 0.2), (3, 3, 3))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=2e5, nu=0.25, rho=500.0))
+    ground = Plane((0, 0, -0.02))
+    given = {"duration": 0.2, "frames": 20, "gravity_vector": (0, 0, -9.81)} | given
+    return Scene(mesh=mesh, obstacles=(ground,), **given)
+
+
+@pytest.mark.slow
+def test_the_first_frequencies_are_those_of_quadratic_tets():
+    """A post of nu = 1/4, six anchors thick: two bending modes and the twist, without a fit."""
+    scene = post(cells=(4, 4, 20))
+    net = spring_body(scene, 4096, 32).network
+    exact = natural_modes(scene.mesh, 3, supports=scene.supports).frequencies
+    found = network_frequencies(net, net.stiffness(), 3)
+    assert found == pytest.approx(exact, rel=0.03)  # surfaces of a network are too soft or hard
+
+
+def test_a_hanging_post_swings_about_its_stretch():
+    """Weight put on at once: u at the end is between 0 and rho g L^2 / E, that is twice the sag."""
+    scene = post(E=1e5, duration=0.5, frames=50, gravity_vector=(0, 0, 0.981))
+    answer = SpringMethod(anchors=600, neighbours=16).solve(scene)
+    top = scene.mesh.points[:, 2] == 1
+    u = answer.displacements[:, top, 2].mean(axis=1)
+    still = 500 * 0.981 / (2 * 1e5)
+    period = 4 * np.sqrt(500 / 1e5)
+    whole = round(period / 0.01)
+    assert u[1 : whole + 1].mean() == pytest.approx(still, rel=0.12)
+    # Five anchors across: more neighbours lie along a post than across, it is 5 to 9 % too stiff.
+    assert u.max() == pytest.approx(2 * still, rel=0.12)
+
+
+def test_energy_is_kept():
+    """No dashpots: kinetic, elastic and potential energy drift less than 1 % of the exchanged."""
+    scene = post(duration=1.0, frames=20, gravity_vector=(0.5, 0, 0))
+    frames = SpringMethod(anchors=300, neighbours=16).solve(scene).frames
+    total = np.array([f.energy for f in frames])
+    exchanged = max(abs(f.potential) for f in frames)
+    # Symplectic Euler keeps a shadow of the energy that is off by the square of the step.
+    assert np.abs(total).max() < 0.005 * exchanged
+
+
+def test_dashpots_take_energy():
+    scene = post(duration=1.0, frames=10, velocity=(0.2, 0, 0))
+    free, damped = (
+        SpringMethod(anchors=200, neighbours=16, dashpot=d).solve(scene).frames[-1].energy
+        for d in (0.0, 2e-3)
+    )
+    assert 0 < damped < 0.9 * free
+
+
+def test_a_fall_is_free_until_it_meets_the_ground():
+    """Height by g t^2 / 2 first; then the ground's impulse is what the momentum changes by."""
+    scene = falling()
+    answer = SpringMethod(anchors=200, neighbours=16).solve(scene)
+    t = np.array([f.time for f in answer.frames])
+    u = answer.displacements[:, :, 2]
+    before = 0.5 * 9.81 * t**2 < 0.019
+    # Symplectic Euler falls g t h / 2 further; no point knows of the others yet.
+    assert u[before].mean(axis=1) == pytest.approx(-0.5 * 9.81 * t[before] ** 2, abs=2e-4)
+    weight = scene.mesh.mass * 9.81
+    speed = np.array([f.v[:, 2].mean() for f in answer.frames])
+    given = np.concatenate([[0], np.cumsum(answer.obstacle_forces[1:, 0, 2])]) * answer.dt
+    assert given[-1] > weight * 0.05
+    body = spring_body(scene, 200, 16)
+    motion = body.motion(body.network.stiffness())
+    motion.advance(0.2)
+    momentum = body.network.anchors.mass @ motion.v[:, 2]
+    total = body.loads.force[:, 2].sum() * 0.2 + motion.take_impulses()[:, 0, 2].sum()
+    assert momentum == pytest.approx(total, abs=1e-10 * weight)
+    assert speed.min() < -0.5
+    assert answer.smallest_gap > -0.1 * 0.2 * 0.1
+
+
+def test_friction_stops_what_slides():
+    """Speed v0 with friction f on the ground: it slides v0^2 / 2 f g and stops."""
+    scene = falling(duration=0.4, frames=8, velocity=(0.5, 0, 0), friction=0.4)
+    scene = dataclasses.replace(scene, obstacles=(Plane((0, 0, -2e-4)),))
+    last = SpringMethod(anchors=200, neighbours=16, dashpot=2e-3).solve(scene).frames[-1]
+    slid = 0.5**2 / (2 * 0.4 * 9.81)
+    assert last.u[:, 0].mean() == pytest.approx(slid, rel=0.15)  # it lands and rocks first
+    assert abs(last.v[:, 0].mean()) < 0.02
+
+
+def test_what_springs_do_not_know_is_said():
+    """Nu, thickness; other obstacles than planes, and runs of hours, are refused."""
+    scene = post(nu=0.45, duration=0.01, frames=1)
+    notes = SpringMethod(anchors=100, neighbours=12).solve(scene).notes
+    assert any("0.45" in note for note in notes)
+    assert any("anchors thick" in note for note in notes)
+    rod = box_mesh((0.02, 0.02, 1.0), (1, 1, 50))
+    rod = rod.with_material(ElementMaterial.uniform(len(rod.tets), E=1e5, nu=0.25, rho=500.0))
+    row = Scene(mesh=rod, supports=Supports.clamp(len(rod.points), rod.points[:, 2] == 0))
+    assert any("turn freely" in note for note in spring_body(row, 10, 4).notes)  # beads on a row
+    ball = dataclasses.replace(scene, obstacles=(Sphere((0, 0, 3), 0.1),))
+    with pytest.raises(UsageError, match="planes alone"):
+        SpringMethod(anchors=100, neighbours=12).solve(ball)
+    with pytest.raises(UsageError, match="hours"):
+        SpringMethod(anchors=2000).solve(post(E=2e14, duration=10.0))
+
+
+def test_a_twin_gives_its_scale_back():
+    """A motion of the network itself at 1.7 times its stiffness: fitted to 1e-4."""
+    scene = post(duration=0.3, frames=15, velocity=(0.3, 0, 0))
+    body = spring_body(scene, 150, 12)
+    motion = body.motion(1.7 * body.network.stiffness())
+    wanted = [body.displacement(motion.x)]
+    for _ in range(15):
+        motion.advance(0.02, steps=200)
+        wanted.append(body.displacement(motion.x))
+    fit = fit_to_motion(body, np.array(wanted), 0.02)
+    # The twin takes finer steps: h^2 w^2 / 24 of the stiffness is left between them.
+    assert fit.scale == pytest.approx(1.7, rel=2e-3)
+    again = body.motion(fit.scale * body.network.stiffness())
+    steps, own = again.steps_for(0.02), [body.displacement(again.x)]
+    for _ in range(15):
+        again.advance(0.02, steps=steps)
+        own.append(body.displacement(again.x))
+    twin = fit_to_motion(body, np.array(own), 0.02)
+    assert twin.scale == pytest.approx(fit.scale, rel=1e-4)
+    assert twin.error < 1e-4
+    assert twin.calibrated_error > 0.1
+
+
+def test_frequencies_scale_with_the_root_of_stiffness():
+    """The scale to a frequency is exact without a motion; free bodies skip six rigid motions."""
+    net = spring_body(post(), 150, 12).network
+    scale = scale_to_frequency(net, 3.0)
+    assert network_frequencies(net, scale * net.stiffness())[0] == pytest.approx(3.0, rel=1e-6)
+    free = spring_body(falling(), 150, 12).network
+    assert network_frequencies(free, free.stiffness())[0] > 10.0
+    with pytest.raises(InputError, match="wanted > 0"):
+        scale_to_frequency(net, 0.0)
+
+
+def test_eta_is_found_for_a_ratio():
+    """Round trip of the sum of k w l^2; out of reach, the nearer end."""
+    net = spring_body(post(), 300, 64).network
+    reach = eta_reach(net)
+    k, square = net.calibrated(20.0), net.length**2
+    for ratio in (1.5, 0.9 * reach):
+        eta = eta_for_ratio(net, ratio)
+        soft, hard = (net.stiffness(e, k=k) @ square for e in (20.0, eta))
+        assert hard / soft == pytest.approx(ratio, rel=1e-9)
+    assert eta_for_ratio(net, 2 * reach) == -20.0
+    assert eta_for_ratio(net, 0.5) == 20.0
+
+
+def test_a_motion_that_does_not_fit_is_refused():
+    body = spring_body(post(), 100, 12)
+    with pytest.raises(InputError, match="nothing moves"):
+        fit_to_motion(body, np.zeros((3, len(body.scene.mesh.points), 3)), 0.1)
+    with pytest.raises(InputError, match="wanted"):
+        fit_to_motion(body, np.zeros((3, 7, 3)), 0.1)

@@ -1,0 +1,54 @@
+"""Which method solves a scenario: its own, or the one of ``--solver`` with its options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from ...fem.errors import UsageError
+from ...fem.scenarios.scenario import Scenario
+from ...fem.solve.method import METHODS, Method
+from ..options import SimulateOptions
+
+# What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
+REFUSED = {
+    ("mpm", "modal"): "particles do not ring",
+    ("spring", "modal"): "springs are followed in time",
+    ("spring", "tear"): "springs do not tear",
+}
+
+
+def method_name(options: SimulateOptions, scenario: Scenario) -> str:
+    """Name of the method of ``--solver`` for ``scenario``; ``UsageError`` where it cannot."""
+    if options.solver == "fem":
+        return scenario.method
+    why = REFUSED.get((options.solver, options.scenario))
+    if why is not None:
+        other = "mpm" if scenario.method == "mpm" else "fem"
+        raise UsageError(f"--scenario {options.scenario}: {why}; --solver {other}")
+    return options.solver
+
+
+def chosen_method(
+    name: str,
+    options: SimulateOptions,
+    materials: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
+) -> Method:
+    """Return the method ``name`` with the options that are its own, loaded when asked for.
+
+    ``materials`` are rows of the table by part; ``announce`` hears what the run will cost.
+    """
+    if name == "mpm":
+        from .matter import particle_method
+
+        return particle_method(options, materials, announce)
+    if name == "spring":
+        from ...fem.springs.method import SpringMethod
+
+        return SpringMethod(
+            anchors=options.anchors,
+            neighbours=options.neighbours,
+            eta=options.eta,
+            announce=announce,
+        )
+    return METHODS[name]
