@@ -17,9 +17,9 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.batch import task
 from autophyx_tet.toolkit.batch.batch import batch
 from autophyx_tet.toolkit.batch.manifest import read_manifest
+from autophyx_tet.toolkit.batch.options import BatchOptions
 from autophyx_tet.toolkit.batch.table import index_page
 from autophyx_tet.toolkit.batch.task import Job, Limits, Stopped, perform, stored
-from autophyx_tet.toolkit.options import BatchOptions
 from PIL import Image
 
 LIMITS = Limits(seconds=120, memory=8 * 10**9, threads=1)

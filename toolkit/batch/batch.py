@@ -20,8 +20,8 @@ from typing import Any
 from ...fem.errors import InputError, UsageError
 from ..config import read_config
 from ..io.outputs import BATCH, check_document, check_folder
-from ..options import BatchOptions
 from .manifest import read_manifest
+from .options import BatchOptions
 from .table import BatchResult, write_tables
 from .task import HOME, RECORD, Job, Limits, Outcome, Stopped, perform, stored
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from ..options import BatchOptions, Common, Flat, Output
+from ..batch.options import BatchOptions
+from ..options import Common, Flat, Output
 
 
 @dataclass(frozen=True)
