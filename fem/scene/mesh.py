@@ -8,7 +8,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from .boundary import FACES, Boundary, area_vectors, boundary_faces
+from .boundary import (
+    Boundary,
+    boundary_faces,
+    cross,
+    edge_vectors,
+    tet_area_vectors,
+)
 from .material import ElementMaterial
 
 
@@ -16,16 +22,17 @@ def signed_volumes(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets"]:
     """Signed volume [m^3] of every tet, positive where (b-a, c-a, d-a) is right-handed."""
-    a, b, c, d = (points[tets[:, i]] for i in range(4))
-    return np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) / 6
+    b, c, d = edge_vectors(points, tets)
+    x, y, z = cross(b, c)
+    return (x * d[0] + y * d[1] + z * d[2]) / 6
 
 
 def altitudes(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets 4"]:
     """Distance [m] of every vertex of every tet from the opposite face."""
-    area = np.linalg.norm(area_vectors(points, tets[:, FACES]), axis=-1)
-    return 3 * signed_volumes(points, tets)[:, None] / area
+    area = np.linalg.norm(tet_area_vectors(points, tets), axis=1)
+    return (3 * signed_volumes(points, tets) / area).T
 
 
 @dataclass(frozen=True, eq=False)

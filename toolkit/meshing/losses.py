@@ -34,20 +34,23 @@ AREA_SAMPLES = 4_000  # of the file's area: shares to one per cent
 class FileSurface:
     """The triangles of a file as ``read``, and ``seen``: wound so that what sees out is outside.
 
-    The winding as read is ``coherent`` where neighbours agree; else it says nothing.
+    The winding as read is ``coherent`` where neighbours agree; else it says nothing. Where nothing
+    was ``turned`` or dropped the two are one.
     """
 
     read: Surface
     seen: Surface
     coherent: bool
+    turned: bool = True
 
     @classmethod
     def of(cls, parts: Sequence[Part]) -> FileSurface:
         """Take the triangles of all parts."""
-        read, (seen, _) = stacked(parts), oriented(parts, joint=True)
+        read, (seen, done) = stacked(parts), oriented(parts, joint=True)
+        turned = bool(done.flipped_faces or done.duplicate_faces or done.loose_faces)
         tolerance = WELD_REL * float(np.linalg.norm(np.ptp(read.points, axis=0)))
         welded, _ = weld(read, tolerance, within_parts=True)
-        return cls(read, seen, incoherence(welded) <= INCOHERENT)
+        return cls(read, seen, incoherence(welded) <= INCOHERENT, turned)
 
     def encloses(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are inside for certain: as read, unless that makes no body.
@@ -78,13 +81,14 @@ class FileSurface:
 
     def _windings(self, where: Float[np.ndarray, "n 3"]) -> list[np.ndarray]:
         """Sizes of the winding numbers as read and as seen."""
-        return [np.abs(winding(where)) for winding in self._winding]
+        read, *seen = (np.abs(winding(where)) for winding in self._winding)
+        return [read, *(seen or [read])]
 
     @cached_property
-    def _winding(self) -> tuple[WindingNumber, WindingNumber]:
-        """Winding numbers as read and as seen."""
-        read, seen = (WindingNumber(s.points, s.faces) for s in (self.read, self.seen))
-        return read, seen
+    def _winding(self) -> list[WindingNumber]:
+        """Winding number as read, and as seen where that differs."""
+        surfaces = [self.read, self.seen] if self.turned else [self.read]
+        return [WindingNumber(s.points, s.faces) for s in surfaces]
 
 
 @dataclass(frozen=True)

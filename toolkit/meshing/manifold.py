@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ...fem.scene.boundary import boundary_faces
 from ..surfaces.rows import face_edges
-from .quality import corner_nodes
+from .quality import corner_nodes, vertex_count
 
 # Each round splits edges that share no tet; a mesh that needs more rounds is not one of ours.
 MAX_ROUNDS = 50
@@ -39,7 +39,7 @@ def separate(points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 
     origin = np.arange(len(tets))
     split = doubled = 0
     for _ in range(MAX_ROUNDS):
-        used = len(np.unique(tets))
+        used = vertex_count(tets)
         tets, old = corner_nodes(tets)
         points = points[old]
         doubled += len(old) - used

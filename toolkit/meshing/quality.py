@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ...fem.scene.boundary import FACES, area_vectors, boundary_faces
+from ...fem.scene.boundary import (
+    boundary_faces,
+    edge_vectors,
+    equal_faces,
+    tet_area_vectors,
+)
 from ...fem.scene.material import wave_speed
 from ...fem.scene.mesh import TetMesh, altitudes, signed_volumes
 from ...fem.verdicts import largest_explicit_step
@@ -117,23 +122,28 @@ def dihedral_angles(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets 6"]:
     """Inner dihedral angles [degrees] at the six edges of every tet."""
-    normal = area_vectors(points, tets[:, FACES])
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    i, j = FACE_PAIRS.T
-    cosine = -np.einsum("tek,tek->te", normal[:, i], normal[:, j])
-    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return np.degrees(np.arccos(dihedral_cosines(points, tets))).T
+
+
+def dihedral_cosines(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> Float[np.ndarray, "6 tets"]:
+    """Cosines of the inner dihedral angles; of a face without area 0."""
+    normal = tet_area_vectors(points, tets)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    cosines = [-np.einsum("kt,kt->t", normal[i], normal[j]) for i, j in FACE_PAIRS]
+    return np.clip(cosines, -1, 1)
 
 
 def radius_ratios(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> Float[np.ndarray, "tets"]:
     """Return 3 r / R of every tet: inradius by circumradius, 1 for a regular one."""
+    edges, normals = edge_vectors(points, tets), tet_area_vectors(points, tets)
     volume = signed_volumes(points, tets)
-    area = np.linalg.norm(area_vectors(points, tets[:, FACES]), axis=-1).sum(axis=1)
-    a, b, c = (points[tets[:, i]] - points[tets[:, 0]] for i in (1, 2, 3))
-    squares = [np.einsum("ti,ti->t", e, e)[:, None] for e in (a, b, c)]
-    center = squares[0] * np.cross(b, c) + squares[1] * np.cross(c, a) + squares[2] * np.cross(a, b)
-    circumradius = np.linalg.norm(center, axis=1) / (12 * volume)
+    area = np.linalg.norm(normals, axis=1).sum(axis=0)
+    center = sum((e * e).sum(axis=0) * normal for e, normal in zip(edges, normals[1:], strict=True))
+    circumradius = np.linalg.norm(center, axis=0) / (6 * volume)
     return 3 * (3 * volume / area) / circumradius
 
 
@@ -146,7 +156,7 @@ def component_count(tets: Int[np.ndarray, "tets 4"]) -> int:
     rows, columns = np.repeat(tets[:, 0], 3), tets[:, 1:].reshape(-1)
     graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
     _, label = connected_components(graph, directed=False)
-    return len(np.unique(label[tets[:, 0]]))
+    return vertex_count(label[tets[:, 0]])
 
 
 def boundary_kind(faces: Int[np.ndarray, "faces 3"]) -> BoundaryKind:
@@ -155,35 +165,68 @@ def boundary_kind(faces: Int[np.ndarray, "faces 3"]) -> BoundaryKind:
     return BoundaryKind(
         faces=len(faces),
         bad_edges=int((count != 2).sum()),
-        pinched_vertices=len(corner_nodes(faces)[1]) - len(np.unique(faces)),
+        pinched_vertices=len(corner_nodes(faces)[1])
+        - int(np.count_nonzero(np.bincount(faces.reshape(-1)))),
     )
 
 
-def corner_nodes(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def vertex_count(cells: Int[np.ndarray, "*cells"]) -> int:
+    """How many different vertices cells have."""
+    return int(np.count_nonzero(np.bincount(cells.reshape(-1))))
+
+
+def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndarray]:
     """Nodes such that cells share one exactly where they hang together through facets.
 
-    ``cells`` are triangles (facets: edges) or tets (facets: faces). Two cells at a vertex get the
-    same node when a chain of cells around that vertex, each sharing a facet with the next, links
-    them. Returns the cells on the new nodes, and the old vertex of every new node, ascending.
+    ``cells`` are triangles of a closed surface (facets: edges) or tets (facets: faces). Two cells
+    at a vertex get the same node when a chain of cells around that vertex, each sharing a facet
+    with the next, links them; around an inner vertex of tets one always does. Returns the cells on
+    the new nodes, and the old vertex of every new node, ascending.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
+    count = int(cells.max(initial=-1)) + 1
+    used = np.zeros(count, dtype=bool)
+    used[cells] = True
+    links, asked = _corner_links(cells, count)
+    corner = np.flatnonzero(asked[cells])  # of all corners, cell by cell
+    number = np.zeros(cells.size, dtype=np.int64)
+    number[corner] = np.arange(len(corner))
+    graph = coo_matrix((np.ones(len(links)), number[links].T), shape=(len(corner),) * 2)
+    groups, label = connected_components(graph, directed=False)
+    whole = np.flatnonzero(used & ~asked)
+    vertex = np.zeros(len(whole) + groups, dtype=np.int64)  # of all nodes
+    vertex[: len(whole)] = whole
+    vertex[len(whole) + label] = cells.reshape(-1)[corner]
+    ascending = np.argsort(vertex, kind="stable")
+    node = np.empty_like(ascending)
+    node[ascending] = np.arange(len(ascending))
+    own = np.zeros(count, dtype=np.int64)
+    own[whole] = node[: len(whole)]
+    new = own[cells].reshape(-1)
+    new[corner] = node[len(whole) + label]
+    return new.reshape(cells.shape), vertex[ascending]
+
+
+def _corner_links(
+    cells: Int[np.ndarray, "cells k"], count: int
+) -> tuple[Int[np.ndarray, "links 2"], Bool[np.ndarray, "vertices"]]:
+    """Pairs of corners that a facet links, at the vertices which may have several groups."""
     size = cells.shape[1]
     opposite = np.array([[j for j in range(size) if j != i] for i in range(size)])
     facets = cells[:, opposite].reshape(-1, size - 1)
-    corners = (np.arange(len(cells))[:, None, None] * size + opposite).reshape(-1, size - 1)
-    order = np.argsort(facets, axis=1)
-    facets = np.take_along_axis(facets, order, axis=1)
-    corners = np.take_along_axis(corners, order, axis=1)
-    rank = np.lexsort(facets.T[::-1])
-    same = (facets[rank][1:] == facets[rank][:-1]).all(axis=1)
-    left, right = corners[rank[:-1][same]].reshape(-1), corners[rank[1:][same]].reshape(-1)
-    graph = coo_matrix((np.ones(len(left)), (left, right)), shape=(cells.size, cells.size))
-    _, label = connected_components(graph, directed=False)
-    _, first = np.unique(label, return_index=True)
-    vertex = cells.reshape(-1)[first]
-    ascending = np.argsort(vertex, kind="stable")
-    new = np.empty_like(ascending)
-    new[ascending] = np.arange(len(ascending))
-    return new[label].reshape(cells.shape), vertex[ascending]
+    order, same = equal_faces(facets)
+    sides = np.stack([order[:-1][same], order[1:][same]], axis=1)
+    asked = np.ones(count, dtype=bool)
+    if size == 4:
+        single = np.ones(len(facets), dtype=bool)
+        single[sides] = False
+        asked[:] = False
+        asked[facets[single]] = True
+    sides = sides[asked[facets[sides[:, 0]]].any(axis=1)]
+    turn = np.argsort(facets[sides], axis=2)  # both sides name the vertices in the same order
+    corners = sides[..., None] // size * size + opposite[sides % size]
+    corners = np.take_along_axis(corners, turn, axis=2)
+    shared = asked[cells.reshape(-1)[corners[:, 0]]]
+    return corners.swapaxes(1, 2)[shared], asked

@@ -75,16 +75,35 @@ def winding_numbers(
     return WindingNumber(points, faces)(where)
 
 
+class ClosestTo:
+    """Nearest points of one surface, whose tree is kept for many questions."""
+
+    def __init__(
+        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
+    ) -> None:
+        """Sort triangles [m] into a tree."""
+        import igl
+
+        self._points, self._faces = np.ascontiguousarray(points, np.float64), _int64(faces)
+        self._tree = igl.AABB()
+        self._tree.init(self._points, self._faces)
+
+    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Closest:
+        """Nearest point for each of ``where`` [m]."""
+        if not len(where):
+            return Closest(np.zeros(0), np.zeros(0, np.int64))
+        where = np.ascontiguousarray(where, np.float64)
+        squared, face, _ = self._tree.squared_distance(self._points, self._faces, where)
+        return Closest(np.sqrt(np.maximum(squared, 0)), np.asarray(face, dtype=np.int64))
+
+
 def closest(
     where: Float[np.ndarray, "n 3"],
     points: Float[np.ndarray, "points 3"],
     faces: Int[np.ndarray, "faces 3"],
 ) -> Closest:
-    """Nearest point of a surface for each of ``where`` [m]."""
-    import igl
-
-    squared, face, _ = igl.point_mesh_squared_distance(where, points, _int64(faces))
-    return Closest(np.sqrt(np.maximum(squared, 0)), np.asarray(face, dtype=np.int64))
+    """Nearest point of a surface for each of ``where`` [m], asked once."""
+    return ClosestTo(points, faces)(where)
 
 
 def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces"]:

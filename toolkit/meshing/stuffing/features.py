@@ -16,7 +16,7 @@ from ...surfaces.rows import face_edges
 from ...surfaces.triangles import Triangles
 
 SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
-SPACING = 0.125  # of the points on edges among which the nearest is looked for, in long edges
+SPACING = 0.2  # of the points on edges among which the nearest is looked for, in long edges
 
 
 Visible = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], np.ndarray]
@@ -104,7 +104,7 @@ class FeatureFinder:
         self.corners = features.corners[shown]
         self.start, self.end = features.ends[:, 0], features.ends[:, 1]
         length = np.linalg.norm(self.end - self.start, axis=1)
-        count = np.ceil(length / SPACING).astype(int) + 1
+        count = np.maximum(np.ceil(length / SPACING), 1).astype(int)
         edge = np.repeat(np.arange(len(length)), count)
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         share = (rank + 0.5) / np.repeat(count, count)  # ends belong to other edges too

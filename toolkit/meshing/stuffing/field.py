@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....fem.device import start_warp
 from ...surfaces.solids import INSIDE, Shell, Solids
-from ...surfaces.triangles import Triangles
+from ...surfaces.triangles import ClosestTo, Triangles
 
 # Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
 # that far from its faces it passes through a hole, and the winding number tells where.
@@ -26,40 +24,6 @@ MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset add
 
 # Groups of some places, by number, that ways link on which every step is one of ``REACH`` at most.
 Together = Callable[[Int[np.ndarray, "n"]], Int[np.ndarray, "n"]]
-
-
-class NearestPoints(NamedTuple):
-    """``distance`` (n,) to a surface, at most the reach; ``face`` (n,) or -1; ``point`` (n, 3)."""
-
-    distance: np.ndarray
-    face: np.ndarray
-    point: np.ndarray
-
-
-class NearestTo:
-    """NearestPoints points of one triangle surface, in single precision."""
-
-    def __init__(self, surface: Triangles) -> None:
-        warp = start_warp()
-        self._mesh = warp.Mesh(
-            warp.array(surface.points, dtype=warp.vec3, device="cpu"),
-            warp.array(surface.faces.reshape(-1), dtype=warp.int32, device="cpu"),
-        )
-
-    def __call__(self, where: Float[np.ndarray, "n 3"], reach: float = np.inf) -> NearestPoints:
-        """NearestPoints points within ``reach``."""
-        from .kernels_distance import nearest
-
-        warp, count = start_warp(), len(where)
-        out = [
-            warp.zeros(count, dtype=kind, device="cpu")
-            for kind in (warp.float32, warp.int32, warp.vec3)
-        ]
-        given = warp.array(where, dtype=warp.vec3, device="cpu")
-        reach = min(reach, 1e30)  # infinity overflows when it is squared
-        warp.launch(nearest, count, [self._mesh.id, given, reach], out, device="cpu")
-        distance, face, point = (array.numpy() for array in out)
-        return NearestPoints(distance.astype(np.float64), face, point.astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +61,15 @@ class ShellField:
         )
 
     @cached_property
-    def nearest(self) -> NearestTo:
-        """NearestPoints points of it."""
-        return NearestTo(self.triangles)
+    def nearest(self) -> ClosestTo:
+        """Nearest points of it."""
+        return ClosestTo(*self.triangles)
 
     @cached_property
-    def nearest_of_part(self) -> tuple[NearestTo, ...]:
-        """NearestPoints points of the faces of each part."""
+    def nearest_of_part(self) -> tuple[ClosestTo, ...]:
+        """Nearest points of the faces of each part."""
         mine = [self.shell.faces[self.shell.part == part] for part in self.parts]
-        return tuple(NearestTo(Triangles(self.shell.points, faces)) for faces in mine)
+        return tuple(ClosestTo(self.shell.points, faces) for faces in mine)
 
     def value(
         self, where: Float[np.ndarray, "n 3"], together: Together | None = None
@@ -114,7 +78,7 @@ class ShellField:
 
         Of places so far from a surface without rim one is asked for all that lie ``together``.
         """
-        distance = self.nearest(where, REACH).distance
+        distance = np.minimum(self.nearest(where).distance, REACH)
         far = np.flatnonzero(distance >= REACH)
         if together is None or not self.shell.rimless or not len(far):
             winding = self._winding(where)

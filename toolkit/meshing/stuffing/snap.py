@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....fem.scene.boundary import FACES, area_vectors
 from ....fem.scene.mesh import signed_volumes
 from ..lattice_guarantees import BLUNTEST, SHARPEST
-from ..quality import FACE_PAIRS
+from ..quality import dihedral_cosines
 from .cut import CutMesh
 from .features import FeatureFinder
 
@@ -102,9 +101,5 @@ def _shape(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Volume, and the cosines of the sharpest and the bluntest dihedral angle, of every tet."""
-    normal = area_vectors(points, tets[:, FACES])
-    area = np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal /= np.maximum(area, np.finfo(float).tiny)
-    i, j = FACE_PAIRS.T
-    cosine = -np.einsum("tei,tei->te", normal[:, i], normal[:, j])
-    return signed_volumes(points, tets), cosine.max(axis=1), cosine.min(axis=1)
+    cosine = dihedral_cosines(points, tets)
+    return signed_volumes(points, tets), cosine.max(axis=0), cosine.min(axis=0)
