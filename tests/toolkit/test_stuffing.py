@@ -15,6 +15,8 @@ from autophyx_tet.toolkit.meshing.quality import dihedral_angles
 from autophyx_tet.toolkit.meshing.stuffing.cut import cut
 from autophyx_tet.toolkit.meshing.stuffing.field import NodeField, SolidField
 from autophyx_tet.toolkit.meshing.stuffing.lattice import lattice_around
+from autophyx_tet.toolkit.meshing.stuffing.match import wanted_volumes
+from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff
 from autophyx_tet.toolkit.meshing.stuffing.snap import Guard
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.surfaces.offset import hollowed
@@ -227,3 +229,23 @@ def test_parts_of_one_shell_are_one_body():
     assert mesh.region_names == ("dark", "light")
     assert report.fallen_apart == ()
     assert report.ok, report.failed
+
+
+def test_what_another_part_cuts_in_two_has_not_fallen_apart():
+    """A wall through a beam, smaller than it: both halves of the beam hang on the wall."""
+    beam = trimesh.creation.box((1.0, 0.2, 0.2))
+    wall = trimesh.creation.box((0.1, 0.3, 0.3))
+    mesh, report = stuffed(0.05, beam=beam, wall=wall)
+    assert volumes(mesh) == pytest.approx({"beam": 0.9 * 0.04, "wall": 0.009}, rel=1e-3)
+    assert report.fallen_apart == ()
+
+
+def test_what_is_hidden_in_another_part_stops_no_search():
+    """A box that fills its case to the last corner leaves it no volume, and volumes still match."""
+    case = trimesh.creation.box((0.5, 0.3, 0.2))
+    asset = asset_of(case=case, filling=case.copy(), knob=trimesh.creation.icosphere(2, 0.05))
+    solids = Solids.of(repair(asset.parts)[0], 3, thinnest=1e-6)
+    field = SolidField(solids, origin=solids.bounds[0], edge=0.05)
+    wanted = wanted_volumes(field)
+    assert (wanted == 0).any()
+    assert np.isfinite(stuff(field).error)

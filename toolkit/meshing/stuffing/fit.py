@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...surfaces.samples import facets
+from ...surfaces.samples import Facets, facets
 from ...surfaces.solids import Solids
 from ..sizing import thicknesses
 
@@ -20,7 +20,7 @@ def without_crumbs(
     tets: Int[np.ndarray, "tets 4"], volumes: Float[np.ndarray, "tets"], solids: Solids
 ) -> Bool[np.ndarray, "tets"]:
     """Which tets to keep: all pieces as large as those that the solids may have, and no crumb."""
-    pieces = _pieces(tets, np.zeros(len(tets), dtype=np.int64))
+    pieces = _pieces(facets(tets), np.zeros(len(tets), dtype=np.int64))
     size = np.bincount(pieces, weights=volumes)
     rank = np.empty(len(size), dtype=np.int64)
     rank[np.argsort(-size, kind="stable")] = np.arange(len(size))
@@ -37,19 +37,24 @@ def loose_shares(
     """Share of each part's volume in more pieces than its surface has: it has fallen apart.
 
     Parts that share a shell are one body: where they meet in it is but the nearest face's matter.
+    A piece that touches another body was cut off by it, and hangs on it.
     """
-    body = _bodies(solids)
-    pieces = _pieces(tets, body[part])
+    body, between = _bodies(solids), facets(tets)
+    pieces = _pieces(between, body[part])
     size = np.bincount(pieces, weights=volumes)
     owner = np.zeros(len(size), dtype=np.int64)
     owner[pieces] = body[part]
+    hangs = np.zeros(len(size), dtype=bool)
+    for side, other in ((between.left, between.right), (between.right, between.left)):
+        hangs[pieces[side[body[part[side]] != body[part[other]]]]] = True
     of_face, present = body[solids.surface.part], np.unique(part)
     out = {}
     for number in np.unique(owner).tolist():
-        mine = np.sort(size[owner == number])[::-1]
+        mine = owner == number
         whole = len(np.unique(solids.surface.component[of_face == number]))
-        if len(mine) > whole:
-            share = float(mine[whole:].sum() / mine.sum())
+        free = np.sort(size[mine & ~hangs])[::-1][max(whole - (mine & hangs).any(), 0) :]
+        if len(free):
+            share = float(free.sum() / size[mine].sum())
             out |= {int(p): share for p in present[body[present] == number]}
     return out
 
@@ -82,12 +87,11 @@ def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
     return {int(p): float(found[p] / total[p]) for p in np.flatnonzero(found)}
 
 
-def _pieces(tets: Int[np.ndarray, "tets 4"], kind: Int[np.ndarray, "tets"]) -> np.ndarray:
+def _pieces(between: Facets, kind: Int[np.ndarray, "tets"]) -> Int[np.ndarray, "tets"]:
     """Piece that each tet belongs to: tets of one kind that hang together by faces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    _, left, right = facets(tets)
-    same = kind[left] == kind[right]
-    links = (np.ones(int(same.sum())), (left[same], right[same]))
-    return connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)[1]
+    same = kind[between.left] == kind[between.right]
+    links = (np.ones(int(same.sum())), (between.left[same], between.right[same]))
+    return connected_components(coo_matrix(links, shape=(len(kind),) * 2), directed=False)[1]

@@ -19,6 +19,7 @@ from .field import ShellField, SolidField
 
 SAMPLES = 32_000  # in the boxes of all shells; one of one volume in three is known to .5 %
 FEWEST = 2_000  # in the box of one shell of many
+HIDDEN = 0.01  # of its volume: a shell that keeps less beside smaller ones keeps but noise
 CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sampled one is closed
 # Relative errors of volume with which the first passes and the later ones are content.
 PASSES, MOST_PASSES = 2, 9
@@ -28,21 +29,26 @@ STEEPEST = 3.0  # how many times more or less than its area a volume may grow wi
 
 
 class Matched(NamedTuple):
-    """A mesh, its volume by shell and the one wanted, and the offsets that gave it."""
+    """A mesh, its volume by shell and the one wanted, 0 where it does not matter."""
 
     mesh: CutMesh
     volumes: np.ndarray
     wanted: np.ndarray
-    offsets: np.ndarray
+
+    @property
+    def errors(self) -> Float[np.ndarray, "shells"]:
+        """Relative error of each shell's volume."""
+        matters = self.wanted > 0
+        return np.where(matters, self.volumes / np.where(matters, self.wanted, 1.0) - 1, 0.0)
 
     @property
     def error(self) -> float:
         """Largest relative error of a shell's volume."""
-        return float((np.abs(self.volumes - self.wanted) / self.wanted).max())
+        return float(np.abs(self.errors).max())
 
 
 def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
-    """Volume of each shell without what smaller shells take of it."""
+    """Volume of each shell without what smaller shells take of it; 0 where they take all."""
     rng = np.random.default_rng(0)
     count = max(SAMPLES // len(field.shells), FEWEST)
     samples = [stratified(shell.bounds, rng=rng, count=count) for shell in field.shells]
@@ -57,7 +63,7 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
             inside = inside[~higher.shell.contains(inside)]
         for lower in range(rank):
             wanted[lower] -= share * field.shells[lower].shell.contains(inside).sum()
-    return np.maximum(wanted, 0.0)
+    return np.where(wanted > HIDDEN * whole, wanted, 0.0)
 
 
 def _volume(shell: ShellField, sampled: float) -> float:
@@ -76,15 +82,14 @@ def matched(
     The best pass counts.
     """
     area = np.array([face_areas(*shell.triangles).sum() for shell in field.shells])
-    aim = np.where(wanted > 0, wanted, np.inf)  # what lies wholly in smaller ones has no tets
     search, offsets, best = Search(area), np.zeros(len(area)), None
     for number in range(MOST_PASSES):
         mesh = build(offsets)
-        found = Matched(mesh, _volumes(field, mesh), aim, offsets)
+        found = Matched(mesh, _volumes(field, mesh), wanted)
         best = found if best is None or found.error < best.error else best
         if best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
             break
-        lacks = np.where(np.isfinite(aim), aim - found.volumes, 0.0)
+        lacks = np.where(wanted > 0, wanted - found.volumes, 0.0)
         offsets = search.next(offsets, lacks)
     assert best is not None
     return best

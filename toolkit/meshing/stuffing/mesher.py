@@ -102,7 +102,7 @@ def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
 def _errors(field: SolidField, found: Matched) -> dict[int, float]:
     """Relative error of each part's volume: where parts share a shell, that of the largest."""
     out: dict[int, float] = {}
-    for shell, error in zip(field.shells, found.volumes / found.wanted - 1, strict=True):
+    for shell, error in zip(field.shells, found.errors, strict=True):
         for part in shell.parts.tolist():
             out[part] = max(out.get(part, 0.0), float(error), key=abs)
     return out
