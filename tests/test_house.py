@@ -22,8 +22,8 @@ FLOORS = {
     ),
     "converters": (
         "registry", "files", "announced_sizes", "npz", "reduced_archive", "mesh", "grids", "points",
-        "embedding", "driving", "voxelisation", "material_sampling", "field_sources", "carriers",
-        "programs",
+        "embedding", "driving", "voxelisation", "material_sampling", "field_sources", "particles",
+        "carriers", "programs",
     ),
     "toolkit": (
         "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",

@@ -22,6 +22,8 @@ from ..predictors.predictor import PREDICTORS
 from .io.units import Unit
 from .meshing.meshers import AUTO, MESHERS
 
+# What a stage of progress begins with that says how long a run will take: it is always shown.
+EXPECTED = "expected: "
 UpAxis = Literal["x", "y", "z"]
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
@@ -137,6 +139,10 @@ class SimulateOptions:
     """What is too stiff for MPM's steps: rigid (held: still), all of it still, or softened."""
     matter: Annotated[tuple[str, ...], Repeated] = ()
     """Class of a part under MPM, PART=CLASS[,name=value]: "pot=brittle,tension=5e6"; repeatable."""
+    damping: float = 0.0
+    """Rate at which velocities fade under MPM [1/s]."""
+    preset: Literal["physgaussian"] | None = None
+    """A paper's settings of MPM instead of --grid, --stiff, --damping: 1 m of 25 cells, .1 ms."""
     threads: Literal[1, 2] = 1
     """Threads of MPM on a CPU."""
     anchors: int = 2048
@@ -179,6 +185,8 @@ class SimulateOptions:
     """How far the plates close, as a share of the body's width."""
     fall_height: float | None = None
     """Height of the fall [m]; by default the size of the body."""
+    tear_share: float = 0.3
+    """How far the grips part, as a share of the body's length."""
     modes: int = 6
     """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"

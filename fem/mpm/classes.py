@@ -23,6 +23,14 @@ class MaterialClass(IntEnum):
     STATIONARY = 6
 
 
+class Form(IntEnum):
+    """Forms of jelly: stable neo-Hookean, the same that tears, or fixed corotated."""
+
+    PLAIN = 0
+    TEARING = 1
+    COROTATED = 2
+
+
 # Classes whose shape at rest fades: a splat that they carry keeps its covariance.
 FLOWING = (MaterialClass.SAND, MaterialClass.FLUID)
 # Exponent of the equation of state of weakly compressible water (Cole 1948; Batchelor 1967).
@@ -62,6 +70,8 @@ class Substance:
         Tensile strength f_t [Pa] and fracture energy G_f [J/m^2] of jelly; None: it does not tear.
     seed
         Of the scatter of the tensile strength.
+    corotated
+        Whether jelly is fixed corotated (Stomakhin et al. 2012), as in PhysGaussian.
 
     Raises
     ------
@@ -79,6 +89,7 @@ class Substance:
     tension: float | None = None
     fracture_energy: float | None = None
     seed: int = 0
+    corotated: bool = False
 
     def __post_init__(self) -> None:
         for name in ("yield_stress", "hardening", "viscosity", "friction"):
@@ -89,11 +100,22 @@ class Substance:
                 _check(name, value, least=np.finfo(float).tiny)
         if (self.tension is None) != (self.fracture_energy is None):
             raise InputError("a body tears by tension and fracture_energy: wanted both or neither")
+        if self.corotated and self.tension is not None:
+            raise InputError("corotated jelly does not tear: wanted no tension")
 
     @property
     def tears(self) -> bool:
         """Whether it breaks under tension."""
         return self.tension is not None and self.kind == MaterialClass.JELLY
+
+    @property
+    def form(self) -> Form:
+        """Form of jelly; other classes have one."""
+        if self.kind != MaterialClass.JELLY:
+            return Form.PLAIN
+        if self.tears:
+            return Form.TEARING
+        return Form.COROTATED if self.corotated else Form.PLAIN
 
     def numbers(self, bulk: float) -> tuple[float, float, float]:
         """The three numbers that the kernel of the class is given; ``bulk`` K [Pa] of E and nu."""
@@ -127,6 +149,8 @@ def elastic_density(
     lam: Float[np.ndarray, "n"],
     mu: Float[np.ndarray, "n"],
     bulk: Float[np.ndarray, "n"],
+    *,
+    form: Form = Form.PLAIN,
 ) -> Float[np.ndarray, "n"]:
     """Elastic energy per volume at rest [J/m^3] of a class, of H = F - I of its elastic part.
 
@@ -136,12 +160,14 @@ def elastic_density(
     grow = np.linalg.det(F) - 1
     if kind == MaterialClass.STATIONARY:
         return np.zeros(len(H))
-    if kind == MaterialClass.JELLY:
+    if kind == MaterialClass.JELLY and form != Form.COROTATED:
         stretch = (F**2).sum(axis=(1, 2)) - 3
         return mu / 2 * stretch - mu * grow + (lam + mu) / 2 * grow**2
     if kind == MaterialClass.FLUID:
         J, rest = 1 + grow, GAMMA / (GAMMA - 1)
         return bulk / GAMMA * (J ** (1 - GAMMA) / (GAMMA - 1) + J - rest)
     stretches = np.linalg.svd(F, compute_uv=False)
+    if form == Form.COROTATED:
+        return mu * ((stretches - 1) ** 2).sum(axis=1) + lam / 2 * grow**2
     strain = stretches - 1 if kind == MaterialClass.SNOW else np.log(stretches)
     return mu * (strain**2).sum(axis=1) + lam / 2 * strain.sum(axis=1) ** 2

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from ..device import start_warp
 from ..scene.material import lame_parameters
 from .background import BackgroundGrid
-from .classes import FLOWING, MaterialClass
+from .classes import FLOWING, Form, MaterialClass
 from .kernels.kernels_survey import COUNT, survey_kernel
 from .kernels.kernels_transfer import types_of
 from .particles import Particles
@@ -22,12 +22,12 @@ CHANGING = ("x", "v", "C", "H", "total", "q")
 class ClassSpan(NamedTuple):
     """Particles ``first`` to ``first + count`` in the device's order: of one class.
 
-    ``tears`` is whether they break, ``carries`` whether their total deformation is followed beside
-    the elastic one.
+    ``form`` is that of jelly, ``carries`` whether their total deformation is followed beside the
+    elastic one.
     """
 
     kind: MaterialClass
-    tears: bool
+    form: Form
     first: int
     count: int
 
@@ -73,9 +73,9 @@ class Cloud:
         return len(self.order)
 
     def _keys(self) -> np.ndarray:
-        tears = np.array([s.tears for s in self.particles.substances])
-        tears = tears[self.particles.substance] & (self.particles.rigid < 0)
-        return 2 * self.particles.kinds + tears
+        forms = np.array([int(s.form) for s in self.particles.substances])
+        forms = np.where(self.particles.rigid < 0, forms[self.particles.substance], Form.PLAIN)
+        return len(Form) * self.particles.kinds + forms
 
     def _sorted(self, x: np.ndarray) -> np.ndarray:
         """Order by class, and by the first node within it."""
@@ -88,8 +88,8 @@ class Cloud:
             self._keys()[self.order], return_index=True, return_counts=True
         )
         return tuple(
-            ClassSpan(MaterialClass(int(key) // 2), bool(key % 2), int(a), int(n))
-            for key, a, n in zip(keys, first, count, strict=True)
+            ClassSpan(MaterialClass(int(kind)), Form(int(form)), int(a), int(n))
+            for kind, form, a, n in zip(*np.divmod(keys, len(Form)), first, count, strict=True)
         )
 
     def _upload(self) -> Any:
@@ -176,6 +176,6 @@ class Cloud:
         self._found.zero_()
         for span in self.spans:
             given = [span.first, self.struct, self.frame, self.listed, self._found]
-            kernel = survey_kernel(span.kind, self.real)
+            kernel = survey_kernel(span.kind, self.real, span.form)
             wp.launch(kernel, span.count, given, device=self.device)
         return self._found.numpy().astype(np.float64)

@@ -13,21 +13,18 @@ from ..laws.law import Law
 from ..particle_run import ParticleRun
 from ..result import Motion, MotionResult
 from ..scene.mesh import material_of
-from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
-from ..validation import checked_count, checked_positive
-from .background import BackgroundGrid, grid_around
+from ..validation import checked_count, checked_number, checked_positive
+from .background import BackgroundGrid
 from .classes import MaterialClass, Substance
 from .particles import Particles, ParticleState
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
 from .solver import MpmSolver
-from .stability import BUDGET, MpmError
+from .stability import BUDGET, COURANT, MpmError, largest_modulus
 from .stiff import Stiff, Treatment, near_held, treated
-from .walls import Wall, support_walls
+from .walls import Wall, scene_room, support_walls
 
-# Room around the body [shares of its longest side] in which particles may move.
-ROOM = 0.5
 # CPU time of a particle and substep [s], by class, of `benchmarks/mpm.py` on one core.
 COSTS = {MaterialClass.SNOW: 2.5e-7, MaterialClass.JELLY: 1.5e-7}
 COST = 2.2e-7
@@ -51,6 +48,13 @@ class MpmMethod:
         Rate [1/s] at which velocities fade.
     threads
         One or two on a CPU.
+    step, courant
+        Step [s] instead of the longest stable one, and what share of a cell waves may cross in it:
+        what is too stiff for it is a failure then.
+    metres
+        The body is moved as if its longest side were this long [m]; None: as long as it is.
+    corotated
+        Whether what no substance is named for is fixed corotated, not stable neo-Hookean.
     announce
         Hears particles, steps and expected time, in words, before the run.
     """
@@ -61,6 +65,10 @@ class MpmMethod:
     substances: Mapping[str, Substance] = field(default_factory=dict)
     damping: float = 0.0
     threads: int = 1
+    step: float | None = None
+    courant: float = COURANT
+    metres: float | None = None
+    corotated: bool = False
     announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = (Law.NEO_HOOKEAN.value,)
@@ -81,6 +89,9 @@ class MpmMethod:
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         checked_count("grid", self.grid)
+        checked_number("damping", self.damping, "1/s", least=0.0)
+        share = scene.longest / (self.metres or scene.longest)
+        scene = scene.similar(share)
         setup = self._setup(scene, device)
         record, states = _Recorder(scene, setup), [setup.now(0.0)]
         motions = [record.motion(states[0])]
@@ -88,7 +99,7 @@ class MpmMethod:
             if setup.solver is not None and not setup.solver.advance(dt):
                 assert setup.solver.failure is not None
                 plan = setup.plan(scene.duration)
-                raise MpmError(setup.solver.failure, plan, setup.notes)
+                raise MpmError(setup.solver.failure.scaled(share**2), plan, setup.notes)
             states.append(setup.now(frame * dt))
             motions.append(record.motion(states[-1]))
             if progress is not None:
@@ -98,21 +109,16 @@ class MpmMethod:
 
     def _setup(self, scene: Scene, device: str) -> _Setup:
         mesh = scene.mesh
-        spacing = float(np.ptp(mesh.bounds, axis=0).max()) / self.grid
+        spacing = scene.longest / self.grid
         sample = sample_tets(mesh, spacing)
         given = self._particles(scene, sample)
-        supports = scene.held
-        held = near_held(scene, given.x, spacing)
-        gravity = float(np.linalg.norm(scene.gravity_vector))
-        found = treated(
-            given, spacing, held=held, stiff=self.stiff, budget=self.budget, gravity=gravity or 9.81
-        )
+        found = self._treated(scene, given, spacing)
         walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
         if scene.ground is not None:
             walls.append(Wall(shape=scene.ground))
-        walls += support_walls(mesh, supports, spacing, scene.duration)
-        room = _room(scene, spacing)
-        notes = _notes(sample, found)
+        walls += support_walls(mesh, scene.held, spacing, scene.duration)
+        room = scene_room(scene, spacing)
+        notes = (*self._assumed(scene), *_notes(sample, found))
         if found.particles.held.all():
             return _Setup(found, sample, room, None, notes)
         solver = MpmSolver(
@@ -124,6 +130,8 @@ class MpmMethod:
             lagrangian=_may_be_lagrangian(scene, found),
             device=device,
             threads=self.threads,
+            courant=self.courant,
+            step=self.step,
         )
         force = particle_forces(scene, found.particles.x)
         if force.any():
@@ -133,26 +141,53 @@ class MpmMethod:
             self.announce(setup.plan(scene.duration))
         return setup
 
+    def _treated(self, scene: Scene, given: Particles, spacing: float) -> Treatment:
+        """What becomes of stiff matter; with a step of its own it stays as it is, and may fail."""
+        if self.step is not None:
+            most = largest_modulus(given.nu, given.rho, spacing, self.step, courant=self.courant)
+            return Treatment(particles=given, dt=self.step, E_max=np.asarray(most))
+        return treated(
+            given, spacing, held=near_held(scene, given.x, spacing), stiff=self.stiff,
+            budget=self.budget, gravity=float(np.linalg.norm(scene.gravity_vector)) or 9.81,
+        )  # fmt: skip
+
+    def _assumed(self, scene: Scene) -> tuple[str, ...]:
+        """What is not the body's own size, in words."""
+        if self.metres is None:
+            return ()
+        return (
+            f"moved as if it were {self.metres:g} m long, not {scene.longest:.3g} m: times, speeds "
+            "and sags are not the body's own",
+        )
+
     def _particles(self, scene: Scene, sample: TetSample) -> Particles:
         mesh, material = scene.mesh, material_of(scene.mesh)
         unknown = sorted(set(self.substances) - set(mesh.region_names))
         if unknown:
             raise UsageError(f"no part {unknown[0]!r}: there are {', '.join(mesh.region_names)}")
         region = mesh.region[sample.tet].astype(np.int64)
-        named = tuple(self.substances.get(name, Substance()) for name in mesh.region_names)
+        jelly = Substance(corotated=self.corotated)
+        named = tuple(self.substances.get(name, jelly) for name in mesh.region_names)
         velocity = np.asarray(scene.velocity, dtype=float)
         if velocity.ndim == 2:
             velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
-        start = np.broadcast_to(velocity, sample.x.shape).copy()
         return Particles(
             x=sample.x, volume=sample.volume, E=material.E[sample.tet],
             nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
-            parts=mesh.region_names, substance=region.copy(), substances=named, velocity=start,
+            parts=mesh.region_names, substance=region.copy(), substances=named,
+            velocity=np.broadcast_to(velocity, sample.x.shape).copy(),
             rigid=np.full(len(region), -1, dtype=np.int64),
         )  # fmt: skip
 
 
 METHOD = MpmMethod()
+# Xie et al. 2024, ficus_config.json of their code: a body of 1 m in 2 m of 50 cells, 0.9999 of the
+# velocities kept in a step.
+PRESETS = {
+    "physgaussian": MpmMethod(
+        grid=25, step=1e-4, courant=1.0, metres=1.0, corotated=True, damping=-np.log(0.9999) / 1e-4
+    )
+}
 
 
 class _Setup(NamedTuple):
@@ -175,7 +210,9 @@ class _Setup(NamedTuple):
         """Particles, steps and the time that they will take, in words."""
         given = self.treatment.particles
         waves = float(given.wave_speed.max())
-        dt = 0.4 * self.room.spacing / waves if waves > 0 else self.treatment.dt
+        dt = COURANT * self.room.spacing / waves if waves > 0 else self.treatment.dt
+        if self.solver is not None and self.solver.step is not None:
+            dt = self.solver.step
         steps = duration / dt
         each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in given.kinds])
         seconds = steps * float(each[~given.held].sum())
@@ -183,24 +220,6 @@ class _Setup(NamedTuple):
             f"{len(given.x):,} particles, a grid of {'x'.join(map(str, self.room.shape))}, about "
             f"{steps:,.0f} steps: some {seconds:,.0f} s"
         )
-
-
-def _room(scene: Scene, spacing: float) -> BackgroundGrid:
-    """Grid around the body and where it may move: down to planes that it falls on."""
-    low, high = scene.mesh.bounds
-    side = ROOM * float((high - low).max())
-    reach = [low - side, high + side]
-    for wall in (*scene.obstacles, *([scene.ground] if scene.ground else [])):
-        if isinstance(wall, Plane):
-            normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
-            foot = low + normal * min(0.0, float((np.asarray(wall.point) - low) @ normal))
-            reach.append(foot)
-    lows, highs = np.min(reach, axis=0), np.max(reach, axis=0)
-    first = next(iter(scene.obstacles), None)
-    if isinstance(first, Plane) and abs(first.normal[scene.up]) > 1 - 1e-9:
-        level = {scene.up: float(first.point[scene.up])}
-        return grid_around(lows, highs, spacing, planes=level)
-    return grid_around(lows, highs, spacing)
 
 
 def _may_be_lagrangian(scene: Scene, found: Treatment) -> bool:

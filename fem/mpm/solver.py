@@ -11,7 +11,7 @@ from ..device import checked_device
 from ..errors import InputError
 from ..scene.material import lame_parameters
 from .background import BackgroundGrid
-from .classes import elastic_density
+from .classes import Form, MaterialClass, elastic_density
 from .cloud import Cloud
 from .kernels.kernels_survey import INVERTED, MOVED, NOT_FINITE, OUTSIDE, SPEED, SPREAD, WAVE
 from .particles import Particles, ParticleState
@@ -73,7 +73,10 @@ class MpmSolver:
         self.cloud = Cloud(moving, lattice, checked_device(device))
         self.lattice, self.lagrangian = lattice, lagrangian
         self.damping, self.courant, self.step = damping, courant, step
-        if lagrangian and any(span.kind != 0 or span.tears for span in self.cloud.spans):
+        if lagrangian and any(
+            span.kind != MaterialClass.JELLY or span.form == Form.TEARING
+            for span in self.cloud.spans
+        ):
             raise InputError("weights at rest are for jelly that does not tear: lagrangian=False")
         self.time, self.substeps, self.outside = 0.0, 0, 0
         self.failure: Failure | None = None
@@ -103,13 +106,14 @@ class MpmSolver:
     def elastic_energy(self) -> float:
         """Elastic energy [J] of the particles; that of damage is not taken off."""
         cloud, total = self.cloud, 0.0
-        given = cloud.particles
+        volume = cloud.particles.volume
         H, numbers = cloud.read("H"), cloud.read("k")
-        lam, mu = lame_parameters(given.E, given.nu)
+        lam, mu = lame_parameters(cloud.particles.E, cloud.particles.nu)
         for span in cloud.spans:
             own = cloud.order[span.first : span.first + span.count]
-            found = elastic_density(span.kind, H[own], lam[own], mu[own], numbers[own, 0])
-            total += float(given.volume[own] @ found)
+            given = (H[own], lam[own], mu[own], numbers[own, 0])
+            found = elastic_density(span.kind, *given, form=span.form)
+            total += float(volume[own] @ found)
         return total
 
     def push(self, acceleration: Float[np.ndarray, "n 3"]) -> None:
@@ -170,6 +174,8 @@ class MpmSolver:
             self._fail("inverted", "it is turned inside out: a finer grid, or a smaller load")
         if self.outside == len(self.cloud):
             self._fail("left grid", "nothing is left in the grid: make its room larger")
+        if self.failure is not None:
+            return 0.0, 0
         longest = self.courant * spacing / max(found[WAVE] + found[SPEED], 1e-300)
         longest = min(longest, MOST_STRAIN / max(found[SPREAD], 1e-300))
         if self.step is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -45,6 +45,10 @@ class Failure:
     E: float
     E_max: float
     advice: str
+
+    def scaled(self, stiffer: float) -> Failure:
+        """Return it for a body whose moduli acted as ``stiffer`` times themselves."""
+        return replace(self, E=self.E / stiffer, E_max=self.E_max / stiffer)
 
     def __str__(self) -> str:
         """Return the failure in one line."""

@@ -87,10 +87,12 @@ def treated(
         rigid=numbers,
     )
     bodies = int(numbers.max()) + 1
+    moves = f"{int(free.sum()):,} move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
+    stands = f"{int(standing.sum()):,} particles stand still"
+    done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
     note = (
         f"{', '.join(parts)}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps "
-        f"a second allow: {int(standing.sum()):,} particles stand still, {int(free.sum()):,} move "
-        f"as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
+        f"a second allow: {done}"
     )
     return replace(
         found,

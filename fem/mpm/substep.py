@@ -108,7 +108,9 @@ class Substep:
 
     def record(self, time: float) -> None:
         """Record the launches, with the walls where they are at ``time`` [s]."""
-        self._graph = None
+        self._graph, self._stages = None, []
+        if not len(self.nodes):  # every particle has left the grid
+            return
         stages = [self._clears(), self._scatters(), self._advances()]
         stages += [self._holds(0.0 if self.lagrangian else time), self._moves()]
         stages += self._settles()
@@ -122,6 +124,7 @@ class Substep:
             self._graph = capture.graph
 
     def _launch(self, kernel: Any, count: int, inputs: list[Any]) -> Any:
+        """Recorded launch of ``count`` > 0: warp records none of nothing."""
         return start_warp().launch(kernel, count, inputs, device=self.device, record_cmd=True)
 
     def _halves(self, first: int, count: int) -> list[tuple[int, int, int]]:
@@ -148,7 +151,7 @@ class Substep:
         cloud, stage = self.cloud, [[], []]
         for span in cloud.spans:
             kernel = scatter_kernel(
-                span.kind, cloud.real, lagrangian=self.lagrangian, tears=span.tears
+                span.kind, cloud.real, lagrangian=self.lagrangian, form=span.form
             )
             for thread, first, count in self._halves(span.first, span.count):
                 given = [first, cloud.struct, cloud.frame, self._clock, self._grids[thread]]

@@ -14,13 +14,16 @@ from ..errors import InputError
 from ..scene.boundary import face_normals
 from ..scene.mesh import TetMesh
 from ..scene.obstacles import Box, Distance, Obstacle, Plane
+from ..scene.scene import Scene
 from ..scene.supports import Supports
-from .background import BackgroundGrid
+from .background import BackgroundGrid, grid_around
 from .particles import Particles
 
 # How far held faces hold nodes inside the body [spacings]: on average over all places of a face
 # between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
 DEPTH = 0.66
+# Room around the body [shares of its longest side] in which particles may move.
+ROOM = 0.5
 # And beside a held face, and around a held point.
 SIDE, AROUND = 0.75, 0.6
 
@@ -192,6 +195,24 @@ class HeldPlaces:
         if len(self.points):
             gap = np.minimum(gap, KDTree(self.points).query(x)[0] - AROUND * self.spacing)
         return Distance(gap, normal)
+
+
+def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
+    """Grid around the body and where it may move: down to planes that it falls on."""
+    low, high = scene.mesh.bounds
+    side = ROOM * float((high - low).max())
+    reach = [low - side, high + side]
+    for wall in (*scene.obstacles, *([scene.ground] if scene.ground else [])):
+        if isinstance(wall, Plane):
+            normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
+            foot = low + normal * min(0.0, float((np.asarray(wall.point) - low) @ normal))
+            reach.append(foot)
+    lows, highs = np.min(reach, axis=0), np.max(reach, axis=0)
+    first = next(iter(scene.obstacles), None)
+    if isinstance(first, Plane) and abs(first.normal[scene.up]) > 1 - 1e-9:
+        level = {scene.up: float(first.point[scene.up])}
+        return grid_around(lows, highs, spacing, planes=level)
+    return grid_around(lows, highs, spacing)
 
 
 def support_walls(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from .loads import Traction
-from .mesh import TetMesh
+from .mesh import TetMesh, material_of
 from .obstacles import Obstacle, Plane
 from .supports import Supports
 
@@ -89,3 +89,25 @@ class Scene:
     def height(self) -> float:
         """Extent of the body along the up axis [m]."""
         return float(np.ptp(self.mesh.bounds[:, self.up]))
+
+    @property
+    def longest(self) -> float:
+        """Longest side of the body's bounding box [m]."""
+        return float(np.ptp(self.mesh.bounds, axis=0).max())
+
+    def similar(self, share: float) -> Scene:
+        """Scene whose motion is ``share`` times that of a body 1 / ``share`` times as large.
+
+        By similarity: stresses act as share^2, accelerations and speeds as ``share`` of themselves.
+        """
+        old = material_of(self.mesh)
+        tensor = None if old.tensor is None else share**2 * old.tensor
+        material = replace(old, E=share**2 * old.E, tensor=tensor)
+        return replace(
+            self,
+            mesh=self.mesh.with_material(material),
+            gravity_vector=share * np.asarray(self.gravity_vector, dtype=float),
+            velocity=share * np.asarray(self.velocity, dtype=float),
+            tractions=tuple(t._replace(value=share**2 * t.value) for t in self.tractions),
+            forces=None if self.forces is None else share**2 * self.forces,
+        )

@@ -72,6 +72,39 @@ def test_splats_follow_what_tears(bar, tmp_path):
     assert np.diff(np.sort(after)).max() > 0.03
 
 
+@pytest.fixture(scope="module")
+def shell(tmp_path_factory):
+    """A ball of splats of 0.1 m in files of decimetres, with the material that they carry."""
+    table = splats(dtype=np.float32)
+    ways = np.random.default_rng(0).standard_normal((len(table), 3))
+    ways *= 0.5 / np.linalg.norm(ways, axis=1, keepdims=True)
+    count = np.ones(len(table), dtype=np.float32)
+    known = {"E": 1e5 * count, "nu": 0.3 * count, "rho": 500 * count, "part": np.int32(0 * count)}
+    columns = dict(zip("xyz", ways.T.astype(np.float32), strict=True)) | known
+    path = tmp_path_factory.mktemp("shell") / "shell.ply"
+    write_points(path, table.with_columns(columns, comment=json.dumps({"part": ["ball"]})))
+    return path
+
+
+@pytest.mark.slow
+def test_splats_that_carry_a_material_need_no_mesh(shell, tmp_path, capsys):
+    """They are filled, fall by g t^2 / 2 in their own unit, and are written once a frame."""
+    call = ["simulate", str(shell), "--scenario", "fall", "--grid", "8", "--drive-scale", "0.1"]
+    assert main([*call, "--matter", "ball=snow", "-o", str(tmp_path / "out"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert any("filled" in warning for warning in document["warnings"])
+    frames = sorted((tmp_path / "out").glob("shell_*.ply"))
+    assert len(frames) == 51
+    before, after = (read_points(frames[i]).positions for i in (0, 2))
+    fell = (after - before)[:, 2]  # within a step of the integrator, dt / t
+    assert fell == pytest.approx(-10 * 9.81 * 0.08**2 / 2, rel=0.02)
+
+
+def test_voxels_are_refused_where_elements_would_solve(shell, tmp_path):
+    with pytest.raises(UsageError, match="no mesh: --solver mpm"):
+        simulate(shell, scenario="sag")
+
+
 @pytest.mark.slow
 def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys, monkeypatch):
     """One line that says where and what to do, and a file with all that is known."""

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
+from ..options import EXPECTED
+
 if TYPE_CHECKING:
     from ..batch.task import Outcome
 
@@ -29,8 +31,15 @@ def progress(*, quiet: bool = False) -> Iterator[Callable[[str, float], None] | 
         return
     from rich.console import Console
 
-    with Console(stderr=True).status("loading") as status:
-        yield lambda stage, seconds: status.update(f"{stage} … {seconds:.0f} s")
+    console = Console(stderr=True)
+    with console.status("loading") as status:
+
+        def show(stage: str, seconds: float, /) -> None:
+            if stage.startswith(EXPECTED):
+                console.print(stage, markup=False, highlight=False)
+            status.update(f"{stage} … {seconds:.0f} s")
+
+        yield show
 
 
 @contextmanager
@@ -41,6 +50,9 @@ def _logged() -> Iterator[Callable[[str, float], None]]:
     def tell(heard: str, _: float) -> None:
         nonlocal stage
         stage = heard
+        if heard.startswith(EXPECTED):
+            sys.stderr.write(f"{heard}\n")
+            sys.stderr.flush()
 
     def write() -> None:
         pause = FIRST

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,18 +42,27 @@ def particle_method(
 
     ``materials`` are the rows of the table that parts are of: numbers that are not said are theirs.
     """
-    from ...fem.mpm.method import MpmMethod
+    from ...fem.mpm.method import PRESETS, MpmMethod
     from ...fem.mpm.stiff import Stiff
 
     if options.grid < 4:
         raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
-    return MpmMethod(
-        grid=options.grid,
-        stiff=Stiff(options.stiff),
+    if not (np.isfinite(options.damping) and options.damping >= 0):
+        raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
+    own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
+    return replace(
+        PRESETS[options.preset] if options.preset else own,
         substances=substances(options.matter, materials),
         threads=options.threads,
         announce=announce,
     )
+
+
+def cells_wanted(options: SimulateOptions) -> int:
+    """Cells along the longest side, by the preset or as said."""
+    from ...fem.mpm.method import PRESETS
+
+    return PRESETS[options.preset].grid if options.preset else options.grid
 
 
 def substances(
@@ -64,7 +73,7 @@ def substances(
     What is not said is taken from the tables of strength and flow, for the row in ``materials``:
     the middle of its range. ``brittle`` is jelly that tears.
     """
-    known = {field.name for field in fields(Substance)} - {"kind"}
+    known = {field.name for field in fields(Substance)} - {"kind", "corotated"}
     found = {}
     for entry in entries:
         part, equals, said = entry.partition("=")

@@ -15,7 +15,7 @@ from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
 from ...fem.solve.method import METHODS, Method
 from ...predictors.asset import UpAxis
-from ..options import SimulateOptions
+from ..options import EXPECTED, SimulateOptions
 from ..results.moving import Moving
 from ..results.ringing import Ringing
 from ..results.settled import Settled
@@ -129,7 +129,7 @@ def _announce(progress: Progress | None, started: float) -> Callable[[str], None
     """Callback of a method that says what it is about to do."""
     if progress is None:
         return None
-    return lambda plan: progress(plan, time.perf_counter() - started)
+    return lambda plan: progress(EXPECTED + plan, time.perf_counter() - started)
 
 
 def _frames(scenario: str, progress: Progress | None, started: float) -> Any:

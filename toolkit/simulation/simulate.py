@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...fem.errors import InputError, UsageError
+from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
 from ..driving import checked_scale
@@ -17,7 +18,8 @@ from ..io.sidecar import Sidecar, read_known
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
-from .matter import logged
+from .matter import cells_wanted, logged
+from .voxel_body import VoxelBody, check_particles, voxel_body
 
 
 def simulate(
@@ -42,7 +44,8 @@ def simulate(
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
-    they have strengths and a grain.
+    they have strengths and a grain. For particles, ``mesh`` may be a field (.npz), or splats or
+    points with E, nu and rho as `transfer` writes them, which follow into a folder ``output``.
 
     Raises
     ------
@@ -56,6 +59,10 @@ def simulate(
     from .scenario import run_scenario
 
     options = changed_options(options or SimulateOptions(), given)
+    body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
+    if body is not None and body.carrier and drive is None and output and not output.suffix:
+        assert not isinstance(mesh, TetMesh)
+        drive = Path(mesh)
     if drive is not None:
         output = _driven_output(drive, output)
     elif output is not None:
@@ -63,7 +70,7 @@ def simulate(
     _check_pages(report, picture)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
-    mesh, sidecar, *_ = read_known(mesh, None)
+    mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
@@ -71,6 +78,9 @@ def simulate(
     known = {"up": sidecar.up, "materials": rows, "progress": progress}
     with logged(output):
         result = replace(run_scenario(mesh, options, **known), materials=rows)
+    if body is not None:
+        scene = replace(result.scene, warnings=(*result.scene.warnings, *body.notes))
+        result = replace(result, scene=scene)
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
@@ -78,6 +88,19 @@ def simulate(
         driven = move_carrier(mesh, moved, drive, run=result.particles, **place)
         result = replace(result, driven=driven, files=driven.files)
     return _shown(result, name, sidecar, output=output, report=report, picture=picture)
+
+
+def _voxels(
+    source: str | Path | TetMesh, options: SimulateOptions, scale: float
+) -> VoxelBody | None:
+    """What is no mesh of tets as a body of voxels, for particles."""
+    if isinstance(source, TetMesh):
+        return None
+    body = voxel_body(Path(source), cells=cells_wanted(options), scale=scale)
+    if body is not None:
+        by_particles = options.solver == "mpm" or SCENARIOS[options.scenario].method == "mpm"
+        check_particles(Path(source), particles=by_particles)
+    return body
 
 
 def _rows_on_record(sidecar: Sidecar) -> dict[str, str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from ..classes import MaterialClass
+from ..classes import Form, MaterialClass
 from .kernels_stretch import stretch_functions
 
 
@@ -24,10 +24,10 @@ class _Types:
 
 
 @cache
-def law_function(kind: MaterialClass, real: Any, tears: bool = False) -> Any:
+def law_function(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
     """Function of a class in ``real`` numbers (wp.float32, wp.float64)."""
     if kind == MaterialClass.JELLY:
-        return _tearing(real) if tears else _jelly(real)
+        return {Form.TEARING: _tearing, Form.COROTATED: _corotated}.get(form, _jelly)(real)
     makers = {
         MaterialClass.METAL: _metal,
         MaterialClass.SAND: _sand,
@@ -64,6 +64,31 @@ def _jelly(real: Any) -> Any:
         return H, kirchhoff(H, mu, lam), q
 
     return jelly
+
+
+def _corotated(real: Any) -> Any:
+    """Fixed corotated (Stomakhin et al. 2012): tau = 2 mu (V - I) V + lam (J - 1) J I, V^2 = b."""
+    vec3, mat33 = _Types(real).vec3, _Types(real).mat33
+    stretch = stretch_functions(real)
+    eigen, symmetric, root = stretch.eigen, stretch.symmetric, stretch.root
+    volume_change = stretch.volume_change
+
+    @wp.func
+    def corotated(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
+        X = H + wp.transpose(H) + H * wp.transpose(H)
+        S = mat33()
+        if wp.ddot(X, X) < real(0.0064):
+            S = root(X)
+        else:
+            V, d = eigen(X)
+            for i in range(3):
+                d[i] = wp.sqrt(wp.max(real(1.0) + d[i], real(0.0))) - real(1.0)
+            S = symmetric(V, d)
+        grow = volume_change(H)
+        eye = wp.identity(n=3, dtype=real)
+        return H, real(2.0) * mu * (S + S * S) + (lam * grow * (real(1.0) + grow)) * eye, q
+
+    return corotated
 
 
 def _rigid(real: Any) -> Any:
@@ -271,29 +296,3 @@ def _snow(real: Any) -> Any:
         return H, hard * tau, q
 
     return snow
-
-
-@cache
-def point_kernel(kind: MaterialClass, real: Any, tears: bool = False) -> Any:
-    """Kernel of a class without a grid: F, q -> F, q and tau of every point, of one substance."""
-    vec3, mat33 = _Types(real).vec3, _Types(real).mat33
-    law = law_function(kind, real, tears)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def respond(
-        H: wp.array(dtype=mat33),
-        C: mat33,
-        mu: real,
-        lam: real,
-        k: vec3,
-        q: wp.array(dtype=real),
-        dt: real,
-        tau: wp.array(dtype=mat33),
-    ):
-        p = wp.tid()
-        H_new, stress, state = law(H[p], C, mu, lam, k, q[p], dt)
-        H[p] = H_new
-        q[p] = state
-        tau[p] = stress
-
-    return respond

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from ..classes import MaterialClass
+from ..classes import Form, MaterialClass
 from .kernels_stretch import stretch_functions
 from .kernels_transfer import types_of, weight_functions
 
@@ -15,17 +15,18 @@ SPEED, MOVED, SPREAD, WAVE, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(8)
 
 
 @cache
-def survey_kernel(kind: MaterialClass, real: Any) -> Any:
+def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
     """(first, cloud, frame, listed, found) for a class: maxima, and counts of the last entries.
 
-    ``listed`` are the places for which nodes were listed; moves are in spacings.
+    ``listed`` are the places for which nodes were listed; moves are in spacings. What tore has lost
+    the stiffness of its stretch, however far its crack is open.
     """
     types = types_of(real)
     place, inside, _ = weight_functions(real)
     vec3, Cloud, Frame = types.vec3, types.Cloud, types.Frame
     volume_change = stretch_functions(real).volume_change
     fluid, snow = kind == MaterialClass.FLUID, kind == MaterialClass.SNOW
-    rigid = kind == MaterialClass.STATIONARY
+    tears, rigid = form == Form.TEARING, kind == MaterialClass.STATIONARY
 
     @wp.kernel(module="unique", enable_backward=False)
     def survey(
@@ -59,7 +60,13 @@ def survey_kernel(kind: MaterialClass, real: Any) -> Any:
                 stiff = cloud.k[p][0] * wp.pow(wp.max(J, real(0.1)), -cloud.k[p][1])
             else:
                 X = H + wp.transpose(H) + H * wp.transpose(H)
-                stiff = stiff * (real(1.0) + wp.sqrt(wp.ddot(X, X)))
+                stretch = wp.sqrt(wp.ddot(X, X))
+                if wp.static(tears):
+                    q = cloud.q[p]
+                    if q > real(1.0):
+                        keep = wp.exp(-cloud.k[p][1] * (q - real(1.0))) / q
+                        stretch = wp.min(stretch, real(1.0) + keep * stretch)
+                stiff = stiff * (real(1.0) + stretch)
             if wp.static(snow):
                 hard = cloud.k[p][2] * (real(1.0) - cloud.q[p])
                 stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from ..classes import MaterialClass
+from ..classes import Form, MaterialClass
 from .kernels_laws import law_function
 
 OPTIONS = {"max_unroll": 27}
@@ -109,17 +109,17 @@ def weight_functions(real: Any) -> Weights:
 
 
 @cache
-def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, tears: bool) -> Any:
+def scatter_kernel(kind: MaterialClass, real: Any, *, lagrangian: bool, form: Form) -> Any:
     """Particles to grid, of one class; ``lagrangian`` weights are those at rest.
 
     (first, cloud, frame, clock, grid): from the particle ``first`` on. ``clock`` is (dt, damping).
     """
-    types, law = types_of(real), law_function(kind, real, tears)
+    types, law = types_of(real), law_function(kind, real, form)
     place, inside, _ = weight_functions(real)
     spread = _spread_function(real)
     Cloud, Frame, vec4 = types.Cloud, types.Frame, types.vec4
     plastic = kind != MaterialClass.JELLY
-    kept = (plastic or tears) and kind != MaterialClass.STATIONARY
+    kept = (plastic or form == Form.TEARING) and kind != MaterialClass.STATIONARY
     plastic = plastic and kept
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.mpm.kernels.kernels_laws import point_kernel
+from autophyx_tet.fem.mpm.kernels.kernels_point import point_kernel
 from autophyx_tet.fem.scene.material import lame_parameters
 
 EYE = np.eye(3)
@@ -21,7 +21,7 @@ def driven(substance, path, *, E, nu, steps, time=1.0, turn=None, numbers=None):
     """
     start_warp()
     lam, mu = map(float, lame_parameters(E, nu))
-    kernel = point_kernel(substance.kind, wp.float64, substance.tears)
+    kernel = point_kernel(substance.kind, wp.float64, substance.form)
     numbers = wp.vec3d(*(numbers or substance.numbers(lam + 2 * mu / 3)))
     turn = EYE if turn is None else turn
     H = wp.array((turn @ path(0.0) - EYE)[None], dtype=wp.mat33d)

@@ -5,6 +5,7 @@ import pytest
 from autophyx_tet.fem.mpm.background import grid_around
 from autophyx_tet.fem.mpm.classes import GAMMA, MaterialClass, Substance, plane_friction
 from autophyx_tet.fem.mpm.fracture import BAND, crack_band
+from autophyx_tet.fem.mpm.kernels.kernels_survey import WAVE
 from autophyx_tet.fem.mpm.particles import Particles, block_places
 from autophyx_tet.fem.mpm.solver import MpmSolver
 from autophyx_tet.fem.mpm.walls import Touch, Wall
@@ -92,6 +93,24 @@ def test_a_crack_spends_the_fracture_energy(cells, shift):
     spent = f**2 / E * (0.5 + 1 / band.softening) * (1 - np.exp(-band.softening * (q - 1)))
     total = (body.volume * spent)[q > 1].sum() / (2 * dx) ** 2
     assert total == pytest.approx(energy, rel=0.15)  # measured 0.88 to 0.94
+
+
+def test_a_crack_that_opens_does_not_shorten_the_steps():
+    """Pulled to twice its length: the torn cells carry nothing, their stretch stiffens nothing."""
+    dx = 0.01
+    weak = Substance(tension=500.0, fracture_energy=0.05)
+    x = block_places((0, 0, 0), (2 * dx, 2 * dx, 10 * dx), dx)
+    body = Particles.of(x, (dx / 2) ** 3, E=2e4, nu=0.2, rho=200.0, substance=weak)
+    room = grid_around([-dx, -dx, -dx], [3 * dx, 3 * dx, 22 * dx], dx)
+    pulled = Plane((0, 0, 9 * dx), (0, 0, -1), (0, 0, 1.0))
+    held = [Wall(shape=s, touch=Touch.STICKY) for s in (Plane((0, 0, dx)), pulled)]
+    solver = MpmSolver(body, room, walls=held, gravity_vector=(0, 0, 0))
+    wave = float(body.wave_speed.max())
+    assert solver.advance(10 * dx)
+    stretch = np.linalg.norm(solver.state.F, axis=(1, 2)).max()
+    assert stretch > 3  # a crack is open
+    assert solver.cloud.survey()[WAVE] < 2 * wave  # sqrt(2) of a lost stretch, and compression
+    assert np.abs(solver.state.v).max() < 2.0
 
 
 def test_too_brittle_a_matter_is_weakened_and_said():

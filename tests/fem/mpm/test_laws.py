@@ -191,3 +191,28 @@ def test_tearing_jelly_softens_to_its_crack():
 def test_numbers_that_no_matter_has_are_refused(wrong):
     with pytest.raises(InputError, match="wanted"):
         Substance(**wrong)
+
+
+@pytest.mark.slow
+def test_corotated_jelly_is_the_derivative_of_its_energy():
+    """Tau = dPsi/dF F^T of Psi = mu |F - R|^2 + lambda/2 (J - 1)^2, small and large strains."""
+    from autophyx_tet.fem.scene.material import lame_parameters
+    from scipy.linalg import polar
+
+    lam, mu = map(float, lame_parameters(1e5, 0.4))
+
+    def energy(F):
+        return mu * ((F - polar(F)[0]) ** 2).sum() + lam / 2 * (np.linalg.det(F) - 1) ** 2
+
+    step = 1e-6
+    for size in (0.02, 0.3):
+        F = EYE + size * np.random.default_rng(1).standard_normal((3, 3))
+        given = Substance(corotated=True)
+        tau, _, _ = driven(given, lambda t, F=F: EYE + t * (F - EYE), E=1e5, nu=0.4, steps=1)
+        P = np.zeros((3, 3))
+        for i, j in np.ndindex(3, 3):
+            d = np.zeros((3, 3))
+            d[i, j] = step
+            P[i, j] = (energy(F + d) - energy(F - d)) / (2 * step)
+        # Central differences: round-off of the energy by the step, 1e-16 Psi / 1e-6.
+        assert np.allclose(tau[-1], P @ F.T, rtol=1e-6, atol=1e-2)

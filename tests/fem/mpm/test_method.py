@@ -7,9 +7,10 @@ import pytest
 from autophyx_tet.fem import SCENARIOS, ElementMaterial, Scene, Supports, box_mesh, wind
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
-from autophyx_tet.fem.mpm.method import MpmMethod
+from autophyx_tet.fem.mpm.method import PRESETS, MpmMethod
 from autophyx_tet.fem.mpm.particles import ParticleState
 from autophyx_tet.fem.mpm.sampling import Followers, sample_tets
+from autophyx_tet.fem.mpm.stability import MpmError
 from autophyx_tet.fem.scene.mesh import TetMesh
 
 from ..bodies import random_rotation, shaken_box
@@ -125,6 +126,30 @@ def test_steel_is_rigid_or_still_and_failures_are_told():
     assert rigid.particles.bodies == 1
     F = rigid.particles.gradients[-1]
     assert np.abs(F @ F.transpose(0, 2, 1) - np.eye(3)).max() < 1e-5  # float32
+
+
+@pytest.mark.slow
+def test_published_settings_move_a_body_as_if_it_were_a_metre_long():
+    """It falls by g t^2 / 2 of that metre, a fifth of it here; E beyond the step is a failure."""
+    block = box_mesh((0.2, 0.1, 0.1), (4, 2, 2))
+
+    def fallen(E):
+        matter = ElementMaterial.uniform(len(block.tets), E=E, nu=0.4, rho=200.0)
+        scene = Scene(
+            mesh=block.with_material(matter), gravity_vector=(0, 0, -9.81), duration=0.02, frames=1
+        )
+        return PRESETS["physgaussian"].solve(scene)
+
+    answer = fallen(2e6)
+    # The rate of damping is 1/s: within t/3 of it.
+    assert answer.displacements[-1][:, 2] == pytest.approx(-0.2 * 9.81 * 0.02**2 / 2, rel=0.02)
+    assert "as if it were 1 m long" in " ".join(answer.particles.notes)
+    with pytest.raises(MpmError) as told:
+        fallen(2e7)
+    failure = told.value.failure
+    assert (failure.kind, failure.time) == ("cfl", 0.0)
+    assert failure.E == pytest.approx(2e7)
+    assert failure.E_max == pytest.approx(1.5e7, rel=0.02)  # 200 (0.04 / 1e-4)^2 E / M
 
 
 def test_what_the_method_does_not_know_is_refused():

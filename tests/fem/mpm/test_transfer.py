@@ -81,6 +81,10 @@ def test_a_particle_that_leaves_the_grid_freezes_and_is_counted():
     solver.cloud.write("x", x)
     assert not solver.advance(0.01)
     assert solver.failure.kind == "left grid"
+    far = block((100.0,) * 3, (100.2,) * 3, 0.1)  # none is in the room from the start
+    solver = MpmSolver(far, grid_around([0.0] * 3, [1.0] * 3, 0.1))
+    assert not solver.advance(0.01)
+    assert solver.failure.kind == "left grid"
 
 
 def test_values_that_are_not_finite_are_a_failure():
