@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 # A crack is this many spacings wide: 0.88 to 0.94 of the fracture energy is spent at 10 and at 20
 # cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores
@@ -37,6 +38,23 @@ def crack_band(tension, energy: float, E, spacing: float) -> CrackBand:
     lowered = tension > most
     strength = np.where(lowered, most, tension)
     return CrackBand(strength, 1 / (energy * E / (width * strength**2) - 0.5), lowered)
+
+
+def without_cracks(
+    F: Float[np.ndarray, "n 3 3"], q: Float[np.ndarray, "n"], softening: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n 3 3"]:
+    """Deformation gradients of the matter beside its cracks, whose opening is no stretch of it.
+
+    Of a stretch stays what damage ``q`` (largest sigma_1 / f_t) left of its stress; what is pressed
+    together stays so.
+    """
+    torn = q > 1
+    keep = np.exp(-softening[torn] * (q[torn] - 1)) / q[torn]
+    left, s, right = np.linalg.svd(F[torn])
+    s = np.where(s > 1, 1 + keep[:, None] * (s - 1), s)
+    whole = F.copy()
+    whole[torn] = (left * s[:, None]) @ right
+    return whole
 
 
 def scattered(tension: float, count: int, seed: int) -> np.ndarray:

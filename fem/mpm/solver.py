@@ -13,6 +13,7 @@ from ..scene.material import lame_parameters
 from .background import BackgroundGrid
 from .classes import Form, MaterialClass, elastic_density
 from .cloud import Cloud
+from .fracture import without_cracks
 from .kernels.kernels_survey import INVERTED, MOVED, NOT_FINITE, OUTSIDE, SPEED, SPREAD, WAVE
 from .particles import Particles, ParticleState
 from .stability import COURANT, MOST_STRAIN, Failure, FailureKind, largest_modulus
@@ -88,7 +89,7 @@ class MpmSolver:
 
     @property
     def state(self) -> ParticleState:
-        """The particles now."""
+        """The particles now; the opening of cracks is no deformation of theirs."""
         cloud, free = self.cloud, ~self._held
         H = cloud.read("H")
         for span in cloud.spans:
@@ -100,6 +101,11 @@ class MpmSolver:
         F, q = np.tile(np.eye(3), (len(x), 1, 1)), np.zeros(len(x))
         x[free], v[free], q[free] = cloud.read("x"), cloud.read("v"), cloud.read("q")
         F[free] += H
+        if any(span.form == Form.TEARING for span in cloud.spans):
+            tears = np.isin(given.substance, [i for i, s in enumerate(given.substances) if s.tears])
+            own = tears & free & (given.rigid < 0)
+            softening = cloud.read("k")[own[free], 1]
+            F[own] = without_cracks(F[own], q[own], softening)
         return ParticleState(self.time, x, v, F, q)
 
     @property

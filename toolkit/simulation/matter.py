@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -81,11 +81,10 @@ def substances(
         if not equals or name.upper() not in (*MaterialClass.__members__, BRITTLE.upper()):
             classes = ", ".join([*(kind.name.lower() for kind in MaterialClass), BRITTLE])
             raise UsageError(f"--matter {entry!r}: wanted PART=CLASS[,name=value] of {classes}")
-        values = {}
+        values: dict[str, Any] = {}
         for number in numbers:
             key, _, value = number.partition("=")
             values[_known(key.strip(), known, entry)] = _number(value, entry)
-        seed = {"seed": int(values.pop("seed"))} if "seed" in values else {}
         row = (materials or {}).get(part.strip(), "")
         values = _from_tables(name, row) | values
         missing = [number for number in WANTED.get(name, ()) if number not in values]
@@ -93,7 +92,8 @@ def substances(
             where = f"the tables know none of {row!r}" if row else "its material is not known"
             raise UsageError(f"--matter {entry!r}: give {missing[0]}=...: {where}")
         kind = MaterialClass.JELLY if name == BRITTLE else MaterialClass[name.upper()]
-        found[part.strip()] = Substance(kind=kind, **values, **seed)
+        values["seed"] = int(values.get("seed", 0))
+        found[part.strip()] = Substance(kind=kind, **values)
     return found
 
 

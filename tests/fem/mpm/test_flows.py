@@ -107,8 +107,9 @@ def test_a_crack_that_opens_does_not_shorten_the_steps():
     solver = MpmSolver(body, room, walls=held, gravity_vector=(0, 0, 0))
     wave = float(body.wave_speed.max())
     assert solver.advance(10 * dx)
-    stretch = np.linalg.norm(solver.state.F, axis=(1, 2)).max()
-    assert stretch > 3  # a crack is open
+    stretch = np.linalg.norm(solver.cloud.read("H"), axis=(1, 2)).max()
+    assert stretch > 3  # a crack is open, but the matter beside it is unloaded
+    assert np.linalg.norm(solver.state.F - np.eye(3), axis=(1, 2)).max() < 0.5
     assert solver.cloud.survey()[WAVE] < 2 * wave  # sqrt(2) of a lost stretch, and compression
     assert np.abs(solver.state.v).max() < 2.0
 
