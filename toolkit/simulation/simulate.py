@@ -60,13 +60,9 @@ def simulate(
 
     options = changed_options(options or SimulateOptions(), given)
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
-    if body is not None and body.carrier and drive is None and output and not output.suffix:
-        assert not isinstance(mesh, TetMesh)
-        drive = Path(mesh)
-    if drive is not None:
-        output = _driven_output(drive, output)
-    elif output is not None:
-        check_file(output, (".vtu", ".vtk", ".pvd"))
+    if body is not None and output is not None and not output.suffix:
+        drive = drive or body.carrier
+    output = _checked_output(drive, output)
     _check_pages(report, picture)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
@@ -79,8 +75,8 @@ def simulate(
     with logged(output):
         result = replace(run_scenario(mesh, options, **known), materials=rows)
     if body is not None:
-        scene = replace(result.scene, warnings=(*result.scene.warnings, *body.notes))
-        result = replace(result, scene=scene)
+        warnings = (*result.scene.warnings, *body.notes)
+        result = replace(result, scene=replace(result.scene, warnings=warnings))
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
@@ -142,8 +138,12 @@ def _shown(
     return result
 
 
-def _driven_output(drive: Path, output: Path | None) -> Path:
-    """The .pvd in the folder of a driven carrier."""
+def _checked_output(drive: Path | None, output: Path | None) -> Path | None:
+    """The output if it can be written: with a driven carrier the .pvd in its folder."""
+    if drive is None:
+        if output is not None:
+            check_file(output, (".vtu", ".vtk", ".pvd"))
+        return output
     if output is None:
         raise UsageError("--drive writes files: give a folder by -o")
     if output.suffix:

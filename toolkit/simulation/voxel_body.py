@@ -16,11 +16,11 @@ from ...predictors.field import MaterialField
 
 
 class VoxelBody(NamedTuple):
-    """Tets of voxels, how they came about, and whether they are of a carrier that can follow."""
+    """Tets of voxels, how they came about, and the splats or points that can follow, if any."""
 
     mesh: TetMesh
     notes: tuple[str, ...]
-    carrier: bool
+    carrier: Path | None
 
 
 def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | None:
@@ -38,7 +38,7 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     if suffix == ".npz" and path.is_file() and "meta" in npz.load_npz(path):
         found = npz.load(path)
         is_field = isinstance(found, MaterialField)
-        return VoxelBody(tets_of_field(found), (), False) if is_field else None
+        return VoxelBody(tets_of_field(found), (), None) if is_field else None
     if suffix not in POINT_FORMATS or not path.is_file():
         return None
     table = read_points(path)
@@ -47,7 +47,7 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
     names = _part_names(table)
     field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
-    return VoxelBody(tets_of_field(field), (_filled(field),), True)
+    return VoxelBody(tets_of_field(field), (_filled(field),), path)
 
 
 def check_particles(path: Path, *, particles: bool) -> None:
