@@ -60,8 +60,7 @@ def simulate(
 
     options = changed_options(options or SimulateOptions(), given)
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
-    if body is not None and output is not None and not output.suffix:
-        drive = drive or body.carrier
+    drive = drive or _own_carrier(body, output)
     output = _checked_output(drive, output)
     _check_pages(report, picture)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
@@ -74,9 +73,7 @@ def simulate(
     known = {"up": sidecar.up, "materials": rows, "progress": progress}
     with logged(output):
         result = replace(run_scenario(mesh, options, **known), materials=rows)
-    if body is not None:
-        warnings = (*result.scene.warnings, *body.notes)
-        result = replace(result, scene=replace(result.scene, warnings=warnings))
+    result = _noted(result, body)
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
@@ -97,6 +94,19 @@ def _voxels(
         by_particles = options.solver == "mpm" or SCENARIOS[options.scenario].method == "mpm"
         check_particles(Path(source), particles=by_particles)
     return body
+
+
+def _own_carrier(body: VoxelBody | None, output: Path | None) -> Path | None:
+    """Splats that are the body themselves follow it where the output is a folder."""
+    return None if body is None or output is None or output.suffix else body.carrier
+
+
+def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
+    """The result with what was assumed of a body of voxels."""
+    if body is None:
+        return result
+    warnings = (*result.scene.warnings, *body.notes)
+    return replace(result, scene=replace(result.scene, warnings=warnings))
 
 
 def _rows_on_record(sidecar: Sidecar) -> dict[str, str]:
