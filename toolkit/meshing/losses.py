@@ -107,8 +107,9 @@ class FileLosses:
     ``volume`` [m^3] is what the file's triangles enclose for certain by their winding number,
     ``lost`` the share of it, and ``lost_area`` that of the file's area, which is in no solid;
     ``thin`` is the share in closed pieces thinner than a mesh can hold, a part of ``lost``;
-    ``gained`` is the share of the solids' volume that the file does not enclose, where holes were
-    closed. ``parts`` are those that lose.
+    ``capped`` is the share of the solids' volume that the file does not enclose for certain, where
+    holes were closed: the volume is anything from what is left without it; ``gained``, a part of
+    it, is certain to be outside of the file. ``parts`` are those that lose.
     """
 
     volume: float = 0.0
@@ -116,6 +117,7 @@ class FileLosses:
     thin: float = 0.0
     lost_area: float = 0.0
     gained: float = 0.0
+    capped: float = 0.0
     parts: tuple[PartLoss, ...] = ()
 
     @property
@@ -175,12 +177,14 @@ def losses(
         far = closest(file.on, solids.surface.points, solids.surface.faces).distance > distance
     by_volume = _shares(file.inside_part, outside, len(names))
     by_area = _shares(file.on_part, far, len(names))
+    gained, capped = _added(file, solids)
     return FileLosses(
         volume=file.cell * len(file.inside),
         lost=_mean(outside),
         thin=_mean(outside & solids.plates.contain(file.inside)),
         lost_area=float(far.mean()),
-        gained=_gained(file, solids),
+        gained=gained,
+        capped=capped,
         parts=tuple(
             PartLoss(name, float(v), float(a))
             for name, v, a in zip(names, by_volume, by_area, strict=True)
@@ -193,14 +197,15 @@ def _mean(mask: Bool[np.ndarray, "n"]) -> float:
     return float(mask.mean()) if len(mask) else 0.0
 
 
-def _gained(file: FileSamples, solids: Solids) -> float:
-    """Share of the solids' volume that the file does not enclose."""
+def _added(file: FileSamples, solids: Solids) -> tuple[float, float]:
+    """Shares of the solids' volume that the file excludes, and that it does not enclose."""
     if not solids.shells:
-        return 0.0
+        return 0.0, 0.0
     rng = np.random.default_rng(file.seed)
     where, _ = stratified(solids.bounds, rng=rng, count=4 * FEWEST)
     where = where[solids.label(where) >= 0]
-    return float(file.surface.excludes(where).mean()) if len(where) else 0.0
+    excluded, enclosed = file.surface.excludes(where), file.surface.encloses(where)
+    return _mean(excluded), _mean(excluded | ~enclosed)
 
 
 def _shares(

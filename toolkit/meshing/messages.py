@@ -97,10 +97,11 @@ def _closed(report: ConversionReport) -> Iterator[str]:
     if report.distances.bridged_share > SHARE_TOLD:
         share = report.distances.bridged_share
         yield f"{share:.1%} of the boundary closes holes: the file has no surface there"
-    if report.losses.gained > MOST_LOST:
+    if report.losses.capped > MOST_LOST:
+        least = (1 - report.losses.capped) * report.input_volume
         yield (
-            f"{report.losses.gained:.0%} of the volume is inside only since holes were closed: the "
-            "file does not enclose it"
+            f"{report.losses.capped:.0%} of the volume is inside only since holes were closed: the "
+            f"file encloses {least:.3g} m^3 for certain, the mesh {report.quality.volume:.3g} m^3"
         )
 
 

@@ -68,6 +68,8 @@ class Preparation:
             if lost.bearable:
                 break
         best = min(tried, key=lambda one: one.losses.lost)
+        if self.thicken is not None:  # a sheet's volume closes no hole
+            best = replace(best, losses=replace(best.losses, gained=0.0, capped=0.0))
         return replace(best, solids=hollowed(best.solids, self.walls))
 
     def again(self, weld_rel: float, closing: Closing) -> Solids:
