@@ -32,9 +32,18 @@ def blend(
             q = conic[i]
             most = opacity[i]
             own = colour[i]
+            # Where most exp(-d^T q d / 2) is not faint: between the roots of a parabola in a row.
+            level = 2.0 * wp.log(most / FAINT)
             for y in range(y0, y1):
                 dy = float(y) + 0.5 - c[1]
-                for x in range(x0, x1):
+                half = q[1] * dy
+                inner = half * half - q[0] * (q[2] * dy * dy - level)
+                if inner < 0.0:
+                    continue
+                width = wp.sqrt(inner)
+                first = int(wp.ceil(c[0] - (half + width) / q[0] - 0.5))
+                last = int(wp.floor(c[0] - (half - width) / q[0] - 0.5))
+                for x in range(wp.max(first, x0), wp.min(last + 1, x1)):
                     p = image[y, x]
                     if p[3] > SPENT:
                         dx = float(x) + 0.5 - c[0]

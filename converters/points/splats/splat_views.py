@@ -85,18 +85,17 @@ def _ellipses(
     ahead = depth > NEAREST * np.median(np.abs(depth[finite])) if finite.any() else finite
     rows = np.flatnonzero(finite & ahead)
     rows = rows[np.argsort(depth[rows], kind="stable")]
-    local = (means[rows] - camera.position) @ camera.pose[:3, :3]
-    z = depth[rows]
-    fx, fy = camera.focal
-    J = np.zeros((len(rows), 2, 3))
-    J[:, 0, 0], J[:, 0, 2] = fx / z, fx * local[:, 0] / z**2
-    J[:, 1, 1], J[:, 1, 2] = -fy / z, -fy * local[:, 1] / z**2
-    flat = np.einsum("nij,jk->nik", J, camera.pose[:3, :3].T) @ roots[rows]
-    across, up = flat[:, 0], flat[:, 1]
-    a, c = (across**2).sum(axis=1) + WIDENED, (up**2).sum(axis=1) + WIDENED
-    b = (across * up).sum(axis=1)
-    conic = np.stack([c, -b, a], axis=1) / (a * c - b * b)[:, None]
-    return Ellipses(rows, seen[rows, :2], conic, DEVIATIONS * np.sqrt(np.stack([a, c], axis=1)))
+    turned = camera.pose[:3, :3].T @ roots.transpose(1, 2, 0).reshape(3, -1)
+    right, above, behind = turned.reshape(3, 3, -1)  # by column of a root, and splat
+    (fx, fy), (middle_x, middle_y) = camera.focal, camera.center
+    with np.errstate(all="ignore"):  # of what is not in ``rows``
+        across = (fx * right + (seen[:, 0] - middle_x) * behind) / depth
+        up = ((seen[:, 1] - middle_y) * behind - fy * above) / depth
+        a, c = (across**2).sum(axis=0) + WIDENED, (up**2).sum(axis=0) + WIDENED
+        b = (across * up).sum(axis=0)
+        conic = np.stack([c, -b, a]) / (a * c - b * b)
+        reach = DEVIATIONS * np.sqrt(np.stack([a, c]))
+    return Ellipses(rows, seen[rows, :2], conic[:, rows].T, reach[:, rows].T)
 
 
 def _colours(
