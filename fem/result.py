@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .contact.pressure import ContactPressures
 from .contact.self_contact import PieceForce
 from .deprecation import say_renamed
 from .discrete.space import Space
@@ -181,6 +182,8 @@ class Motion:
         [m]; infinite where there is neither.
     piece_forces
         Forces of separate pieces on each other.
+    pressures
+        Largest contact pressures [Pa], where they are known.
     kinetic, elastic, potential, barrier
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
@@ -200,6 +203,7 @@ class Motion:
     barrier: float
     iterations: int
     piece_forces: tuple[PieceForce, ...] = ()
+    pressures: ContactPressures | None = None
 
     @property
     def energy(self) -> float:
@@ -250,6 +254,24 @@ class MotionResult:
     def obstacle_forces(self) -> Float[np.ndarray, "frames obstacles 3"]:
         """Force of every obstacle on the body [N] in every frame."""
         return np.stack([f.obstacle_force for f in self.frames])
+
+    @property
+    def piece_forces(self) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
+        """Force [N] on one piece by another, by their numbers, in every frame."""
+        found: dict[tuple[int, int], np.ndarray] = {}
+        for i, frame in enumerate(self.frames):
+            for on, by, force in frame.piece_forces:
+                found.setdefault((on, by), np.zeros((len(self.frames), 3)))[i] = force
+        return dict(sorted(found.items()))
+
+    @property
+    def largest_pressures(self) -> ContactPressures | None:
+        """Largest contact pressures [Pa] ever, where they are known."""
+        known = [f.pressures for f in self.frames if f.pressures is not None]
+        if not known:
+            return None
+        obstacles = np.max([p.obstacles for p in known], axis=0)
+        return ContactPressures(obstacles, max(p.own for p in known))
 
     @property
     def smallest_gap(self) -> float:

@@ -164,6 +164,31 @@ def no_penetration(motion: MotionResult) -> Check:
     )  # fmt: skip
 
 
+def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
+    """Who presses whom, at most; ``names`` are those of the pieces."""
+    forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
+    pressures = motion.largest_pressures
+    said = [
+        f"obstacle {k + 1} with {force:.3g} N"
+        + (f" ({pressures.obstacles[k]:.3g} Pa)" if pressures else "")
+        for k, force in enumerate(forces)
+        if force > 0
+    ]
+    between = {
+        pair: float(np.linalg.norm(force, axis=1).max())
+        for pair, force in motion.piece_forces.items()
+        if pair[0] < pair[1]
+    }
+    said += [f"{names[b]} on {names[a]} with {size:.3g} N" for (a, b), size in between.items()]
+    if pressures and pressures.own > 0:
+        said.append(f"the body itself with up to {pressures.own:.3g} Pa")
+    largest = max([*forces.tolist(), *between.values()], default=0.0)
+    return Check(
+        "contact", True, largest, np.inf,
+        f"At most it is pressed by {'; '.join(said)}." if said else "Nothing presses on it.",
+    )  # fmt: skip
+
+
 def in_the_grid(run: ParticleRun) -> Check:
     """Whether all particles stayed in the grid."""
     total, lost = len(run.part), run.outside

@@ -167,10 +167,16 @@ class SimulateOptions:
     """Torque [N m] in total on a place, PLACE=tx,ty,tz; may be repeated."""
     move: Annotated[tuple[str, ...], Repeated] = ()
     """Prescribed displacement [m] of a place, PLACE=dx,dy,dz, or PLACE:z=0,0,dz; repeatable."""
+    body: Annotated[tuple[str, ...], Repeated] = ()
+    """Another mesh in the scene, FILE or FILE=x,y,z: moved by so much [m]; repeatable."""
+    obstacle: Annotated[tuple[str, ...], Repeated] = ()
+    """Rigid obstacle of a motion: "plane:z<0", sphere:x,y,z,r, box:, capsule:; =vx,vy,vz moves."""
+    self_contact: bool = True
+    """Keep pieces, bodies and folds apart in a motion."""
     grain: Annotated[tuple[str, ...], Repeated] = ()
     """Way of the grain of a wooden part, part:NAME=x,y,z; by default along its longest axis."""
     scene: Path | None = None
-    """TOML file of fix, load, pressure, torque, move, gravity, gravity_dir; options add to it."""
+    """TOML file of these and of gravity, gravity_dir; options add to it."""
     gravity: float | None = None
     """Acceleration of gravity [m/s^2], 0 for none; by default 9.81."""
     gravity_dir: str | None = None

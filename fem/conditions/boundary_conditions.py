@@ -13,9 +13,10 @@ from ..scene.loads import Traction, pressure, spread_force, spread_torque
 from ..scene.scene import Hold, Scene
 from ..scene.supports import Supports
 from .selection import Selection, numbers, select
+from .stated_obstacle import stated_obstacle
 
 # Numbers that stand behind the '=' of an entry.
-COUNTS = {"load": 3, "pressure": 1, "torque": 3, "move": 3}
+COUNTS = {"load": 3, "pressure": 1, "torque": 3, "move": 3, "obstacle": 3}
 KINDS = ("fix", *COUNTS)
 LOADS = ("load", "pressure", "torque")
 
@@ -37,6 +38,9 @@ class BoundaryConditions:
         Torques [N m], in total: 'part:knob=0,0,0.5'.
     move
         Prescribed displacements [m]: 'part:jaw=0,0,-0.002'; a suffix leaves the others free.
+    obstacle
+        Rigid obstacles [m], with a velocity [m/s] after '=' where they move: 'plane:z<0',
+        'sphere:0,0,1,0.1=0,0,-2', 'box:x0,y0,z0,x1,y1,z1', 'capsule:x0,y0,z0,x1,y1,z1,r'.
     gravity_dir
         Where gravity pulls to, any length, shape (3,); by default against the up axis.
     """
@@ -46,6 +50,7 @@ class BoundaryConditions:
     pressure: tuple[str, ...] = ()
     torque: tuple[str, ...] = ()
     move: tuple[str, ...] = ()
+    obstacle: tuple[str, ...] = ()
     gravity_dir: tuple[float, ...] | None = None
 
     def __bool__(self) -> bool:
@@ -65,6 +70,7 @@ class BoundaryConditions:
         return replace(
             self._held(scene, warnings),
             tractions=(*scene.tractions, *self._tractions(scene, warnings)),
+            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
             gravity_vector=self._gravity(scene),
             warnings=tuple(warnings),
         )

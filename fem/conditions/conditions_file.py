@@ -14,10 +14,14 @@ SCALARS = ("gravity", "gravity_dir")
 
 
 class ConditionsFile(NamedTuple):
-    """``conditions`` of a file, and ``gravity`` [m/s^2] where it says it."""
+    """``conditions`` of a file, ``gravity`` [m/s^2] where it says it, and further ``bodies``.
+
+    A body is a mesh file, 'FILE' or 'FILE=x,y,z' with how far it is moved [m].
+    """
 
     conditions: BoundaryConditions
     gravity: float | None
+    bodies: tuple[str, ...] = ()
 
 
 def read_conditions(path: Path) -> ConditionsFile:
@@ -26,12 +30,16 @@ def read_conditions(path: Path) -> ConditionsFile:
     For example ::
 
         fix = ["part:handle"]
+        obstacle = ["sphere:0,0,1,0.1=0,0,-2"]
         gravity = 1.62
         gravity_dir = [0, 0, -1]
         [load]
         "part:head" = [0, 0, -10]
+        [body]
+        "anvil.msh" = [0, 0, -0.2]
 
-    Every kind is a list of entries as on the command line, or a table of numbers by selection.
+    Files of bodies are beside this one, or given by their whole path. Every kind is a list of
+    entries as on the command line, or a table of numbers by selection.
 
     Raises
     ------
@@ -44,7 +52,7 @@ def read_conditions(path: Path) -> ConditionsFile:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read the scene {path}: {error}") from error
-    known = (*KINDS, *SCALARS)
+    known = (*KINDS, "body", *SCALARS)
     for key in document:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
@@ -58,7 +66,8 @@ def read_conditions(path: Path) -> ConditionsFile:
         if not (isinstance(way, list) and len(way) == 3 and all(map(_is_number, way))):
             raise UsageError(f"{path}: gravity_dir = {way!r}, wanted three numbers")
         given["gravity_dir"] = tuple(map(float, way))
-    return ConditionsFile(BoundaryConditions(**given), gravity)
+    bodies = tuple(str(path.parent / body) for body in _entries(path, "body", document))
+    return ConditionsFile(BoundaryConditions(**given), gravity, bodies)
 
 
 def _is_number(value: Any) -> bool:
@@ -69,7 +78,7 @@ def _entries(path: Path, kind: str, document: dict[str, Any]) -> tuple[str, ...]
     value = document.get(kind, ())
     words = [value] if isinstance(value, str) else value
     try:
-        if isinstance(value, dict) and kind in COUNTS:
+        if isinstance(value, dict) and kind in (*COUNTS, "body"):
             return entries(value)
         if isinstance(words, list | tuple) and all(isinstance(item, str) for item in words):
             return entries(words)

@@ -120,12 +120,25 @@ def _box(text: str, words: str) -> Distance:
     return lambda x: np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
 
 
-def _plane(text: str, words: str) -> Distance:
+class HalfSpace(NamedTuple):
+    """Where sign * x[axis] is below sign * ``level`` [m]."""
+
+    axis: int
+    sign: float
+    level: float
+
+
+def half_space(text: str, words: str) -> HalfSpace:
+    """Half of space in words such as 'z<0.01'; ``UsageError`` naming ``words`` else."""
     found = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
     if found is None:
         raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
-    axis, sign = AXES.index(found[1]), 1.0 if found[2] == "<" else -1.0
-    (level,) = numbers(found[3], 1, words)
+    sign = 1.0 if found[2] == "<" else -1.0
+    return HalfSpace(AXES.index(found[1]), sign, float(numbers(found[3], 1, words)[0]))
+
+
+def _plane(text: str, words: str) -> Distance:
+    axis, sign, level = half_space(text, words)
     return lambda x: np.maximum(sign * (x[:, axis] - level), 0.0)
 
 

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Distance, Obstacle, obstacle_size
 from .friction import Lagged, outer
+from .pressure import ContactPressures, largest_pressure
 from .self_contact import PieceForce, SelfContact
 from .sites import MOST_CELLS, SPACING, Sites, SurfaceSites
 
@@ -78,6 +79,7 @@ class Contact:
         self.stick = STICK_SHARE * diagonal
         self.time, self.step = 0.0, 1.0
         self.lagged: list[Lagged] = []
+        self.mesh, self.space = mesh, space
         self.own = SelfContact(mesh, space, self.thickness, friction) if self_contact else None
 
     @property
@@ -265,6 +267,18 @@ class Contact:
         for lag in self.lagged:
             total[lag.obstacle] -= lag.gradient(u).sum(axis=0)
         return total
+
+    def pressures(self, u: np.ndarray) -> ContactPressures:
+        """Largest contact pressures [Pa] at ``u``, without friction."""
+        pushes = np.zeros((len(self.obstacles) + 1, *u.shape))
+        for k, sites, d in self._touching(u, self.thickness):
+            sites.spread(-self._slope(sites, d.gap)[:, None] * d.normal, pushes[k])
+        if self.own:
+            pushes[-1, self.own.nodes] = -self.own.push(u)
+        largest = np.array(
+            [largest_pressure(self.mesh, self.space, u, pushes[k]) for k in range(len(pushes))]
+        )
+        return ContactPressures(largest[:-1], float(largest[-1]))
 
     def passes(self, u: np.ndarray, after: np.ndarray) -> bool:
         """Whether the body can go from ``u`` to ``after`` without meeting itself."""

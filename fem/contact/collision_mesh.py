@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from ..discrete.forces import edge_nodes
 from ..discrete.space import Space
 from ..errors import InputError
-from ..scene.components import point_components
+from ..scene.components import piece_names, point_components
 from ..scene.mesh import TetMesh
 
 # Faces of one piece that are closer than so many thicknesses of the barrier at rest are the two
@@ -94,19 +94,13 @@ def collision_surface(
     )
     notes = ()
     if joint:
-        names = [piece_name(mesh, k) for k in joint]
+        known = piece_names(mesh)
+        names = [known[k] for k in joint]
         notes = (
             f"{' and '.join(names)} overlap or touch at the start: "
             "they are not kept apart, nor kept from themselves",
         )
     return surface._replace(notes=notes)
-
-
-def piece_name(mesh: TetMesh, piece: int) -> str:
-    """Names of the parts in a piece, the first three."""
-    inside = point_components(mesh)[mesh.tets[:, 0]] == piece
-    names = [mesh.region_names[k] for k in np.unique(mesh.region[inside])]
-    return " + ".join([*names[:3], *(["..."] if len(names) > 3 else [])])
 
 
 def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:

@@ -227,7 +227,7 @@ class SelfContact:
         total: dict[tuple[int, int], np.ndarray] = {}
         for ids, slope in self._pair_slopes(u):
             piece, each = self.piece[ids], slope.reshape(-1, 3)
-            a, b = piece.min(), piece.max()
+            a, b = int(piece.min()), int(piece.max())
             if a != b:
                 force = -each[piece == b].sum(axis=0) / self.unit
                 total[a, b] = total.get((a, b), 0.0) + force

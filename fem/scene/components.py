@@ -53,6 +53,15 @@ def point_components(mesh: TetMesh) -> Int[np.ndarray, "points"]:
     return number[label]
 
 
+def piece_names(mesh: TetMesh) -> tuple[str, ...]:
+    """Names of the parts in every piece of ``point_components``, the first three of each."""
+    piece, names = point_components(mesh)[mesh.tets[:, 0]], []
+    for k in range(int(piece.max()) + 1):
+        inside = [mesh.region_names[i] for i in np.unique(mesh.region[piece == k])]
+        names.append(" + ".join([*inside[:3], *(["..."] if len(inside) > 3 else [])]))
+    return tuple(names)
+
+
 def spans_plane(points: Float[np.ndarray, "n 3"]) -> bool:
     """Whether the points are at least three and not on one line."""
     if len(points) < 3:

@@ -144,6 +144,28 @@ class TetMesh:
         return replace(self, material=material)
 
 
+def join_meshes(mesh: TetMesh, other: TetMesh, shift: Float[np.ndarray, "3"]) -> TetMesh:
+    """One mesh of two that share no point, ``other`` moved by ``shift`` [m].
+
+    Its regions come last; a name that is taken gets a number.
+    """
+    names = list(mesh.region_names)
+    for name in other.region_names:
+        count = 1
+        while (free := name if count == 1 else f"{name} {count}") in names:
+            count += 1
+        names.append(free)
+    one, two = material_of(mesh), material_of(other)
+    values = (np.concatenate([getattr(one, k), getattr(two, k)]) for k in ("E", "nu", "rho"))
+    return TetMesh(
+        np.concatenate([mesh.points, other.points + shift]),
+        np.concatenate([mesh.tets, other.tets + len(mesh.points)]),
+        np.concatenate([mesh.region, other.region + len(mesh.region_names)]),
+        tuple(names),
+        ElementMaterial(*values),
+    )
+
+
 def material_of(mesh: TetMesh) -> ElementMaterial:
     """Material of ``mesh``; ``InputError`` where it has none yet."""
     if mesh.material is None:

@@ -152,6 +152,7 @@ class Dynamics:
             contact_force=self.contact.forces(u, len(u)),
             obstacle_force=self.contact.obstacle_forces(u),
             piece_forces=self.contact.piece_forces(u),
+            pressures=self.contact.pressures(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
             elastic=self.response(u).energy + springs,

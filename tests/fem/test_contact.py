@@ -8,11 +8,11 @@ from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.obstacles import Box, Capsule, Sphere
+from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
 
-from .bodies import lifted, shaken_box, with_uniform
+from .bodies import lifted, merged, shaken_box, with_uniform
 
 ORDERS = pytest.mark.parametrize("order", [1, 2])
 DOWN = (0, 0, -1.0)
@@ -112,3 +112,19 @@ def test_gap_is_that_of_the_faces():
     mesh = with_uniform(box_mesh((1, 1, 1), (1, 1, 1)), E=1.0, nu=0.3)
     contact = Contact(mesh, make_space(mesh, 1), [Sphere((0.6, 0.3, 2.0), 0.1)], 0.0)
     assert contact.gap(np.zeros_like(mesh.points)) == pytest.approx(0.9, abs=0.002)
+
+
+@ORDERS
+@pytest.mark.slow
+def test_pressure_under_a_standing_block_is_its_weight_over_its_base(order):
+    """Nothing across (nu = 0): m g / A everywhere, on the ground and on the block below.
+
+    10 %: the own weight of nodes is that of their tets, not of their share of the base.
+    """
+    low = box_mesh((0.1, 0.1, 0.1), (2, 2, 2), lo=(0, 0, 1e-4))
+    high = box_mesh((0.1, 0.1, 0.1), (2, 2, 2), lo=(0, 0, 0.1002))
+    mesh = with_uniform(merged(low, high), E=1e6, nu=0.0, rho=1e3)
+    known = {"gravity_vector": (0, 0, -9.81), "obstacles": [Plane()], "order": order}
+    state = Dynamics(mesh, **known, tolerance=1e-6).run(0.1, 10)[-1]
+    assert state.pressures.obstacles[0] == pytest.approx(2e3 * 9.81 * 0.1, rel=0.1)
+    assert state.pressures.own == pytest.approx(1e3 * 9.81 * 0.1, rel=0.1)

@@ -101,6 +101,12 @@ class Sidecar:
         return path
 
 
+def rows_on_record(sidecar: Sidecar) -> dict[str, str]:
+    """Row of the material table of every part that ``assign`` wrote down."""
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    return {part["name"]: part["material"] for part in parts}
+
+
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
     from .load import load_asset

@@ -12,6 +12,7 @@ from ...fem.scene.boundary import face_areas
 from ...fem.scene.loads import Traction, resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
+from .outlines import outline
 from .quantities import rounded, si
 
 Kind = Literal["support", "motion", "load", "gravity", "obstacle"]
@@ -36,13 +37,15 @@ class Marks(NamedTuple):
     """Where to draw: ``held`` (n, 3) and ``moved`` points [m], ``arrows`` (n, 6): place and way.
 
     Ways of one load have the lengths of its tractions, the largest of all loads 1; ``gravity`` is
-    the direction (3,) of it, or zeros.
+    the direction (3,) of it, or zeros; ``outlines`` (n, 6) are the ends of lines around obstacles
+    where they start.
     """
 
     held: Float[np.ndarray, "held 3"]
     moved: Float[np.ndarray, "moved 6"]
     arrows: Float[np.ndarray, "arrows 6"]
     gravity: Float[np.ndarray, "3"]
+    outlines: Float[np.ndarray, "outlines 6"]
 
 
 def describe(scene: Scene) -> tuple[Acting, ...]:
@@ -62,7 +65,9 @@ def marks(scene: Scene) -> Marks:
     joined = np.concatenate([np.zeros((0, 6)), *arrows])
     joined[:, 3:] /= largest or 1.0
     size = float(np.linalg.norm(scene.gravity_vector))
-    return Marks(points[ids], moved, joined, np.asarray(scene.gravity_vector) / (size or 1.0))
+    lines = [np.zeros((0, 6)), *(outline(o, scene.mesh.bounds) for o in scene.obstacles)]
+    way = np.asarray(scene.gravity_vector) / (size or 1.0)
+    return Marks(points[ids], moved, joined, way, np.concatenate(lines))
 
 
 def vector_words(vector: np.ndarray, unit: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from jaxtyping import Float
 
 from ...fem.particle_run import ParticleRun
 from ...fem.result import MotionResult
+from ...fem.scene.components import piece_names
 from .simulation import Animation, Simulation
 from .verdict import Verdict
 
@@ -43,11 +45,34 @@ class Moving(Simulation):
             "smallest_gap": self.motion.smallest_gap,
             "max_contact_force": float(forces.max(initial=0.0)),
             "max_obstacle_forces": forces.tolist(),
+            **self._contact(),
             "energy": [f.energy for f in frames],
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
             **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
+
+    def _contact(self) -> dict[str, Any]:
+        """Largest pressures [Pa], and forces [N] of the pieces on each other: largest and last."""
+        found: dict[str, Any] = {}
+        if (pressures := self.motion.largest_pressures) is not None:
+            found["max_obstacle_pressures"] = pressures.obstacles.tolist()
+            found["max_own_pressure"] = pressures.own
+        forces, names = self.motion.piece_forces, self._piece_names
+        found["piece_forces"] = [
+            {
+                "on": names[on],
+                "by": names[by],
+                "largest": float(np.linalg.norm(force, axis=1).max()),
+                "last": force[-1].tolist(),
+            }
+            for (on, by), force in forces.items()
+        ]
+        return found
+
+    @cached_property
+    def _piece_names(self) -> tuple[str, ...]:
+        return piece_names(self.mesh)
 
     def _particles(self) -> dict[str, Any]:
         """Counts of the particles, steps, and what was expected before them."""
@@ -79,10 +104,11 @@ class Moving(Simulation):
         return (*self.scene.warnings, *self.motion.notes, *(run.notes if run is not None else ()))
 
     def verdicts(self) -> list[Verdict]:
-        """Nothing went through an obstacle; the elements suit the material."""
-        from ...fem.verdicts import in_the_grid, locking, no_penetration
+        """Nothing went through an obstacle; who presses whom; the elements suit the material."""
+        from ...fem.verdicts import contact_forces, in_the_grid, locking, no_penetration
 
         if self.motion.particles is not None:
             return [Verdict.of(in_the_grid(self.motion.particles))]
-        met = [Verdict.of(no_penetration(self.motion))]
-        return [*met, Verdict.of(locking(self.motion))] if self.motion.order else met
+        met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
+        suits = [locking(self.motion)] if self.motion.order else []
+        return [*map(Verdict.of, (*met, *suits))]

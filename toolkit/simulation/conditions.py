@@ -35,12 +35,13 @@ def stated_conditions(options: SimulateOptions) -> ConditionsFile:
     gravity = read.gravity if options.gravity is None else options.gravity
     if gravity is not None and not gravity >= 0:
         raise UsageError(f"--gravity {gravity:g}: wanted >= 0; --gravity-dir says where it pulls")
-    return ConditionsFile(replace(read.conditions, **both), gravity)
+    bodies = (*read.bodies, *options.body)
+    return ConditionsFile(replace(read.conditions, **both), gravity, bodies)
 
 
 def changed_options(options: SimulateOptions, given: Mapping[str, Any]) -> SimulateOptions:
     """Return the options with those ``given`` by name, as Python users write them."""
-    repeated = (*KINDS, "grain")
+    repeated = (*KINDS, "body", "grain")
     plain = {name: entries(value) if name in repeated else value for name, value in given.items()}
     way = plain.get("gravity_dir")
     if way is not None and not isinstance(way, str):

@@ -20,11 +20,14 @@ from ..results.moving import Moving
 from ..results.ringing import Ringing
 from ..results.settled import Settled
 from ..results.simulation import Simulation
+from .bodies import with_bodies
 from .conditions import stated_conditions
 from .grain import grained
 from .solvers import chosen_method, method_name
 
 STANDING_MODES = 3
+# Methods in which one body meets another.
+MEETING = ("dynamics", "mpm")
 
 Progress = Callable[[str, float], None]  # called with (stage, seconds so far)
 
@@ -52,15 +55,19 @@ def run_scenario(
     if progress is not None:
         progress(f"{options.scenario}, {len(mesh.tets):,} tets", 0.0)
     stated = stated_conditions(options)
+    mesh, rows = with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    method = chosen_method(kind, options, materials or {}, _announce(progress, started))
+    method = chosen_method(kind, options, rows, _announce(progress, started))
     _check_law(options, method)
     if kind != "mpm":
         _check_conditions(options, stated.conditions, kind)
-    mesh, notes = grained(mesh, options, materials or {}, method=kind)
+    if stated.bodies and kind not in MEETING:
+        raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
+    mesh, notes = grained(mesh, options, rows, method=kind)
     scene = stated.conditions.applied(scenario.scene(mesh, up=up))
-    scene = replace(scene, warnings=(*scene.warnings, *notes))
+    own = {"self_contact": options.self_contact, "warnings": (*scene.warnings, *notes)}
+    scene = replace(scene, **own)
     result = method.solve(
         scene,
         law=options.law,
@@ -72,7 +79,7 @@ def run_scenario(
     found = _answer(scene, options.scenario, result, stated=changed)
     if scenario.with_modes and isinstance(found, Settled):
         found = replace(found, modes=_standing_modes(scene, options.device))
-    return replace(found, seconds=time.perf_counter() - started)
+    return replace(found, materials=rows, seconds=time.perf_counter() - started)
 
 
 def _answer(
@@ -111,6 +118,10 @@ def _check_conditions(
     if method in ("dynamics", "spring") and conditions.move:
         what = f"--scenario {options.scenario}" if method == "dynamics" else f"--solver {method}"
         raise UsageError(f"--move is for bodies at rest: {what} is a motion")
+    if method in ("statics", "modal") and conditions.obstacle:
+        raise UsageError(
+            "--obstacle: only motions meet obstacles: --scenario drop, squeeze ... or --solver mpm"
+        )
     if method == "modal":
         for kind in (*LOADS, "move"):
             if getattr(conditions, kind):

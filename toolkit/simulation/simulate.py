@@ -14,7 +14,7 @@ from ...predictors.asset import UpAxis
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..io.outputs import check_file, check_folder
-from ..io.sidecar import Sidecar, read_known
+from ..io.sidecar import Sidecar, read_known, rows_on_record
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
@@ -69,16 +69,16 @@ def simulate(
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    rows = _rows_on_record(sidecar) if materials is None else materials
+    rows = rows_on_record(sidecar) if materials is None else materials
     known = {"up": sidecar.up, "materials": rows, "progress": progress}
     with logged(output):
-        result = replace(run_scenario(mesh, options, **known), materials=rows)
+        result = run_scenario(mesh, options, **known)
     result = _noted(result, body)
     if drive is not None and output is not None:
         output.parent.mkdir(parents=True, exist_ok=True)
         moved = result.animation.displacement
         place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
-        driven = move_carrier(mesh, moved, drive, run=result.particles, **place)
+        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
         result = replace(result, driven=driven, files=driven.files)
     return _shown(result, name, sidecar, output=output, report=report, picture=picture)
 
@@ -107,11 +107,6 @@ def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
         return result
     warnings = (*result.scene.warnings, *body.notes)
     return replace(result, scene=replace(result.scene, warnings=warnings))
-
-
-def _rows_on_record(sidecar: Sidecar) -> dict[str, str]:
-    parts = sidecar.record.get("assign", {}).get("parts", [])
-    return {part["name"]: part["material"] for part in parts}
 
 
 def _check_pages(report: Path | None, picture: Path | None) -> None:

@@ -8,7 +8,7 @@ const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fre
 const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
 const HALF_VIEW = Math.tan(Math.PI / 8); // plotly's field of view is 45 degrees, top to bottom
 const MARGIN = 1.02;
-const HELD_COLOR = "#2f7fd1", LOAD_COLOR = "#d33a2c", MOVE_COLOR = "#8a4fc0";
+const HELD_COLOR = "#2f7fd1", LOAD_COLOR = "#d33a2c", MOVE_COLOR = "#8a4fc0", OBSTACLE_COLOR = "#6b7178";
 const ARROW_SHARE = 0.12; // of the longest side: the arrow of the largest load
 const HEAD_SHARE = 0.35, HEAD_WIDTH = 0.25; // of the arrow, and of its head
 const FAINTEST = 0.02; // of the largest load: arrows below it would be dots
@@ -85,8 +85,9 @@ class View {
         hi[axis] = Math.max(hi[axis], this.tets.hi[axis] + factor * up[axis]);
       }
     }
-    for (const row of this.marks ? [...this.marks.arrows, ...this.marks.moved] : []) {
-      const tail = arrowTail(row, this.arrowLength);
+    const { arrows, moved, outlines } = this.marks || { arrows: [], moved: [], outlines: [] };
+    const tails = [...arrows, ...moved].map((row) => arrowTail(row, this.arrowLength));
+    for (const tail of [...tails, ...outlines.map((row) => row.slice(0, 3))]) {
       for (let axis = 0; axis < 3; axis += 1) {
         lo[axis] = Math.min(lo[axis], tail[axis]);
         hi[axis] = Math.max(hi[axis], tail[axis]);
@@ -109,8 +110,8 @@ class View {
   // What holds and loads the body, at rest: squares where it is held, arrows where it is pushed.
   marked() {
     if (!this.marks) return [];
-    const { held, moved, arrows } = this.marks, length = this.arrowLength;
-    return [this.squares(held), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
+    const { held, moved, arrows, outlines } = this.marks, length = this.arrowLength;
+    return [this.squares(held), this.lines(outlines), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
   }
   placed(rows) {
     const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * row[axis])));
@@ -119,6 +120,12 @@ class View {
   squares(held) {
     if (!held.length) return [];
     return [{ type: "scatter3d", mode: "markers", marker: { size: 3, symbol: "square", color: HELD_COLOR }, ...this.placed(held) }];
+  }
+  // Around obstacles, where they start.
+  lines(outlines) {
+    if (!outlines.length) return [];
+    const ends = outlines.flatMap((row) => [row.slice(0, 3), row.slice(3), null]);
+    return [{ type: "scatter3d", mode: "lines", line: { width: 3, color: OBSTACLE_COLOR }, ...this.placed(ends) }];
   }
   // Shafts, and pyramids whose tips are where the load meets the surface.
   arrows(rows, color, length) {

@@ -1,0 +1,85 @@
+"""Two bodies and obstacles in one scene: from the command line, a file and Python."""
+
+import json
+
+import numpy as np
+import pytest
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.results.description import marks
+
+from ..fem.bodies import with_uniform
+
+RUBBER = {"E": 1e6, "nu": 0.3, "rho": 1000.0}
+
+
+@pytest.fixture(scope="module")
+def cube_msh(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bodies") / "cube.msh"
+    write_mesh(path, with_uniform(box_mesh((0.1, 0.1, 0.1), (1, 1, 1)), **RUBBER))
+    return path
+
+
+def test_a_body_falls_on_another(cube_msh, tmp_path, capsys):
+    """Command line, file and Python are one; forces of pieces are told by name, and opposite."""
+    call = ["simulate", str(cube_msh), "--scenario", "drop", "--drop-height", "0.001"]
+    call += ["--body", f"{cube_msh}=0.01,0,0.101", "--order", "1"]
+    out = ["-o", str(tmp_path / "x.vtu"), "--report", str(tmp_path / "x.html"), "--json"]
+    assert main([*call, *out]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [part["name"] for part in document["regions"]] == ["body", "body 2"]
+    first, second = document["motion"]["piece_forces"]
+    assert (first["on"], first["by"]) == ("body", "body 2")
+    assert (second["on"], second["by"]) == ("body 2", "body")
+    assert first["largest"] == second["largest"] > 9.81
+    assert document["motion"]["max_own_pressure"] > 9.81 / 0.01  # of the area where they meet
+    words = [verdict["sentence"] for verdict in document["motion"]["verdicts"]]
+    assert any("body 2 on body" in said for said in words)
+    (tmp_path / "two.toml").write_text(f'[body]\n"{cube_msh}" = [0.01, 0, 0.101]\n')
+    known = {"scenario": "drop", "drop_height": 0.001, "order": 1}
+    by_file = simulate(cube_msh, scene=tmp_path / "two.toml", **known)
+    by_name = simulate(cube_msh, body={str(cube_msh): (0.01, 0, 0.101)}, **known)
+    np.testing.assert_array_equal(by_file.displacement, by_name.displacement)
+    assert len(by_name.mesh.points) == 16
+    assert by_name.numbers["piece_forces"][0]["largest"] == pytest.approx(first["largest"])
+
+
+def test_an_obstacle_stops_a_fall(cube_msh, tmp_path, capsys):
+    """A ball under the cube's middle, in words: the cube meets it before the ground."""
+    ball = "sphere:0.05,0.05,-0.03,0.02"
+    (tmp_path / "ball.toml").write_text(f'obstacle = ["{ball}"]\n')
+    known = {"scenario": "drop", "drop_height": 0.1, "order": 1, "self_contact": False}
+    by_file = simulate(cube_msh, scene=tmp_path / "ball.toml", **known)
+    by_name = simulate(cube_msh, obstacle=[ball], **known)
+    np.testing.assert_array_equal(by_file.displacement, by_name.displacement)
+    _, force = by_name.numbers["max_obstacle_forces"]
+    assert force > 9.81
+    assert len(by_name.numbers["max_obstacle_pressures"]) == 2
+    outlines = marks(by_name.scene).outlines.reshape(-1, 2, 3)
+    ball = outlines[4:].reshape(-1, 3)  # behind the square of the ground
+    np.testing.assert_allclose(np.linalg.norm(ball - [0.05, 0.05, -0.03], axis=1), 0.02)
+    np.testing.assert_allclose(outlines[:4, :, 2], -0.1)
+    assert any(line["words"].startswith("a ball of radius") for line in by_name.document()["scene"])
+
+
+def test_wrong_bodies_and_obstacles_are_one_line(cube_msh, tmp_path, capsys):
+    call = ["simulate", str(cube_msh), "-o", str(tmp_path / "x.vtu")]
+    drop = ["--scenario", "drop"]
+    for status, wrong in (
+        (2, [*drop, "--obstacle", "ball:0,0,0,1"]),
+        (2, [*drop, "--obstacle", "sphere:0,0,0,-1"]),
+        (2, [*drop, "--obstacle", "box:0,0,0,1,1"]),
+        (2, ["--obstacle", "plane:z<-1"]),
+        (2, ["--body", f"{cube_msh}=0,0,1"]),
+        (3, [*drop, "--body", "nowhere.msh=0,0,1"]),
+        (2, [*drop, "--body", f"{cube_msh}=0,1"]),
+    ):
+        assert main([*call, *wrong]) == status, wrong
+        assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(UsageError, match="no obstacle is called 'ball'; wanted plane:z<0"):
+        simulate(cube_msh, scenario="drop", obstacle=["ball:0,0,0,1"])
+    with pytest.raises(InputError, match="inside an obstacle"):
+        simulate(cube_msh, scenario="drop", obstacle=["sphere:0.05,0.05,0,0.02"])
