@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from .clauses import Clause, Sentence
@@ -100,12 +100,18 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         bound.append(BoundPart(tuple(ks), tuple(how)))
     taken = {k for part in bound for k in part.clauses}
     idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
-    left = sorted({*lost, *whole, *rest} - taken - idle)
+    kept = {k for k, clause in enumerate(clauses) if _only_excludes(clause)}  # "no plastic"
+    left = sorted({*lost, *whole, *rest} - taken - idle - kept)
     return Bound(sentence, tuple(bound), tuple(left))
 
 
 def _is_other(clause: Clause) -> bool:
     return clause.subject.scope == "parts" and clause.subject.names[0][:1] == ("other",)
+
+
+def _only_excludes(clause: Clause) -> bool:
+    whole = clause.subject.scope != "parts"
+    return whole and not replace(clause, excluded=()).says_matter
 
 
 def _general(

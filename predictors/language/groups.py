@@ -88,7 +88,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
     out: list[Mention] = []
     degree, fake = "", False
     for i, lexeme in enumerate(run):
-        role = "word" if lexeme.part and lexeme.role in _SMALL else lexeme.role
+        small = lexeme.part or {*lexeme.words} & places()
+        role = "word" if small and lexeme.role in _SMALL else lexeme.role
         if role == "degree":
             degree = lexeme.value
         elif role == "fake":

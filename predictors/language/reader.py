@@ -1,30 +1,33 @@
 """The reader: a text to a Sentence, once.
 
-Lexemes are joined to groups (a part, what is said of one, or both), and the words between groups
-say how these hang together: ``data/words.toml`` names what each of them does.
+Its lexemes are joined to tokens (a part, what is said of one, or both, and what stands between
+them), the grammar joins these to statements, and each statement becomes a clause.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
-from .clauses import Sentence
-from .drafts import Draft, finished
-from .lexicon import Phrase, lexicon_of, words
-from .lexing import Lexeme, lex
+from .clauses import Clause, Sentence, Subject
+from .grammar import Cascade, Draft, Token, grammar
+from .groups import Group, groups_of
+from .lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
+from .lexing import Lexed, Lexeme, lex
 from .phrases import join_comparisons
-from .statements import Statements
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
-_POINTERS = ("this", "that", "these", "those", "one", "its")
+NEAREST = 3  # rows that are named beside an unknown material
+SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _GROUPED = (
     "word", "material", "part", "number", "stiffness", "density", "character", "degree", "fake",
     "coat", "coating", "look", "attributes", "empty", "compare", "idle", "factors", "vague",
     "digits", "size", "told", "sign", "hyphen", "nobody", "all",
 )  # fmt: skip
+_STOPS = {*grammar()["signs"], "sign"} - {"word"}
 
 
 def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
@@ -50,10 +53,21 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
-    statements = Statements(lexicon)
-    _walk(join_comparisons(lexed.lexemes), statements)
-    sentence = finished(text, statements.drafts, lexed, lexicon, statements.seen)
-    return replace(sentence, thing=_first_phrase(lexed.lexemes))
+    cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
+    left = cascade.run()
+    told = {name for draft in left if draft.says for name in draft.names}
+    for draft in left:
+        if not told & {*draft.names}:
+            draft.unknown = draft.unknown or _strange_matter(draft)
+    drafts = [draft for draft in left if draft.says]
+    _settle(drafts, lexed)
+    return Sentence(
+        text,
+        tuple(_clause(text, draft, lexicon) for draft in drafts),
+        _unread(drafts, lexed, cascade.dropped),
+        tuple(dict.fromkeys(lexed.notes)),
+        _first_phrase(lexed.lexemes),
+    )
 
 
 def _first_phrase(lexemes: Sequence[Lexeme]) -> Phrase:
@@ -64,7 +78,7 @@ def _first_phrase(lexemes: Sequence[Lexeme]) -> Phrase:
     phrase, noun = list[str](), False
     for lexeme in lexemes:
         before = lexeme.role == "coat" and not noun  # "a painted drum"
-        if (lexeme.role in _CONNECTORS or lexeme.role in ("on", "sign")) and not before:
+        if lexeme.role in _STOPS and not before:
             if phrase and phrase[-1] != "image":  # "an image of a chair"
                 break
             phrase = []
@@ -76,45 +90,54 @@ def _first_phrase(lexemes: Sequence[Lexeme]) -> Phrase:
     return tuple(phrase)
 
 
-def _walk(lexemes: Sequence[Lexeme], state: Statements) -> None:
-    """Take runs of words as groups, and let what stands between them say how they hang together."""
-    run: list[Lexeme] = []
-    for i, lexeme in enumerate(lexemes):
-        after = lexemes[i + 1] if i + 1 < len(lexemes) else None
-        if _starts_anew(lexeme, run, after, state):
-            state.run(run, None)
-            state.stop()
-            run = []
-        if _is_grouped(lexeme, run, after):
-            run.append(lexeme)
+def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Token]:
+    """Cut lexemes into connectors and the runs between them, and these into groups."""
+    signs, before, last, at, draft = grammar()["signs"], "", (), 0, Draft()
+    while at < len(lexemes):
+        end = _run_end(lexemes, at, before)
+        after = signs.get(lexemes[end].role, "") if end < len(lexemes) else ""
+        if end > at:
+            for token in _groups(lexemes[at:end], lexicon, before, after, last):
+                draft = token.draft or draft
+                last = draft.names[-1] if draft.names else last
+                before = ""
+                yield token
+            at = end
+            if end < len(lexemes) and _is_grouped(lexemes, end, at):
+                yield Token(".")
             continue
-        if run:
-            state.run(run, lexeme)
-        run = []
-        if lexeme.role == "word":
-            state.verb = True
-        elif not (_owns(lexemes, i, state) or _points(lexeme, after)):
-            connect = _CONNECTORS.get(lexeme.role)
-            if connect:
-                connect(state, lexeme)
-            else:
-                state.link = lexeme.role
-    if run:
-        state.run(run, None)
-    state.stop()
+        lexeme = lexemes[at]
+        sign = signs.get(lexeme.role, "p")
+        if sign == "W":
+            yield Token("W", Draft("rest" if lexeme.role == "rest" else "whole", lexemes=[lexeme]))
+        elif sign == "O":
+            yield Token("O", Draft("parts", [("other", *last[-1:])]))
+        elif sign == "m":
+            yield Token("m", Draft(same=()))
+        elif sign == "t":
+            yield Token("t", Draft("whole"))
+        else:
+            draft.holds = draft.holds or sign == "w"
+            yield Token(sign)
+        before, at = sign, at + 1
 
 
-def _starts_anew(
-    lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None, state: Statements
-) -> bool:
-    """Whether a statement begins without a stop before it: "the legs are oak the seat is foam"."""
-    owed = state.link == "is" and any(x.role == "material" for x in run)
-    return owed and lexeme.part and after is not None and after.role == "is"
+def _run_end(lexemes: Sequence[Lexeme], at: int, before: str) -> int:
+    """Where a run of grouped lexemes ends; "the legs are oak the seat is foam" are two."""
+    end = at
+    while end < len(lexemes) and _is_grouped(lexemes, end, at):
+        after = lexemes[end + 1].role if end + 1 < len(lexemes) else ""
+        owed = before == "=" and any(x.role == "material" for x in lexemes[at:end])
+        if owed and lexemes[end].part and after == "is":
+            break
+        end += 1
+    return end
 
 
-def _is_grouped(lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None) -> bool:
+def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     """Whether a lexeme is of a group; a verb is, as the participle before a noun."""
-    role = after.role if after is not None else ""
+    lexeme, run = lexemes[i], lexemes[start:i]
+    role = lexemes[i + 1].role if i + 1 < len(lexemes) else ""
     if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
         return True
     if lexeme.text.lower() in words()["conditions"]["words"] and role in ("material", "word"):
@@ -129,168 +152,155 @@ def _is_grouped(lexeme: Lexeme, run: list[Lexeme], after: Lexeme | None) -> bool
     return lexeme.role in _GROUPED
 
 
-def _owns(lexemes: Sequence[Lexeme], i: int, state: Statements) -> bool:
-    """Whether "'s" belongs to an owner, "the drum's shell", and is no "is"."""
-    if lexemes[i].text != "'s" or state.pending is None or state.pending.scope != "parts":
-        return False
-    for lexeme in lexemes[i + 1 : i + 6]:
-        if not _is_grouped(lexeme, [], None):
-            return False
-        if lexeme.role in ("word", "empty", "part") and lexeme.tag.startswith("NN"):
-            state.pending = None
-            return True
-    return False
+def _groups(
+    run: Sequence[Lexeme], lexicon: ReaderLexicon, before: str, after: str, last: Phrase
+) -> Iterator[Token]:
+    """Tokens of a run, ``before`` and ``after`` which signs stand."""
+    opens = after in ("=", "o") or before in ("x", "F")
+    owes = before in tuple("=o^cf!mTAW~") and not opens
+    if any(x.text.lower() in ("whole", "entire") for x in run):
+        run = [x for x in run if x.role != "word" or x.part]
+        yield Token("W", Draft("whole"))
+    for group in groups_of(run, lexicon, owes=owes, opens=opens):
+        part = _full_name(group, last)
+        if part and part[-1] in words()["attributes"]["matter"] and after == "=":
+            part = part[:-1]
+            if not part:
+                yield Token("W", Draft("whole", lexemes=group.lexemes))
+                continue
+        if (
+            part
+            and group.values
+            and before == "=" == after
+            and group.named
+            and not group.part_first
+        ):
+            said = [m.lexeme for m in group.values]
+            yield _token(replace(group, part=(), lexemes=said), lexicon, last)
+            group = replace(group, values=[])
+        yield _token(replace(group, part=part), lexicon, last)
+        last = part or last
 
 
-def _points(lexeme: Lexeme, after: Lexeme | None) -> bool:
-    """Whether a pronoun only points at the noun after it: "those wheels"."""
-    if lexeme.role != "it" or after is None or lexeme.text.lower() not in _POINTERS:
-        return False
-    said = ("material", "part", "stiffness", "density", "empty")
-    return after.role in said or (after.role == "word" and not after.tag.startswith("V"))
+def _full_name(group: Group, last: Phrase) -> Phrase:
+    """A number or a side alone has the noun that came before it: "leg 1, 2", "the second"."""
+    if last and group.part and all(word.isdigit() for word in group.part):
+        return (*(word for word in last if not word.isdigit()), *group.part)
+    side = group.part[-1:] and group.part[-1] in places() and not group.named
+    own = bool(group.values) and group.part[-1:] and group.part[-1] in known_parts()
+    if last and side and not own:  # "a glass top" is a part of its own
+        return (*group.part, last[-1])
+    return group.part
 
 
-def _on_but(state: Statements, _: Lexeme) -> None:
-    whole = state.pending or state.current
-    general = whole is not None and whole.scope in ("whole", "rest") and not whole.exceptions
-    if general and not state.negated:
-        state.mode = "except"
-    else:
-        state.negated, state.mode, state.link = False, "", "but"
+def _token(group: Group, lexicon: ReaderLexicon, last: Phrase) -> Token:
+    """A group as a token: S a part, V what is said, N that without a matter, B and P both."""
+    draft = Draft("parts" if group.part else "none", [group.part] if group.part else [])
+    draft.named, draft.lexemes = group.named, list(group.lexemes)
+    draft.article = any(x.tag in ("DT", "PRP$") for x in group.lexemes)
+    draft.holds = group.is_thing and not (last and group.values)
+    for mention in group.values:
+        draft.take(mention, lexicon)
+    draft.loose = group.modifiers
+    if not group.part:
+        return Token("V" if draft.material or draft.unknown else "N", draft)
+    sign = "S" if not group.values else "P" if group.part_first else "B"
+    return Token(sign if group.named else sign.lower(), draft)
 
 
-def _on_comma(state: Statements, lexeme: Lexeme) -> None:
-    if lexeme.text in "-–—" and state.pending is not None:
-        state.link = "is"
-        return
-    state.mode = state.mode if state.mode == "except" else ""
-    state.link, state.negated, state.verb = "comma", False, False
+def _settle(drafts: list[Draft], lexed: Lexed) -> None:
+    """Give drafts that are "the same as" others the matter of these."""
+    for i, draft in enumerate(drafts):
+        if draft.same is None:
+            continue
+        others = [d for d in (*reversed(drafts[:i]), *drafts[i + 1 :]) if d.material or d.levels]
+        head = draft.same[-1:]
+        alike = (d for d in others if not head or any(name[-1:] == head for name in d.names))
+        found = next(alike, None)
+        if found is None:
+            who = " ".join(draft.same) or "what came before"
+            lexed.notes.append(f"'the same as {who}': nothing is said of it")
+        else:
+            draft.like(found)
 
 
-def _on_and(state: Statements, _: Lexeme) -> None:
-    state.link = state.link if state.link == "of" and state.mode else "and"
-    state.verb = False
+def _strange_matter(draft: Draft) -> str:
+    """A noun before a part of which nothing else is said, which may be its matter."""
+    ordinary = known_parts() | places()
+    return " ".join(
+        noun.text
+        for noun, part in pairwise(draft.lexemes if draft.named and not draft.says else [])
+        if part.part and not noun.part and (noun.role, noun.tag) == ("word", "NN")
+        and not {*noun.words} & ordinary
+    )  # fmt: skip
 
 
-def _on_is(state: Statements, lexeme: Lexeme) -> None:
-    if lexeme.text.lower() in ("was", "were") and state.link == "bracket":
-        state.negated = True  # "brass (was nylon)"
-    if lexeme.text.lower() == "now" or (lexeme.text == ":" and state.pending is None):
-        state.negated = False
-    waits = state.pending is not None or state.current is None or lexeme.text != ":"
-    state.link, state.mode = "is" if waits else "comma", ""
+def _unread(drafts: Sequence[Draft], lexed: Lexed, dropped: Sequence[Lexeme]) -> Phrase:
+    """Materials, numbers and strange words that no clause took."""
+    # A strange word is taken where it is told with its clause; as a mere name it is not.
+    taken = [
+        x for draft in drafts for x in draft.lexemes
+        if x.known or x.part or x.role != "word" or draft.material or x.text in draft.unknown
+    ]  # fmt: skip
+    taken += dropped
+    spoken = {word for draft in drafts for name in draft.names for word in name}
+    return tuple(
+        x.text for x in lexed.lexemes
+        if (x.role in ("number", "told", "material") or not x.known)
+        and not any(y.start <= x.start < y.end for y in taken)
+        and not (x.part and set(x.words) <= spoken)  # "the soil is moist soil"
+    )  # fmt: skip
 
 
-def _on_of(state: Statements, _: Lexeme) -> None:
-    state.link = state.link if state.mode == "coat" else "of"
+def _doubts(draft: Draft) -> tuple[str, ...]:
+    """What of a draft was guessed or left out."""
+    strange = (
+        x.text for x in draft.lexemes
+        if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
+        and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
+    )  # fmt: skip
+    left = [*draft.left, *(strange if draft.material else ())]
+    told = [f"{word!r} beside it is left out" for word in left]
+    return tuple(dict.fromkeys([*(x.note for x in draft.lexemes if x.note), *told]))
 
 
-def _on_off(state: Statements, lexeme: Lexeme) -> None:
-    text = lexeme.text.lower()
-    if text in ("to", "for", "into", "by") and state.negated:  # "changed from brass to steel"
-        state.negated, state.link = False, "but"
-    else:
-        state.link = "for" if text == "for" else "off"
+def _clause(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
+    start = min((x.start for x in draft.lexemes), default=0)
+    end = max((x.end for x in draft.lexemes), default=0)
+    names = tuple(dict.fromkeys(name for name in draft.names if name))
+    unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft)
+    said = (x.text.lower() for x in draft.lexemes)
+    return Clause(
+        text=text[start:end],
+        span=(start, end),
+        subject=Subject(
+            "none" if draft.scope == "parts" and not names else draft.scope,
+            names, tuple(draft.exceptions), draft.holds,
+        ),
+        material=draft.material.name if draft.material else None,
+        phrase=draft.phrase,
+        kind=draft.kind,
+        unknown=unknown,
+        nearest=_nearest_rows(unknown, lexicon),
+        excluded=tuple(draft.excluded),
+        stiffness=draft.levels.get("stiffness"),
+        density=draft.levels.get("density"),
+        character=tuple(dict.fromkeys(draft.character)),
+        numbers=tuple(draft.numbers),
+        comparisons=tuple(draft.comparisons),
+        coating=draft.coating,
+        filling=draft.filling,
+        blend=draft.blend,
+        condition=next((w for w in said if w in words()["conditions"]["words"]), ""),
+        doubts=doubts,
+        certainty=MENDED if doubts else SURE,
+    )  # fmt: skip
 
 
-def _on_with(state: Statements, _: Lexeme) -> None:
-    if state.mode in ("coat", "fill"):
-        return
-    if state.swaps:  # "replace the wood with foam"
-        state.negated, state.swaps, state.link = False, False, "but"
-        return
-    for draft in (state.pending, state.current):
-        if draft is not None:
-            draft.holds = True
-    state.link, state.verb = "with", False
+def _nearest_rows(word: str, lexicon: ReaderLexicon) -> tuple[str, ...]:
+    """Names of the rows that are written most like a word."""
+    from rapidfuzz.process import extract
 
-
-def _on_not(state: Statements, lexeme: Lexeme) -> None:
-    state.negated, state.neither = True, lexeme.text.lower() == "neither"
-
-
-def _on_swap(state: Statements, _: Lexeme) -> None:
-    state.negated = state.swaps = True
-
-
-def _on_becomes(state: Statements, _: Lexeme) -> None:
-    """An arrow is a colon after a part, and a change after its material; so is "no," after it."""
-    state.link = "is"
-    if state.pending is None and state.current is not None:
-        state.current.becomes = True
-
-
-def _on_same(state: Statements, lexeme: Lexeme) -> None:
-    draft = state.pending or state.current
-    weak = lexeme.text.lower() in ("too", "as well", "like", "just like")
-    if draft is None or (weak and draft is state.current and "like" not in lexeme.text.lower()):
-        return
-    if not (weak and draft is state.current):
-        draft.same = ()
-        state.settle(draft)
-    state.mode = "same"
-
-
-def _on_open(state: Statements, _: Lexeme) -> None:
-    state.link = "is"
-    if state.excepted is not None:
-        state.held, state.pending, state.excepted = state.pending, state.excepted, None
-    elif state.pending is None and state.current is not None:
-        state.link = "bracket"
-
-
-def _on_close(state: Statements, _: Lexeme) -> None:
-    state.link = ""
-    if state.held is not None:
-        state.pending, state.held = state.held, None
-
-
-def _on_it(state: Statements, lexeme: Lexeme) -> None:
-    """A pronoun takes up the last subject; after a preposition it says nothing."""
-    if state.mode == "than":
-        state.compare_with(state.last_part)
-    elif state.excepted is not None:
-        state.pending, state.excepted, state.mode = state.excepted, None, ""
-    elif state.fronted and lexeme.text.lower() != "which" and state.waits_for_no_other():
-        state.pending, state.link = Draft("whole", exceptions=state.fronted), ""
-        state.fronted = []
-    elif lexeme.text.lower() == "which" and state.pending is None and state.is_other():
-        state.pending, state.link = Draft("parts", [state.last_part], named=True), ""
-    elif state.pending is None and state.link not in ("of", "on", "off"):
-        state.link = "but" if state.current is not None else ""
-        state.pending = None if state.current is not None else Draft("whole")
-
-
-def _on_general(state: Statements, lexeme: Lexeme) -> None:
-    """Start a statement about everything, what is left, or the other of two."""
-    busy = state.pending is not None and not (state.fronted and state.waits_for_no_other())
-    if lexeme.role == "whole" and (busy or state.link == "of"):
-        return
-    state.flush()
-    state.link, state.current = "swallow", None
-    if lexeme.role == "other":
-        state.link = ""
-        state.pending = Draft("parts", [("other", *state.last_part[-1:])])
-    else:
-        state.pending = Draft("whole" if lexeme.role == "whole" else "rest")
-        state.pending.exceptions, state.fronted = state.fronted, []
-
-
-def _mode(name: str) -> Callable[[Statements, Lexeme], None]:
-    def connect(state: Statements, _: Lexeme) -> None:
-        state.mode = name
-
-    return connect
-
-
-# What the words between groups do, by their role; a role that is not here is only remembered.
-_CONNECTORS: dict[str, Callable[[Statements, Lexeme], None]] = {
-    "stop": lambda state, _: state.stop(),
-    "but": _on_but, "comma": _on_comma, "and": _on_and, "is": _on_is, "of": _on_of, "off": _on_off,
-    "with": _on_with, "swap": _on_swap, "becomes": _on_becomes,
-    "not": _on_not, "same": _on_same, "open": _on_open, "close": _on_close,
-    "it": _on_it, "whole": _on_general, "rest": _on_general, "other": _on_general,
-    "except": _mode("except"), "coat": _mode("coat"), "fill": _mode("fill"),
-    "looks": _mode("look"), "than": _mode("than"),
-    "as": lambda state, _: setattr(state, "mode", "same" if state.mode == "same" else "than"),
-}  # fmt: skip
+    names = {" ".join(phrase): row.name for phrase, row in lexicon.rows.items()} if word else {}
+    near = extract(word.lower(), list(names), limit=2 * NEAREST)
+    return tuple(dict.fromkeys(names[name] for name, *_ in near))[:NEAREST]

@@ -1,0 +1,292 @@
+"""The grammar: tokens that say something, joined by rules over the signs of their sequence.
+
+Every token has a sign of one character (``data/grammar.toml`` lists them). A rule is a regular
+expression over the signs of a text with named groups: the one called ``head`` takes what the others
+say, each in the role that its name says, and stands for all of them. Rules are tried in their
+order, each until it fits nowhere: a cascade of finite-state transducers (Hobbs et al. 1997,
+FASTUS).
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from ...fem.scene.materials import Material
+from .clauses import Blend, Comparison, Quantity, Scope
+from .groups import Mention
+from .lexicon import DATA, Phrase, ReaderLexicon, known_parts, words
+from .lexing import Lexeme
+from .phrases import contents_called
+
+SAYING = "VNXBbPpDGSsWtOEm"  # signs of tokens that have a draft
+
+
+@dataclass(eq=False)
+class Draft:
+    """A clause in the making: its subject and what was said of it up to here."""
+
+    scope: Scope = "none"
+    names: list[Phrase] = field(default_factory=list)
+    exceptions: list[Phrase] = field(default_factory=list)
+    named: bool = False  # a part of the asset is called so
+    holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
+    article: bool = False  # "a", "the", "its" stands before it
+    material: Material | None = None
+    phrase: str = ""
+    kind: str | None = None
+    unknown: str = ""
+    excluded: list[str] = field(default_factory=list)
+    levels: dict[str, Any] = field(default_factory=dict)
+    character: list[str] = field(default_factory=list)
+    numbers: list[Quantity] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    coating: str | None = None
+    filling: str | None = None
+    blend: Blend | None = None
+    same: Phrase | None = None  # the other part whose matter it has; () for the one before
+    left: list[str] = field(default_factory=list)  # words that say a matter and were not taken
+    loose: list[str] = field(default_factory=list)  # nouns before its matter
+    lexemes: list[Lexeme] = field(default_factory=list)
+
+    def take(self, mention: Mention, lexicon: ReaderLexicon) -> None:
+        """Take what a mention says."""
+        value = mention.value
+        if isinstance(value, Material):
+            kind = lexicon.kinds.get(" ".join(mention.lexeme.words))
+            if mention.kind in ("coating", "filling"):
+                setattr(self, mention.kind, value.name)
+            elif self.material is None or self.kind:
+                self.material, self.kind, self.phrase = value, kind, mention.lexeme.text
+        elif isinstance(value, Comparison):
+            self.comparisons.append(value)
+        elif isinstance(value, Quantity):
+            self.numbers.append(value)
+        elif isinstance(value, Blend):
+            self.blend = value
+        elif isinstance(value, tuple):
+            role, level = value
+            if role == "character":
+                self.character.append(level)
+            else:
+                self.levels.setdefault(role, level)
+        elif mention.kind == "unknown":
+            self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
+        elif mention.kind == "left":
+            self.left.append(mention.lexeme.text)
+
+    def add(self, other: Draft, *, instead: bool = False) -> None:
+        """Take what another says of the same; its matter ``instead`` of the own."""
+        if other.material and (self.material is None or self.kind or instead):
+            self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
+        for name in ("excluded", "character", "numbers", "comparisons", "left"):
+            getattr(self, name).extend(getattr(other, name))
+        self.left += other.loose
+        self.levels = {**other.levels, **self.levels}
+        for name in ("coating", "filling", "blend", "unknown"):
+            setattr(self, name, getattr(self, name) or getattr(other, name))
+        self.same = other.same if self.same is None else self.same
+
+    def rule_out(self) -> None:
+        """Turn what is said into what is not: "not steel", "not soft"."""
+        if self.material:
+            self.excluded.append(self.kind or self.material.name)
+        self.levels = {k: 2 if v > 3 else 4 for k, v in self.levels.items()}
+        self.material, self.kind, self.phrase, self.character, self.unknown = None, None, "", [], ""
+
+    def like(self, other: Draft) -> None:
+        """Take the matter of another; its own kind must not be against it."""
+        if self.kind and self.material and other.material:
+            if other.material.category != self.material.category:
+                return
+        elif self.material:
+            return
+        self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
+        self.levels = {**other.levels, **self.levels}
+        self.numbers = self.numbers or [q for q in other.numbers if q.measure != "mass"]
+        self.blend, self.unknown = self.blend or other.blend, self.unknown or other.unknown
+
+    @property
+    def says(self) -> bool:
+        """Whether anything was said."""
+        return bool(
+            self.material or self.unknown or self.excluded or self.levels or self.character
+            or self.numbers or self.comparisons or self.coating or self.filling or self.blend
+            or self.same is not None
+        )  # fmt: skip
+
+    @property
+    def said(self) -> list[str]:
+        """All words that were said of it, without plurals."""
+        return [word for x in self.lexemes for word in x.words]
+
+    def compare_with(self, part: Phrase) -> None:
+        """Say which part the last comparison is with."""
+        if self.comparisons:
+            self.comparisons[-1] = replace(self.comparisons[-1], other=part)
+
+
+@dataclass(eq=False)
+class Token:
+    """One sign of a text: a connector without a draft, or what a draft says."""
+
+    sign: str
+    draft: Draft | None = None
+
+
+class Rule(NamedTuple):
+    """Where a rule fits, the sign of what it makes, and the role that it leaves standing after."""
+
+    find: re.Pattern
+    to: str
+    keep: str
+
+
+@lru_cache(maxsize=1)
+def grammar() -> dict[str, Any]:
+    """Signs by role, and rules: ``data/grammar.toml``."""
+    data = tomllib.loads((DATA / "grammar.toml").read_text(encoding="utf-8"))
+
+    def spelt(pattern: str) -> str:
+        return re.sub(r"<([A-Z_]+)>", lambda m: spelt(data["sets"][m[1]]), pattern)
+
+    rules = [
+        Rule(re.compile(spelt(r["find"])), r.get("to", ""), r.get("keep", "")) for r in data["rule"]
+    ]
+    return {"signs": data["signs"], "rules": rules}
+
+
+class Cascade:
+    """The tokens of a text, which rules join to statements."""
+
+    def __init__(self, tokens: list[Token], lexicon: ReaderLexicon) -> None:
+        self.tokens, self.lexicon = tokens, lexicon
+        self.dropped: list[Lexeme] = []  # read, and of nothing that is there
+
+    def run(self) -> list[Draft]:
+        """Apply every rule until it fits nowhere; return the drafts that are left."""
+        for rule in grammar()["rules"]:
+            for _ in range(len(self.tokens)):
+                signs = "".join(token.sign for token in self.tokens)
+                if not any(self._apply(rule, match) for match in rule.find.finditer(signs)):
+                    break
+        return [token.draft for token in self.tokens if token.draft is not None]
+
+    def _apply(self, rule: Rule, match: re.Match) -> bool:
+        """Join what a match spans, and say whether its sequence is another then."""
+        span = self.tokens[slice(*match.span())]
+        groups = {
+            role: self.tokens[slice(*match.span(role))]
+            for role in rule.find.groupindex if match[role]
+        }  # fmt: skip
+        said = [(role, t.draft) for role, tokens in groups.items() for t in tokens if t.draft]
+        made = next((t for t in groups.get("head", []) if t.draft), Token(rule.to))
+        draft = made.draft = made.draft or Draft()
+        if any(not _GUARDS[role](self, draft, other) for role, other in said if role in _GUARDS):
+            return False
+        for role, other in said:
+            if other is not draft and role != "keep":
+                _ROLES[role](self, draft, other)
+                kept = role in ("exceptions", rule.keep)
+                into = self.dropped if role == "drop" else draft.lexemes
+                into += [] if kept else other.lexemes
+        if "last" in groups:
+            self._compare_with_last(draft, match.start())
+        if made not in span and made.sign not in SAYING:
+            made.draft = None
+        made.sign = rule.to.strip("-") or made.sign
+        for token in groups.get("exceptions", []):
+            token.sign = token.sign.replace("E", "S")
+        stays = [t for t in span if t is made or t in groups.get(rule.keep, [])]
+        new = [] if rule.to == "-" else stays if made in stays else [made, *stays]
+        self.tokens[slice(*match.span())] = new
+        return "".join(t.sign for t in new) != match[0]
+
+    def _compare_with_last(self, draft: Draft, at: int) -> None:
+        """Compare with the last part that was named before: "lighter than them"."""
+        said = [t.draft for t in reversed(self.tokens[:at]) if t.draft and t.draft.names]
+        before = (other.names[-1] for other in said if other.names[-1] not in draft.names)
+        draft.compare_with(next(before, ()))
+
+
+def _names(_: Cascade, head: Draft, other: Draft) -> None:
+    head.scope = other.scope if head.scope == "none" else head.scope
+    head.names += other.names
+    head.exceptions += other.exceptions
+    head.named, head.holds = head.named or other.named, head.holds or other.holds
+    head.filling = head.filling or other.filling
+
+
+def _more(cascade: Cascade, head: Draft, other: Draft) -> None:
+    _names(cascade, head, other)
+    head.add(other)
+
+
+def _owned(_: Cascade, head: Draft, other: Draft) -> None:
+    """Put the owner before a name: "the top of the table" is the table's top."""
+    head.names[-1:] = [(*other.names[-1], *name) for name in head.names[-1:]]
+    head.named = head.named or other.named
+
+
+def _renamed(_: Cascade, head: Draft, other: Draft) -> None:
+    head.scope, head.names, head.named = "parts", other.names, other.named
+    head.add(other)
+
+
+def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
+    row = other.material.name if other.material else None
+    head.filling = contents_called(other.said, cascade.lexicon) or row or head.filling
+
+
+def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
+    """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
+    containers, row = words()["containers"], other.material
+    heads = {name[-1] for name in head.names if name}
+    fills = row is None or row.category in containers["matter"]
+    loose = contents_called(other.said, cascade.lexicon) not in (None, row and row.name)
+    plural = bool(other.lexemes) and other.lexemes[-1].text.lower().endswith("s")
+    return bool(heads & set(containers["words"])) and loose and (fills or plural)
+
+
+def _is_strange(cascade: Cascade, _: Draft, other: Draft) -> bool:
+    """Whether a noun in the place of a material is meant for one that nobody knows."""
+    strange = any(not x.known for x in other.lexemes) and not other.named
+    head = other.names[-1][-1]
+    known = other.article or other.named or head in known_parts()
+    return strange or not (known or cascade.lexicon.model.is_word(head, ("adj",)))
+
+
+def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
+    head.unknown = " ".join(x.text for x in other.lexemes if x.words)
+
+
+def _negated(_: Cascade, head: Draft, other: Draft) -> None:
+    other.rule_out()
+    head.add(other)
+    _names(_, head, other)
+
+
+def _coat(_: Cascade, head: Draft, other: Draft) -> None:
+    head.coating = other.material.name if other.material else other.coating
+
+
+# What a rule's groups say of its head.
+_ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
+    "head": _more, "names": _names, "owner": _owned, "coating": _coat, "filling": _fill,
+    "contents": _fill, "unknown": _unknown, "excluded": _negated,
+    "values": lambda _, head, other: head.add(other),
+    "first": lambda _, head, other: head.add(other), "last": lambda *_: None,
+    "instead": lambda _, head, other: head.add(other, instead=True),
+    "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
+    "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
+    "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
+    "renamed": _renamed, "drop": lambda *_: None, "keep": lambda *_: None,
+}  # fmt: skip
+_GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
+    "contents": _holds_contents, "unknown": _is_strange,
+    "first": lambda _, head, other: head.material is None and not head.unknown,
+}  # fmt: skip
