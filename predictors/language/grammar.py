@@ -35,6 +35,7 @@ class Draft:
     exceptions: list[Phrase] = field(default_factory=list)
     named: bool = False  # a part of the asset is called so
     holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
+    mixed: bool = False  # numbers or strange words stand beside its name
     article: bool = False  # "a", "the", "its" stands before it
     material: Material | None = None
     phrase: str = ""
@@ -81,7 +82,9 @@ class Draft:
 
     def add(self, other: Draft, *, instead: bool = False) -> None:
         """Take what another says of the same; its matter ``instead`` of the own."""
-        if other.material and (self.material is None or self.kind or instead):
+        if other.material and self.material and not (self.kind or instead):
+            self.left += [other.phrase] if other.material is not self.material else []
+        elif other.material:
             self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
         for name in ("excluded", "character", "numbers", "comparisons", "left"):
             getattr(self, name).extend(getattr(other, name))
@@ -276,8 +279,8 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 
 # What a rule's groups say of its head.
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
-    "head": _more, "names": _names, "owner": _owned, "coating": _coat, "filling": _fill,
-    "contents": _fill, "unknown": _unknown, "excluded": _negated,
+    "head": _more, "pure": _names, "names": _names, "owner": _owned, "coating": _coat,
+    "filling": _fill, "contents": _fill, "unknown": _unknown, "excluded": _negated,
     "values": lambda _, head, other: head.add(other),
     "first": lambda _, head, other: head.add(other), "last": lambda *_: None,
     "instead": lambda _, head, other: head.add(other, instead=True),
@@ -289,4 +292,5 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange,
     "first": lambda _, head, other: head.material is None and not head.unknown,
+    "pure": lambda _, head, other: not other.mixed,
 }  # fmt: skip

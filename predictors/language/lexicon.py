@@ -16,6 +16,7 @@ DATA = Path(__file__).parent / "data"
 ATOM = re.compile(
     r"n['’]t\b|['’](?:s|re|ve|ll|d|m)\b|[^\W\d_]+?(?=n['’]t\b)|[^\W\d_]+|\d+(?:[.,]\d+)*|\n|->|=>|\S"
 )
+NEAREST = 3  # rows that are named beside an unknown material
 SHORT = 3  # letters of an acronym that may be an English word too: "PET", "PA"
 _SPELT = ("stiffness", "density", "character", "coat", "coating", "rest")  # roles worth mending to
 Phrase = tuple[str, ...]
@@ -119,6 +120,14 @@ class ReaderLexicon:
             if len(phrase) == 2 and len(phrase[0]) > SHORT and phrase[0].isalpha():
                 found.setdefault(phrase[1], []).append(phrase[0])
         return found
+
+    def nearest(self, word: str) -> Phrase:
+        """Names of the rows that are written most like a word."""
+        from rapidfuzz.process import extract
+
+        names = {" ".join(phrase): row.name for phrase, row in self.rows.items()} if word else {}
+        near = extract(word.lower(), list(names), limit=2 * NEAREST)
+        return tuple(dict.fromkeys(names[name] for name, *_ in near))[:NEAREST]
 
     def row_words(self, row: Material) -> set[str]:
         """All words by which a row is called."""

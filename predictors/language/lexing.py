@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
-from ...fem.scene.materials import Material
-from .clauses import Quantity
 from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
 from .quantities import numerals
 from .spelling import mended_spelling
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w./-])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
+_SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
 _TIMES = re.compile(r"(?i)\d+x")
 # Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
 _HARMLESS = re.compile(
@@ -52,6 +50,7 @@ class Lexed:
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
+    text = _plain(text)
     cut, notes, strange, mended = mended_spelling(atoms(text, lexicon.model), lexicon, known)
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
@@ -61,9 +60,16 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
     ]
-    lexemes = _tag(_hardnesses(lexemes), lexicon)
-    notes += [lexeme.note for lexeme in lexemes if lexeme.note]
-    return Lexed(lexemes, list(dict.fromkeys(notes)))
+    lexemes = _tag(lexemes, lexicon)
+    return Lexed(lexemes, notes)
+
+
+def _plain(text: str) -> str:
+    """Write what stands for a word or a column by that, in as many characters."""
+    for rule in words()["rewrites"]:
+        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
+        text = re.sub(rule["find"], width, text)
+    return text
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -184,22 +190,8 @@ def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
         for m in _CODE.finditer(text)
         for role in ["idle" if _HARMLESS.fullmatch(m[0]) else "word"]
         if not _TIMES.fullmatch(m[0])
-        and all(m.end() <= x.start or x.end <= m.start() or x.role == "word" for x in found)
+        and all(m.end() <= x.start or x.end <= m.start() or x.role in _SMALL for x in found)
     ]  # fmt: skip
-
-
-def _hardnesses(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Take a bare number after a rubber for its hardness, as lists of seals write: "NBR 70"."""
-    out = list(lexemes[:1])
-    for before, lexeme in pairwise(lexemes):
-        row = before.value if before.role == "material" else None
-        rubber = isinstance(row, Material) and row.category == "elastomer"
-        if rubber and lexeme.role == "digits" and re.fullmatch(r"[2-9]\d", lexeme.text):
-            said = Quantity("shore_a", float(lexeme.text), lexeme.text)
-            note = f"{lexeme.text!r} after {before.text!r} is taken as its Shore A hardness"
-            lexeme = replace(lexeme, role="number", value=said, note=note)
-        out.append(lexeme)
-    return out
 
 
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ...fem.scene.materials import Material
-from .clauses import Comparison
-from .lexicon import ReaderLexicon, words
+from .clauses import Comparison, Quantity
+from .lexicon import Phrase, ReaderLexicon, words
 from .lexing import Lexeme
 from .quantities import number
 
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times
+_HARDNESS = re.compile(r"(?:hardness\W*(?:of )?)?([AD])?-?([1-9]\d)([AD])?")
+_RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
 _COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
 
 
@@ -93,3 +96,59 @@ def contents_called(said: Sequence[str], lexicon: ReaderLexicon) -> str | None:
     """Row of the loose matter or liquid that the last words of ``said`` name."""
     tails = (tuple(said[i:]) for i in range(len(said)))
     return next((lexicon.contents[tail] for tail in tails if tail in lexicon.contents), None)
+
+
+def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Take numbers without a word for what they are where their neighbours tell it.
+
+    Two digits beside a rubber are its hardness, as lists of seals write it ("NBR 70", "rubber
+    A-70"); what follows a modulus and lies below 0.5 is Poisson's ratio ("69 GPa / 0.33").
+    """
+    out: list[Lexeme] = []
+    for i, lexeme in enumerate(lexemes):
+        said, note = _HARDNESS.fullmatch(lexeme.text), ""
+        near = lexemes[max(i - 3, 0) : i + 3]
+        rubber = next((x for x in near if _is_rubbery(x)), None)
+        bare = said is not None and not (said[1] or said[3] or "hardness" in lexeme.text)
+        close = not bare or rubber in [x for x in lexemes[:i][-2:] if x.role != "hyphen"][-1:]
+        if said and rubber and close and lexeme.role in ("digits", "word", "told", "material"):
+            measure = "shore_d" if "D" in (said[1], said[3]) else "shore_a"
+            note = f"{lexeme.text!r} beside {rubber.text!r} is taken as its Shore hardness"
+            value = Quantity(measure, float(said[2]), lexeme.text)
+        elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and _after_modulus(out):
+            note = f"{lexeme.text!r} after a modulus is taken as Poisson's ratio"
+            value = Quantity("nu", number(lexeme.text), lexeme.text)
+        out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
+    return out
+
+
+def _is_rubbery(lexeme: Lexeme) -> bool:
+    row = lexeme.value if lexeme.role == "material" else None
+    named = isinstance(row, Material) and bool(_RUBBERY.search(row.name))
+    return named or (isinstance(row, Material) and row.category == "elastomer")
+
+
+def _after_modulus(before: Sequence[Lexeme]) -> bool:
+    """Whether a modulus came last, with no more than a sign after it."""
+    last = next((x for x in before[:-3:-1] if x.role == "number"), None)
+    return last is not None and isinstance(last.value, Quantity) and last.value.measure == "E"
+
+
+def first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
+    """Words of the first noun phrase, up to one that joins: "this is a can of ..." is "a can".
+
+    What a participle says of the noun before it comes first: "a ball inflated with ...".
+    """
+    phrase, noun = list[str](), False
+    for lexeme in lexemes:
+        before = lexeme.role == "coat" and not noun  # "a painted drum"
+        if lexeme.role in stops and not before:
+            if phrase and phrase[-1] != "image":  # "an image of a chair"
+                break
+            phrase = []
+        elif phrase and lexeme.dep == "acl":
+            return (*lexeme.words, *phrase)
+        else:
+            phrase += lexeme.words
+            noun = noun or lexeme.tag.startswith("NN")
+    return tuple(phrase)

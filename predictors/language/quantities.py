@@ -18,11 +18,15 @@ from .clauses import Blend, Measure, Quantity
 _DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
 _DIGITS = r"(?:\d{1,3}(?:[   ]\d{3})+(?![\d.])|\.?\d(?:[\d.,']*\d)?)"
-_NUMBER = rf"(?<![\d.]){_DIGITS}(?:\s?[x×*·]\s?10\s?(?:\^?\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)|[eE][-+−]?\d+)?"
-_SPREAD = r"(?:\s?(?:-|–|to|\.\.+|and|bis)\s?(?P<high>{n})|\s?(?:±|\+/-)\s?[\d.,]+\s?%?)?"
+_POWER = r"10(?:\s?\^\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)"
+_NUMBER = rf"(?<![\d.])(?:{_POWER}|{_DIGITS}(?:\s?[x×*·]\s?(?:{_POWER}|10\s?-?\d+)|[eE][-+−]?\d+)?)"
+_SPREAD = (
+    r"(?:\s?(?:-|–|to|\.\.+|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
+    r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?)?"
+)
 _LINK = (
-    r"\s*(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
-    r"|in the range of|between)\s*)*"
+    r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
+    r"|in the range of)\s*)*"
 )
 _PREFIXES, _PREFIXED, _PLAIN = (_DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
 
@@ -34,13 +38,13 @@ def _any(words: Any) -> str:
 _ATOM = (
     rf"(?i:(?:(?:cubic|cu\.?|square|sq\.?)\s?)?(?:{_any(_PLAIN)}"
     rf"|(?:{_any(_PREFIXES)})?(?:{_any(_PREFIXED)})))"
-    r"(?:\^?[-−]?[23](?!\d)|[²³]|⁻[¹²³])?(?![^\W\d_])"
+    r"(?:(?:\^|\*\*)?[-−]?[23](?!\d)|[²³]|⁻[¹²³])?(?![^\W\d_])"
 )
 _TIMES = r"(?:\s?(?:/|·|\*|per\b)\s?|\s(?=[^\W\d_]+(?:\^?[-−][123]|⁻[¹²³])))"
 _UNIT = rf"(?:(?i:{_any(_DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATOM})*)"
 _ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in _DATA["cues"].items())
 _VALUE = (
-    rf"(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}"
+    rf"(?P<between>between\s)?(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}"
     rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']}))?"
 )
 _BEFORE = re.compile(rf"(?<![\w.])(?:{_ANY_CUE}){_LINK}{_VALUE}")
@@ -56,8 +60,9 @@ _SHORE = re.compile(
     rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?-?(?P<s2>[ADad])(?!\w))?"
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
-    rf"|(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?!\w)"
-    rf"|(?P<n3>[1-9]\d)-?(?P<s5>[ADad])(?![\w-]))"
+    rf"|(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
+    rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
+    rf"|(?P<n3>[1-9]\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
 _SHORE_00 = re.compile(r"(?i:shore\s?-?)(?:O?OO|000?|o)\s?-?\d*|(?<![\w.])00-\d\d(?!\d)")
 
@@ -78,6 +83,11 @@ _BARE = {
 }
 
 
+_WORD = rf"((?i:{_any(_DATA['words'])}))"
+_WORDS = re.compile(rf"(?<![\w-]){_WORD}(?: point {_WORD})?(?![\w-])")
+_EUROPEAN = re.compile(r"(?<![\d.,])(?:0,\d|\d+,\d{1,2}(?![\d,]))")
+
+
 class Numeral(NamedTuple):
     """A number at a place of the text: what it says, or None where that is no measure of ours."""
 
@@ -90,11 +100,20 @@ class Numeral(NamedTuple):
 def numerals(text: str) -> list[Numeral]:
     """Return the numbers of a text that measure something, none over another."""
     found: list[Numeral] = []
+    text = _WORDS.sub(_digits, text)
+    if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
+        text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
     for finder in (_blends, _shores, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
     return sorted(found)
+
+
+def _digits(match: re.Match) -> str:
+    """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
+    whole, part = (_DATA["words"].get(match[k].lower(), "") if match[k] else "" for k in (1, 2))
+    return (f"{whole}.{part}" if part else str(whole)).rjust(len(match[0]))
 
 
 def _blends(text: str) -> Iterator[Numeral]:
@@ -112,7 +131,7 @@ def _shores(text: str) -> Iterator[Numeral]:
         yield Numeral(*match.span(), None, f"{match[0]!r}: Shore 00 has no relation to E here")
     for match in _SHORE.finditer(text):
         number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
-        scale = next((match[g] for g in ("s1", "s2", "s3", "s4", "s5", "s6") if match[g]), "A")
+        scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
         if 0 < int(number) <= 100:
             yield Numeral(*match.span(), Quantity(measure, float(number), match[0]))
@@ -148,6 +167,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))
         value, note = value * scale, f"{said!r} has no unit: {unit} is taken"
+    if measure == "rho" and value < 10 and re.fullmatch(r"\d{1,3}\.\d{3}", group["low"]):
+        value, note = 1e3 * value, f"{said!r}: its point is taken to part thousands"
     if measure == "infill" and dimension is None:
         value = value / 100 if group["share"] or value > 1 else value
     elif dimension != {"thickness": "size", "nu": None}.get(measure, measure) and not (
@@ -162,6 +183,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
 
 def number(text: str) -> float:
     """Return a number as it is written: "2.5", "2,5", "29,000", "7e10", "1.2 x 10^9"; else 0."""
+    if re.fullmatch(_POWER, text):
+        text = f"1x{text}"
     text = re.sub(r"\s?[x×*·]\s?10\s?\^?\s?", "e", text).translate(_RAISED)
     text = re.sub(r"['   ]", "", text).rstrip(".,")
     if re.fullmatch(r"\d{1,3}(?:,\d{3})+(?:\.\d+)?(?:e.*)?", text, re.IGNORECASE):
@@ -189,7 +212,7 @@ def _si(unit: str) -> tuple[str | None, float]:
 def _atom(written: str) -> str:
     """How pint calls one unit: "cubic foot" -> ft^3, "mm2" -> mm^2, "Gpa" -> GPa."""
     found = re.fullmatch(
-        r"(?i)(?:(cu)(?:bic|\.)?\s?|(sq)(?:uare|\.)?\s?)?(.*?)\^?(-?[23])?",
+        r"(?i)(?:(cu)(?:bic|\.)?\s?|(sq)(?:uare|\.)?\s?)?(.*?)(?:\^|\*\*)?(-?[23])?",
         written.translate(_RAISED),
     )
     cubed, squared, name, power = found.groups() if found else ("", "", written, "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
@@ -17,17 +17,16 @@ from .grammar import Cascade, Draft, Token, grammar
 from .groups import Group, groups_of
 from .lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
 from .lexing import Lexed, Lexeme, lex
-from .phrases import join_comparisons
+from .phrases import bare_numbers, first_phrase, join_comparisons
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
-NEAREST = 3  # rows that are named beside an unknown material
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _GROUPED = (
     "word", "material", "part", "number", "stiffness", "density", "character", "degree", "fake",
     "coat", "coating", "look", "attributes", "empty", "compare", "idle", "factors", "vague",
     "digits", "size", "told", "sign", "hyphen", "nobody", "all",
 )  # fmt: skip
-_STOPS = {*grammar()["signs"], "sign"} - {"word"}
+_NAMING = ("is", "of", "word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
 
 
 def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
@@ -53,41 +52,22 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
+    lexed.lexemes = bare_numbers(lexed.lexemes)
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
     left = cascade.run()
     told = {name for draft in left if draft.says for name in draft.names}
     for draft in left:
-        if not told & {*draft.names}:
-            draft.unknown = draft.unknown or _strange_matter(draft)
+        if draft.named and not draft.says and not told & {*draft.names}:
+            _take_strange(draft, lexed.lexemes)
     drafts = [draft for draft in left if draft.says]
     _settle(drafts, lexed)
     return Sentence(
         text,
         tuple(_clause(text, draft, lexicon) for draft in drafts),
         _unread(drafts, lexed, cascade.dropped),
-        tuple(dict.fromkeys(lexed.notes)),
-        _first_phrase(lexed.lexemes),
+        tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
+        first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
     )
-
-
-def _first_phrase(lexemes: Sequence[Lexeme]) -> Phrase:
-    """Words of the first noun phrase, up to one that joins: "this is a can of ..." is "a can".
-
-    What a participle says of the noun before it comes first: "a ball inflated with ...".
-    """
-    phrase, noun = list[str](), False
-    for lexeme in lexemes:
-        before = lexeme.role == "coat" and not noun  # "a painted drum"
-        if lexeme.role in _STOPS and not before:
-            if phrase and phrase[-1] != "image":  # "an image of a chair"
-                break
-            phrase = []
-        elif phrase and lexeme.dep == "acl":
-            return (*lexeme.words, *phrase)
-        else:
-            phrase += lexeme.words
-            noun = noun or lexeme.tag.startswith("NN")
-    return tuple(phrase)
 
 
 def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Token]:
@@ -178,7 +158,10 @@ def _groups(
             said = [m.lexeme for m in group.values]
             yield _token(replace(group, part=(), lexemes=said), lexicon, last)
             group = replace(group, values=[])
-        yield _token(replace(group, part=part), lexicon, last)
+        token = _token(replace(group, part=part), lexicon, last)
+        if token.draft and token.sign in "Ss":
+            token.draft.mixed = any(not x.part and _is_code(x) for x in run)
+        yield token
         last = part or last
 
 
@@ -224,15 +207,23 @@ def _settle(drafts: list[Draft], lexed: Lexed) -> None:
             draft.like(found)
 
 
-def _strange_matter(draft: Draft) -> str:
-    """A noun before a part of which nothing else is said, which may be its matter."""
-    ordinary = known_parts() | places()
-    return " ".join(
-        noun.text
-        for noun, part in pairwise(draft.lexemes if draft.named and not draft.says else [])
+def _take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
+    """Take for an unknown matter what may be one of a mute part: "horsehair tail", "pin QT-500"."""
+    ordinary, start = known_parts() | places(), draft.lexemes[0].start
+    before = [
+        noun for noun, part in pairwise(draft.lexemes)
         if part.part and not noun.part and (noun.role, noun.tag) == ("word", "NN")
         and not {*noun.words} & ordinary
-    )  # fmt: skip
+    ]  # fmt: skip
+    here = takewhile(lambda x: x.role in _NAMING, (x for x in lexemes if x.start >= start))
+    codes = [x for x in here if not x.part and _is_code(x)]
+    draft.unknown = " ".join(dict.fromkeys(x.text for x in (*before, *codes)))
+    if draft.unknown:
+        draft.names = [tuple(w for x in draft.lexemes if x.part for w in x.words)]
+
+
+def _is_code(lexeme: Lexeme) -> bool:
+    return not lexeme.known or lexeme.role in ("digits", "told")
 
 
 def _unread(drafts: Sequence[Draft], lexed: Lexed, dropped: Sequence[Lexeme]) -> Phrase:
@@ -240,16 +231,22 @@ def _unread(drafts: Sequence[Draft], lexed: Lexed, dropped: Sequence[Lexeme]) ->
     # A strange word is taken where it is told with its clause; as a mere name it is not.
     taken = [
         x for draft in drafts for x in draft.lexemes
-        if x.known or x.part or x.role != "word" or draft.material or x.text in draft.unknown
+        if x.text in draft.unknown
+        or ((x.known or x.part or x.role != "word" or draft.material) and not _is_measure(x))
     ]  # fmt: skip
     taken += dropped
     spoken = {word for draft in drafts for name in draft.names for word in name}
     return tuple(
         x.text for x in lexed.lexemes
-        if (x.role in ("number", "told", "material") or not x.known)
+        if (x.role in ("number", "told", "material") or not x.known or _is_measure(x))
         and not any(y.start <= x.start < y.end for y in taken)
         and not (x.part and set(x.words) <= spoken)  # "the soil is moist soil"
     )  # fmt: skip
+
+
+def _is_measure(lexeme: Lexeme) -> bool:
+    """Whether a bare number counts nothing: "0.33"."""
+    return lexeme.role == "digits" and not lexeme.part and not lexeme.text.isdigit()
 
 
 def _doubts(draft: Draft) -> tuple[str, ...]:
@@ -269,38 +266,27 @@ def _clause(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
     unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft)
-    said = (x.text.lower() for x in draft.lexemes)
+    spoken = (x.text.lower() for x in draft.lexemes)
+    scope = "none" if draft.scope == "parts" and not names else draft.scope
     return Clause(
         text=text[start:end],
         span=(start, end),
-        subject=Subject(
-            "none" if draft.scope == "parts" and not names else draft.scope,
-            names, tuple(draft.exceptions), draft.holds,
-        ),
+        subject=Subject(scope, names, tuple(draft.exceptions), draft.holds),
         material=draft.material.name if draft.material else None,
-        phrase=draft.phrase,
-        kind=draft.kind,
         unknown=unknown,
-        nearest=_nearest_rows(unknown, lexicon),
-        excluded=tuple(draft.excluded),
+        nearest=lexicon.nearest(unknown),
         stiffness=draft.levels.get("stiffness"),
         density=draft.levels.get("density"),
         character=tuple(dict.fromkeys(draft.character)),
-        numbers=tuple(draft.numbers),
-        comparisons=tuple(draft.comparisons),
+        condition=next((w for w in spoken if w in words()["conditions"]["words"]), ""),
+        doubts=doubts,
+        certainty=MENDED if doubts else SURE,
+        phrase=draft.phrase,
+        kind=draft.kind,
         coating=draft.coating,
         filling=draft.filling,
         blend=draft.blend,
-        condition=next((w for w in said if w in words()["conditions"]["words"]), ""),
-        doubts=doubts,
-        certainty=MENDED if doubts else SURE,
-    )  # fmt: skip
-
-
-def _nearest_rows(word: str, lexicon: ReaderLexicon) -> tuple[str, ...]:
-    """Names of the rows that are written most like a word."""
-    from rapidfuzz.process import extract
-
-    names = {" ".join(phrase): row.name for phrase, row in lexicon.rows.items()} if word else {}
-    near = extract(word.lower(), list(names), limit=2 * NEAREST)
-    return tuple(dict.fromkeys(names[name] for name, *_ in near))[:NEAREST]
+        excluded=tuple(draft.excluded),
+        numbers=tuple(draft.numbers),
+        comparisons=tuple(draft.comparisons),
+    )

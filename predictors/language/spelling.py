@@ -40,6 +40,7 @@ def mended_spelling(
     left = [i for i in odd if mended[i] is cut[i]]
     strange = {cut[i].start for i in left}
     long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
+    left = [i for i in left if not cut[i].text.isupper()]
     if odd and (_is_foreign(cut) or (len(left) >= 3 and len(left) >= FOREIGN_SHARE * long)):
         note = f"{len(odd)} of {long} words are not English: only English is understood"
         return cut, [note], {cut[i].start for i in odd}, {}
@@ -48,10 +49,11 @@ def mended_spelling(
 
 def _is_foreign(cut: list[Atom]) -> bool:
     """Whether another language has more of a text's small words than English has."""
-    said = {atom.text.lower() for atom in cut if atom.text.isalpha()}
+    said = [a.text.lower() for a in cut if a.text.isalpha() and not a.text.isupper()]
     small = {code: _small_words(code) for code in LANGUAGES}
-    english = len(said & small["en"])
-    return any(len(said & small[code] - small["en"]) > english for code in LANGUAGES)
+    english = sum(word in small["en"] for word in said)
+    alien = (sum(w in small[code] and w not in small["en"] for w in said) for code in LANGUAGES)
+    return max(alien) > max(english, 1)
 
 
 @lru_cache(maxsize=len(LANGUAGES))

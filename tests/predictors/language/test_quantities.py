@@ -25,15 +25,17 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             2 kN/mm2 | Young's modulus is about 2 gigapascals | 2e9 N/m^2 |
             elastic modulus 2 000 MPa | E = 2·10⁹ Pa | tensile modulus: 2x10^3 MPa | Ex = 2 GPa |
             flexural modulus 290.0754754 ksi | 2 GPa modulus | stiffness approx. 2 Gpa | E=2E9 |
-            E = 20394.32425 kgf/cm2""",
+            E = 20394.32425 kgf/cm2 | modulus two gigapascals | modulus (ISO 527) 2000 MPa |
+            E = 2*10^9 Pa | between 1 and 4 GPa""",
         ("rho", 7850.0): """
             density 7.85 g/cm³ | ρ = 7.85 g/cc | rho=7850 kg/m3 | 7.85 kg/dm³ | 7.85 t/m3 |
             7850 kg/m^3 | 7.85 kg/l | 490.0594885 lb/ft³ | 490.0594885 pcf |
             0.2835991256 lb/in3 | 7850 kg per cubic metre | 7.85 g·cm⁻³ | 7850 kg m-3 |
-            rho = 7850 | density of 7,850 kg/m³ | 490.0594885 pounds per cubic foot""",
+            rho = 7850 | density of 7,850 kg/m³ | 490.0594885 pounds per cubic foot | SG 7.85 |
+            7.85e3 kg/m**3 | density 7.850 kg/m³ | specific gravity 7.85""",
         ("nu", 0.4): """
             nu=0.4 | ν = .4 | Poisson's ratio 0.40 | poisson ratio of 0,4 | v=0.4 | Poisson 0.4 |
-            nu 0.4""",
+            nu 0.4 | v 0.4""",
         ("mass", 0.35): """
             weighs 350 g | mass 0.35 kg | weight: 350 grams | 0.77161791765 lb heavy |
             weighing 350g""",
@@ -45,7 +47,8 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             60A | Shore 60 | shore A 60 | 60 Shore A | Shore hardness 60A | durometer 60A |
             60 ShA | 60 duro | 60° Shore A | 60 durometer | Shore-A 60 | 60 A Shore |
             hardness of 60 Shore A | Shore A hardness of 60 | IRHD 60 | 60 sh A | 60a |
-            hardness 60 A | 60 +/-5 ShA""",
+            hardness 60 A | 60 +/-5 ShA | A-60 | A60 | 60 A | sixty Shore A | hardness 60 |
+            hardness of 60 on the Shore A scale""",
         ("shore_d", 70.0): """
             Shore D 70 | 70D | 70 Shore D | Shore 70D | durometer D 70 | Shore-D: 70""",
     }
@@ -56,6 +59,35 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             read = [(q.measure, pytest.approx(q.value)) for c in clauses for q in c.numbers]
             wrong += [] if read == [(measure, value)] else [(said, read)]
     assert not wrong
+
+
+def test_a_number_without_a_word_is_what_its_neighbours_tell(clauses_of):
+    """Digits after a rubber are its hardness, after a modulus Poisson's ratio: both told."""
+    for text, wanted in [
+        ("ring: FKM-75", ("shore_a", 75.0)),
+        ("ring: polyurethane D60", ("shore_d", 60.0)),
+        ("ring: 69 GPa / 0.33", ("nu", 0.33)),
+    ]:
+        (said, *_) = clauses_of(text, ["ring"])["ring"]
+        assert wanted in [(q.measure, q.value) for q in said.numbers], text
+        assert said.doubts, text
+
+
+def test_a_comma_before_decimals_makes_points_part_thousands(clauses_of):
+    (said, *_) = clauses_of("bar: E = 1.250 MPa, nu 0,35", ["bar"])["bar"]
+    assert {q.measure: q.value for q in said.numbers} == {"E": 1.25e9, "nu": 0.35}
+
+
+def test_numbers_of_several_parts_stay_apart(clauses_of):
+    for text in (
+        "set the pad to 0.5 MPa and the base to 3 GPa",
+        "modulus of the pad: 0.5 MPa. modulus of the base: 3 GPa.",
+        "0.5 MPa for the pad and 3 GPa for the base",
+        "E(pad) = 0.5 MPa; E(base) = 3 GPa",
+    ):
+        said = clauses_of(text, ["pad", "base"])
+        read = {name: [q.value for c in cs for q in c.numbers] for name, cs in said.items()}
+        assert read == {"pad": [0.5e6], "base": [3e9]}, text
 
 
 def test_what_is_no_modulus_is_not_taken_for_one(clauses_of):

@@ -65,6 +65,8 @@ def test_what_is_ruled_out_is_no_material(clauses_of, table):
         ("the hilt is not metal but horn", "horn", "metal"),
         ("hilt: brass instead of bronze", "brass", "bronze"),
         ("the hilt is made of oak rather than pine", "oak", "pine"),
+        ("the hilt is steel-free: oak", "oak", "steel"),
+        ("hilt: non-metallic, it is oak", "oak", "metal"),
     ]:
         (said, *_) = clauses_of(text, ["hilt"])["hilt"]
         assert said.material == table.exact(row).name, text
@@ -89,6 +91,27 @@ def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):
         assert said.material is None, text
         assert said.unknown, text
         assert len(said.nearest) == 3, text
+
+
+def test_a_part_beside_which_something_is_unread_is_not_understood(clauses_of):
+    """A code, a number or a noun in the place of its matter: told, and never passed over."""
+    for text, word in [
+        ("spring EN 10270-1, seat PEEK", "10270"),
+        ("a horsehair spring and a PEEK seat", "horsehair"),
+        ("spring: K-750; seat: PEEK", "K-750"),
+        ("spring Grivory; seat PEEK", "Grivory"),
+    ]:
+        (said, *_) = clauses_of(text, ["spring", "seat"])["spring"]
+        assert said.material is None, text
+        assert word in said.unknown, text
+
+
+def test_columns_of_a_table_are_read(agree):
+    agree("""
+        1;1;hull;brass\\n2;4;mast;spruce => hull: brass; mast: spruce
+        hull....brass\\nmast....spruce => hull: brass; mast: spruce
+        part,material,qty\\nhull,brass,1\\nmast,spruce,1 => hull: brass; mast: spruce
+    """)
 
 
 def test_a_quality_is_no_material(clauses_of):
@@ -199,6 +222,9 @@ def test_an_old_material_gives_way_to_the_new(agree):
         handle: wood -> aluminium => handle: aluminium
         replace the steel of the hub with brass => hub: brass
         hub changed from brass to titanium => hub: titanium
+        the hub was steel but is now brass => hub: brass
+        we dropped the steel hub in favour of brass => hub: brass
+        replaced the steel hub with a brass one => hub: brass
     """)
 
 
@@ -215,7 +241,9 @@ def test_designations_of_standards_name_their_family(agree, table):
     for text, category in [
         ("X5CrNi18-10", "metal"), ("1.4571", "metal"), ("EN AW-6026", "metal"),
         ("S460ML", "metal"), ("CuZn37", "metal"), ("EN-GJS-600-3", "metal"), ("PP-H", "plastic"),
-        ("C35/45", "glass-ceramic"),
+        ("C35/45", "glass-ceramic"), ("SCM440", "metal"), ("UNS S31603", "metal"),
+        ("QT500-7", "metal"), ("2.1090", "metal"), ("3.4365", "metal"), ("X 20 Cr 13", "metal"),
+        ("10.9", "metal"), ("EN AC-AlSi12", "metal"), ("20CrMnTi", "metal"), ("Cu", "metal"),
     ]:  # fmt: skip
         (said,) = parse(f"plate {text}", table, ["plate"]).clauses
         assert said.material, text
