@@ -85,59 +85,12 @@ def test_levels_are_from_very_soft_to_very_stiff(clauses_of):
         assert clauses_of(text, ["paw"])["paw"][0].stiffness == wanted, text
 
 
-def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):
-    for text in ("the pot is made of unobtainium", "pot: blargite", "the pot is zorbium"):
-        (said, *_) = clauses_of(text, ["pot"])["pot"]
-        assert said.material is None, text
-        assert said.unknown, text
-        assert len(said.nearest) == 3, text
-
-
-def test_a_part_beside_which_something_is_unread_is_not_understood(clauses_of):
-    """A code, a number or a noun in the place of its matter: told, and never passed over."""
-    for text, word in [
-        ("spring EN 10270-1, seat PEEK", "10270"),
-        ("a horsehair spring and a PEEK seat", "horsehair"),
-        ("spring: K-750; seat: PEEK", "K-750"),
-        ("spring Grivory; seat PEEK", "Grivory"),
-    ]:
-        (said, *_) = clauses_of(text, ["spring", "seat"])["spring"]
-        assert said.material is None, text
-        assert word in said.unknown, text
-
-
 def test_columns_of_a_table_are_read(agree):
     agree("""
         1;1;hull;brass\\n2;4;mast;spruce => hull: brass; mast: spruce
         hull....brass\\nmast....spruce => hull: brass; mast: spruce
         part,material,qty\\nhull,brass,1\\nmast,spruce,1 => hull: brass; mast: spruce
     """)
-
-
-def test_a_quality_is_no_material(clauses_of):
-    for text in (
-        "the seat is comfortable",
-        "the seat is red",
-        "the seat is a disaster",
-        "nice seat",
-    ):
-        assert not any(c.says_matter for c in clauses_of(text, ["seat"])["seat"]), text
-
-
-def test_spelling_is_mended_and_told(agree, table):
-    agree("""
-        alumnium rim, stell hub => rim: aluminium; hub: steel
-        the hadnle is wlanut => handle: walnut
-    """)
-    assert any("'alumnium'" in note for note in parse("alumnium rim", table, ["rim"]).notes)
-
-
-def test_a_text_that_is_not_english_is_told(table):
-    for text in (
-        "Die Platte besteht aus Eichenholz und Stahlrohr",
-        "asiento de madera y patas de hierro forjado",
-    ):
-        assert any("not English" in note for note in parse(text, table).notes), text
 
 
 def test_a_comparison_names_the_other_part(clauses_of):
@@ -191,20 +144,6 @@ def test_a_treatment_is_no_matter_of_its_own(clauses_of, table):
         assert said.coating == (coat and table.exact(coat).name), text
 
 
-def test_what_is_left_out_beside_a_material_is_told(clauses_of):
-    for text, word in [
-        ("the lid is silicone sponge", "silicone"),
-        ("the lid is kitchen oak", "kitchen"),
-        ("lid: caste iron", "caste"),
-        ("the lid is between 2 and 3 GPa", "range"),
-        ("a silicon lid", "silicone"),
-    ]:
-        (said, *_) = clauses_of(text, ["lid"])["lid"]
-        assert any(word in doubt for doubt in said.doubts), text
-    (said,) = clauses_of("the lid is ABS plastic, steel St37 and 6061-T6 aluminium", ["lid"])["lid"]
-    assert not said.doubts
-
-
 def test_what_a_whole_leaves_out_may_come_first(agree):
     agree("""
         Apart from the cap, which is cork, it's all glass. => cap: cork; neck, body: glass
@@ -253,15 +192,6 @@ def test_designations_of_standards_name_their_family(agree, table):
 def test_a_part_that_is_called_after_a_material_is_read(table):
     for text in ("the soil is moist soil", "soil: sand; foliage: leaves", "soil: CuZn37+QT, M8"):
         assert parse(text, table, ["soil", "foliage"]).unread == (), text
-
-
-def test_what_no_clause_takes_is_unread(table):
-    for text, word in [
-        ("the seat is oak, yield 250 MPa", "yield 250 MPa"),
-        ("the seat is oak, E = 2", "E = 2"),
-        ("the seat is oak, zorbly", "zorbly"),
-    ]:
-        assert word in parse(text, table, ["seat"]).unread, text
 
 
 def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):

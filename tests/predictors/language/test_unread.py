@@ -1,0 +1,73 @@
+"""What is not understood: told, never guessed and never passed over."""
+
+from autophyx_tet.predictors.language.reader import parse
+
+
+def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):
+    for text in ("the pot is made of unobtainium", "pot: blargite", "the pot is zorbium"):
+        (said, *_) = clauses_of(text, ["pot"])["pot"]
+        assert said.material is None, text
+        assert said.unknown, text
+        assert len(said.nearest) == 3, text
+
+
+def test_a_part_beside_which_something_is_unread_is_not_understood(clauses_of):
+    """A code, a number or a noun in the place of its matter: told, and never passed over."""
+    for text, word in [
+        ("spring EN 10270-1, seat PEEK", "10270"),
+        ("a horsehair spring and a PEEK seat", "horsehair"),
+        ("spring: K-750; seat: PEEK", "K-750"),
+        ("spring Grivory; seat PEEK", "Grivory"),
+    ]:
+        (said, *_) = clauses_of(text, ["spring", "seat"])["spring"]
+        assert said.material is None, text
+        assert word in said.unknown, text
+
+
+def test_a_quality_is_no_material(clauses_of):
+    for text in (
+        "the seat is comfortable",
+        "the seat is red",
+        "the seat is a disaster",
+        "nice seat",
+    ):
+        assert not any(c.says_matter for c in clauses_of(text, ["seat"])["seat"]), text
+
+
+def test_spelling_is_mended_and_told(agree, table):
+    agree("""
+        alumnium rim, stell hub => rim: aluminium; hub: steel
+        the hadnle is wlanut => handle: walnut
+    """)
+    assert any("'alumnium'" in note for note in parse("alumnium rim", table, ["rim"]).notes)
+
+
+def test_a_text_that_is_not_english_is_told(table):
+    for text in (
+        "Die Platte besteht aus Eichenholz und Stahlrohr",
+        "asiento de madera y patas de hierro forjado",
+    ):
+        assert any("not English" in note for note in parse(text, table).notes), text
+
+
+def test_what_is_left_out_beside_a_material_is_told(clauses_of):
+    for text, word in [
+        ("the lid is silicone sponge", "silicone"),
+        ("the lid is kitchen oak", "kitchen"),
+        ("lid: caste iron", "caste"),
+        ("the lid is between 2 and 3 GPa", "range"),
+        ("a silicon lid", "silicone"),
+    ]:
+        (said, *_) = clauses_of(text, ["lid"])["lid"]
+        assert any(word in doubt for doubt in said.doubts), text
+    (said,) = clauses_of("the lid is ABS plastic, steel St37 and 6061-T6 aluminium", ["lid"])["lid"]
+    assert not said.doubts
+
+
+def test_what_no_clause_takes_is_unread(table):
+    for text, word in [
+        ("the seat is oak, yield 250 MPa", "yield 250 MPa"),
+        ("the seat is oak, E = 2", "E = 2"),
+        ("the seat is oak, zorbly", "zorbly"),
+    ]:
+        assert word in parse(text, table, ["seat"]).unread, text
