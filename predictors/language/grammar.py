@@ -1,10 +1,9 @@
-"""The grammar: tokens that say something, joined by rules over the signs of their sequence.
+"""The grammar: constituents of a text, joined by rules over the signs of their sequence.
 
-Every token has a sign of one character (``data/grammar.toml`` lists them). A rule is a regular
-expression over the signs of a text with named groups: the one called ``head`` takes what the others
-say, each in the role that its name says, and stands for all of them. Rules are tried in their
-order, each until it fits nowhere: a cascade of finite-state transducers (Hobbs et al. 1997,
-FASTUS).
+Each has a sign of one character (``data/grammar.toml`` lists them). A rule is a regular expression
+over the signs of a text with named groups: the one called ``head`` takes what the others say, each
+in the role that its name says, and stands for all of them. Rules are tried in their order, each
+until it fits nowhere: a cascade of finite-state transducers (Hobbs et al. 1997, FASTUS).
 """
 
 from __future__ import annotations
@@ -12,129 +11,20 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from ...fem.scene.materials import Material
-from .clauses import Blend, Comparison, Quantity, Scope
-from .groups import Mention
-from .lexicon import DATA, Phrase, ReaderLexicon, known_parts, words
+from .drafts import Draft
+from .lexicon import DATA, ReaderLexicon, known_parts, words
 from .lexing import Lexeme
 from .phrases import contents_called
 
-SAYING = "VNXBbPpDGSsWtOEm"  # signs of tokens that have a draft
+SAYING = "VNXBbPpDGSsWtOEmY"  # signs of tokens that have a draft
 
 
 @dataclass(eq=False)
-class Draft:
-    """A clause in the making: its subject and what was said of it up to here."""
-
-    scope: Scope = "none"
-    names: list[Phrase] = field(default_factory=list)
-    exceptions: list[Phrase] = field(default_factory=list)
-    named: bool = False  # a part of the asset is called so
-    holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
-    mixed: bool = False  # numbers or strange words stand beside its name
-    article: bool = False  # "a", "the", "its" stands before it
-    material: Material | None = None
-    phrase: str = ""
-    kind: str | None = None
-    unknown: str = ""
-    excluded: list[str] = field(default_factory=list)
-    levels: dict[str, Any] = field(default_factory=dict)
-    character: list[str] = field(default_factory=list)
-    numbers: list[Quantity] = field(default_factory=list)
-    comparisons: list[Comparison] = field(default_factory=list)
-    coating: str | None = None
-    filling: str | None = None
-    blend: Blend | None = None
-    same: Phrase | None = None  # the other part whose matter it has; () for the one before
-    left: list[str] = field(default_factory=list)  # words that say a matter and were not taken
-    loose: list[str] = field(default_factory=list)  # nouns before its matter
-    lexemes: list[Lexeme] = field(default_factory=list)
-
-    def take(self, mention: Mention, lexicon: ReaderLexicon) -> None:
-        """Take what a mention says."""
-        value = mention.value
-        if isinstance(value, Material):
-            kind = lexicon.kinds.get(" ".join(mention.lexeme.words))
-            if mention.kind in ("coating", "filling"):
-                setattr(self, mention.kind, value.name)
-            elif self.material is None or self.kind:
-                self.material, self.kind, self.phrase = value, kind, mention.lexeme.text
-        elif isinstance(value, Comparison):
-            self.comparisons.append(value)
-        elif isinstance(value, Quantity):
-            self.numbers.append(value)
-        elif isinstance(value, Blend):
-            self.blend = value
-        elif isinstance(value, tuple):
-            role, level = value
-            if role == "character":
-                self.character.append(level)
-            else:
-                self.levels.setdefault(role, level)
-        elif mention.kind == "unknown":
-            self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
-        elif mention.kind == "left":
-            self.left.append(mention.lexeme.text)
-
-    def add(self, other: Draft, *, instead: bool = False) -> None:
-        """Take what another says of the same; its matter ``instead`` of the own."""
-        if other.material and self.material and not (self.kind or instead):
-            self.left += [other.phrase] if other.material is not self.material else []
-        elif other.material:
-            self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
-        for name in ("excluded", "character", "numbers", "comparisons", "left"):
-            getattr(self, name).extend(getattr(other, name))
-        self.left += other.loose
-        self.levels = {**other.levels, **self.levels}
-        for name in ("coating", "filling", "blend", "unknown"):
-            setattr(self, name, getattr(self, name) or getattr(other, name))
-        self.same = other.same if self.same is None else self.same
-
-    def rule_out(self) -> None:
-        """Turn what is said into what is not: "not steel", "not soft"."""
-        if self.material:
-            self.excluded.append(self.kind or self.material.name)
-        self.levels = {k: 2 if v > 3 else 4 for k, v in self.levels.items()}
-        self.material, self.kind, self.phrase, self.character, self.unknown = None, None, "", [], ""
-
-    def like(self, other: Draft) -> None:
-        """Take the matter of another; its own kind must not be against it."""
-        if self.kind and self.material and other.material:
-            if other.material.category != self.material.category:
-                return
-        elif self.material:
-            return
-        self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
-        self.levels = {**other.levels, **self.levels}
-        self.numbers = self.numbers or [q for q in other.numbers if q.measure != "mass"]
-        self.blend, self.unknown = self.blend or other.blend, self.unknown or other.unknown
-
-    @property
-    def says(self) -> bool:
-        """Whether anything was said."""
-        return bool(
-            self.material or self.unknown or self.excluded or self.levels or self.character
-            or self.numbers or self.comparisons or self.coating or self.filling or self.blend
-            or self.same is not None
-        )  # fmt: skip
-
-    @property
-    def said(self) -> list[str]:
-        """All words that were said of it, without plurals."""
-        return [word for x in self.lexemes for word in x.words]
-
-    def compare_with(self, part: Phrase) -> None:
-        """Say which part the last comparison is with."""
-        if self.comparisons:
-            self.comparisons[-1] = replace(self.comparisons[-1], other=part)
-
-
-@dataclass(eq=False)
-class Token:
+class Constituent:
     """One sign of a text: a connector without a draft, or what a draft says."""
 
     sign: str
@@ -166,7 +56,7 @@ def grammar() -> dict[str, Any]:
 class Cascade:
     """The tokens of a text, which rules join to statements."""
 
-    def __init__(self, tokens: list[Token], lexicon: ReaderLexicon) -> None:
+    def __init__(self, tokens: list[Constituent], lexicon: ReaderLexicon) -> None:
         self.tokens, self.lexicon = tokens, lexicon
         self.dropped: list[Lexeme] = []  # read, and of nothing that is there
 
@@ -187,7 +77,7 @@ class Cascade:
             for role in rule.find.groupindex if match[role]
         }  # fmt: skip
         said = [(role, t.draft) for role, tokens in groups.items() for t in tokens if t.draft]
-        made = next((t for t in groups.get("head", []) if t.draft), Token(rule.to))
+        made = next((t for t in groups.get("head", []) if t.draft), Constituent(rule.to))
         draft = made.draft = made.draft or Draft()
         if any(not _GUARDS[role](self, draft, other) for role, other in said if role in _GUARDS):
             return False
@@ -280,8 +170,10 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 # What a rule's groups say of its head.
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "head": _more, "pure": _names, "names": _names, "owner": _owned, "coating": _coat,
-    "filling": _fill, "contents": _fill, "unknown": _unknown, "excluded": _negated,
+    "filling": _fill, "contents": _fill, "unknown": _unknown, "strange": _unknown,
+    "excluded": _negated,
     "values": lambda _, head, other: head.add(other),
+    "made": lambda _, head, other: head.add(other),
     "first": lambda _, head, other: head.add(other), "last": lambda *_: None,
     "instead": lambda _, head, other: head.add(other, instead=True),
     "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
@@ -293,4 +185,5 @@ _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange,
     "first": lambda _, head, other: head.material is None and not head.unknown,
     "pure": lambda _, head, other: not other.mixed,
+    "strange": lambda _, head, other: any(not x.known for x in other.lexemes),
 }  # fmt: skip

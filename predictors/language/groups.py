@@ -135,7 +135,8 @@ def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bo
     """A material, or the part that is called after one: "loose soil", "the glass is sapphire"."""
     others = any(x.role == "material" for x in run if x is not lexeme)
     nouns_after = any(x.role in ("word", "part") and x.tag.startswith("NN") for x in run[i + 1 :])
-    if lexeme.part and not nouns_after and not owes and (others or run[-1] is lexeme):
+    alone = not any(x.part or x.role == "word" for x in run if x is not lexeme)
+    if lexeme.part and not nouns_after and not owes and (others or alone or run[-1] is lexeme):
         return Mention("part", lexeme, None if others else lexeme.value)
     return Mention("coating" if fake else "material", lexeme, lexeme.value)
 

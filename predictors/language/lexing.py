@@ -12,7 +12,7 @@ from .quantities import numerals
 from .spelling import mended_spelling
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
-_CODE = re.compile(r"(?<![\w./-])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
+_CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
 _TIMES = re.compile(r"(?i)\d+x")
 # Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
@@ -78,7 +78,8 @@ def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
     for name in sorted(set(names), key=len, reverse=True):
         if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
             continue  # a plain word is read as one, with its plural
-        for match in re.finditer(rf"(?i)(?<!\w){re.escape(name)}(?!\w)", text):
+        written = r"[\s_-]+".join(map(re.escape, re.split(r"[\s_-]+", name)))
+        for match in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(
                 Lexeme(match[0], *match.span(), "part", name, part_name_words(name), part=True)
             )
@@ -122,6 +123,8 @@ def _material(
     if not row or not _is_meant(run, stems, lexicon):
         return None
     start, stop = run[0].start, run[-1].end
+    if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
+        return None
     note = words()["confused"].get(text[start:stop].lower(), "")
     return Lexeme(text[start:stop], start, stop, "material", row, stems, note=note)
 
@@ -234,6 +237,9 @@ def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
     first: Lexeme | None = None  # a part or its number, and nothing but "to" or dots since
     for lexeme in lexemes:
         ends = lexeme.role == "part" or (lexeme.role == "digits" and lexeme.part)
+        bare = ends and first is not None and lexeme.role == "digits"
+        if bare and first is not None and first.role == "part":  # "rib_01..03"
+            lexeme = replace(lexeme, role="part", words=(*first.words[:-1], *lexeme.words))
         if ends and first is not None and first.role == lexeme.role and out[-1] is not first:
             while out[-1] is not first:
                 out.pop()

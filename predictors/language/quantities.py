@@ -57,12 +57,12 @@ _HARD = r"(?i:shore|sh\.?|duro(?:meter)?s?|irhd)(?:[ -]?(?i:hardness))?"
 _GAP = r"[\s:=,-]*(?:(?:of|is|about|around|approx\.?|~)\s*)*"
 _SHORE = re.compile(
     rf"(?<!\w)(?:(?:(?i:hardness)\s*(?:of\s*)?)?{_HARD}[\s-]*(?P<s1>[ADad](?!\w))?"
-    rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?-?(?P<s2>[ADad])(?!\w))?"
+    rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?[-(]?(?P<s2>[ADad])\b\)?)?"
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
     rf"|(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
     rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
-    rf"|(?P<n3>[1-9]\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
+    rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
 _SHORE_00 = re.compile(r"(?i:shore\s?-?)(?:O?OO|000?|o)\s?-?\d*|(?<![\w.])00-\d\d(?!\d)")
 
@@ -70,8 +70,9 @@ _FIBRES = r"(?P<fibre>(?i:glass|carbon)|GF|CF)(?:[ -](?i:fib(?:re|er)s?))?"
 _BLEND = re.compile(
     rf"(?P<share>\d\d?)\s?%\s?(?i:short )?{_FIBRES}"
     rf"(?:[ -](?i:filled|reinforced|loaded|content))?(?!\w)"
-    rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?% glass(?=\W|$))"
+    rf"|(?i:(?:with )?(?P<share3>\d\d?)\s?%(?: short| long| chopped| milled)? glass(?=\W|$))"
     rf"|[- ]?(?P<fibre2>GF|CF)[ -]?(?P<share2>[1-6]\d)(?!\d)"
+    rf"|(?<=[A-Z0-9])[- ](?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
 USUAL_SHARE = 0.3  # of fibres, by weight, where none is said: the grade most sold (GF30)
@@ -100,6 +101,7 @@ class Numeral(NamedTuple):
 def numerals(text: str) -> list[Numeral]:
     """Return the numbers of a text that measure something, none over another."""
     found: list[Numeral] = []
+    worded = [match.span() for match in _WORDS.finditer(text)]
     text = _WORDS.sub(_digits, text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
@@ -107,7 +109,9 @@ def numerals(text: str) -> list[Numeral]:
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
-    return sorted(found)
+    # A number in words begins where its first word does.
+    starts = {at: start for start, end in worded for at in range(start, end)}
+    return sorted(f._replace(start=starts.get(f.start, f.start)) for f in found)
 
 
 def _digits(match: re.Match) -> str:
@@ -119,7 +123,7 @@ def _digits(match: re.Match) -> str:
 def _blends(text: str) -> Iterator[Numeral]:
     for match in _BLEND.finditer(text):
         group = match.groupdict()
-        fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or "glass"
+        fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
         share = group["share"] or group["share2"] or group["share3"]
         note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
         blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
@@ -133,8 +137,9 @@ def _shores(text: str) -> Iterator[Numeral]:
         number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
-        if 0 < int(number) <= 100:
-            yield Numeral(*match.span(), Quantity(measure, float(number), match[0]))
+        value = Quantity(measure, float(number), match[0]) if int(number) <= 100 else None
+        note = "" if value else f"{match[0]!r}: the scale ends at 100"
+        yield Numeral(*match.span(), value, note)
 
 
 def _measures(text: str) -> Iterator[Numeral]:
@@ -161,6 +166,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     value = factor * ((low * high) ** 0.5 if high else low)
     if measure is None or (measure in ("size", "other") and not cued):
         return Numeral(start, end, None) if measure == "size" else None  # "316L" is no volume
+    if measure == "other" and dimension == "size":
+        return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
         return Numeral(start, end, None, f"{said!r} is not used")
     bare = _BARE.get(measure, ())

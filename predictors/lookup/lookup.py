@@ -184,8 +184,11 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
 
 
 def _unread(sentence: Sentence) -> Iterator[str]:
-    if sentence.unread:
-        words = ", ".join(map(repr, sentence.unread))
+    """What no clause took and none tells of."""
+    told = {line for clause in sentence.clauses for line in clause.doubts}
+    left = [word for word in sentence.unread if not any(repr(word) in line for line in told)]
+    if left:
+        words = ", ".join(map(repr, left))
         yield f"not understood in the text, and not used: {words}"
 
 
