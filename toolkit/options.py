@@ -197,6 +197,8 @@ class SimulateOptions:
     """Natural vibrations to find under `modal`."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to solve."""
+    touch: tyro.conf.FlagCreatePairsOff[bool] = False
+    """The page has a body to pull with mouse or finger; takes some seconds more."""
 
 
 @dataclass(frozen=True)

@@ -273,4 +273,5 @@ def run(
         if picture is not None:
             drawn = write_picture(picture, cases[0].simulation, up=up)
             result = replace(result, files=(drawn,))
-        return write_folder(output, result)
+        touch = simulate_options is not None and simulate_options.touch
+        return write_folder(output, result, touch=touch)

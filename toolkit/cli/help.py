@@ -15,7 +15,7 @@ RARE = frozenset(
     "encoder epsilon_rel eta fall_height features grain gravity_dir grid interpreter law layers "
     "lower matter max_tets memory_limit modes move neighbours no_cache order part_wall picture "
     "poke_force preset pressure print_config scene seed solid squeeze_share stiff supports table "
-    "tear_share threads time_limit torque traceback views wind_speed".split()
+    "tear_share threads time_limit torque touch traceback views wind_speed".split()
 )
 
 

@@ -14,6 +14,7 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
 from ..results.description import Acting, Marks
 from ..results.verdict import Verdict
+from .touch import TouchBody
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class Case:
         Where supports and loads are drawn.
     solved
         How it was solved: law, elements, solver ..., label and words.
+    touch
+        The body to pull; None: the page has none.
     """
 
     text: str
@@ -80,6 +83,7 @@ class Case:
     acting: tuple[Acting, ...] = ()
     marks: Marks | None = None
     solved: tuple[tuple[str, str], ...] = ()
+    touch: TouchBody | None = None
 
     def __post_init__(self) -> None:
         points, tets = len(self.mesh.points), len(self.mesh.tets)

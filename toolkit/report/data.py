@@ -34,6 +34,7 @@ def payload(content: ReportContent) -> str:
                 **_values(case),
                 **_motion(case, frames_shown(case, content)),
                 **_marks(case),
+                **_touch(case),
             }
         )
     document = {
@@ -97,6 +98,31 @@ def _marks(case: Case) -> dict:
     if case.marks is None:
         return {}
     return {"marks": {name: array.tolist() for name, array in case.marks._asdict().items()}}
+
+
+def _touch(case: Case) -> dict:
+    """The reduced body: what it is stepped with exactly, what it is drawn with in 16-bit steps."""
+    if case.touch is None:
+        return {}
+    model = case.touch.model
+    used, faces = np.unique(model.faces, return_inverse=True)
+    basis = model.basis[used]
+    scales = np.abs(basis).max(axis=(0, 1)) / 32767
+    lam, mu = model.lame
+    gradients = model.gradients.reshape(len(model.cells), 9, -1).swapaxes(1, 2)
+    exact = {"gradients": gradients, "weights": model.weights, "lam": lam, "mu": mu}
+    region = np.zeros(len(model.points))
+    region[case.mesh.tets.ravel()] = np.repeat(case.mesh.region, 4)
+    packed = {
+        **{name: _packed(array, "<f8") for name, array in exact.items()},
+        "springs": _packed(model.springs, "<f8"),
+        "basis": _packed(np.rint(basis / scales), "<i2"),
+        "points": _packed(model.points[used], "<f4"),
+        "faces": _packed(faces, "<u4"),
+        "region": _packed(region[used], "<u4"),
+    }
+    shown = {"magnification": case.touch.magnification, "slowness": case.touch.slowness}
+    return {"touch": {**packed, **shown, "dofs": model.dofs, "scales": scales.tolist()}}
 
 
 def _quantised(frames: np.ndarray) -> dict:

@@ -17,17 +17,20 @@ from .report import write_report
 PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
 
 
-def write_folder(folder: Path, result: RunResult) -> RunResult:
-    """Write everything or nothing; the result with its files. Further texts go to ``text2/`` ..."""
+def write_folder(folder: Path, result: RunResult, *, touch: bool = False) -> RunResult:
+    """Write everything or nothing; the result with its files. Further texts go to ``text2/`` ...
+
+    With ``touch`` the report has bodies to pull.
+    """
     with writing_folder(folder) as home:
-        made = [*_write_files(home, result), home / "run.json"]
+        made = [*_write_files(home, result, touch), home / "run.json"]
         files = (*result.files, *(folder / file.relative_to(home) for file in made))
         result = replace(result, files=files)
         write_json(made[-1], {"schema": SCHEMA, **result.document()})
     return result
 
 
-def _write_files(folder: Path, result: RunResult) -> list[Path]:
+def _write_files(folder: Path, result: RunResult, touch: bool) -> list[Path]:
     files: list[Path] = []
     for number, case in enumerate(result.cases, 1):
         home = folder if number == 1 else folder / f"text{number}"
@@ -40,7 +43,8 @@ def _write_files(folder: Path, result: RunResult) -> list[Path]:
         asset = result.conversion.asset
         files.append(feature_png(folder / "features.png", result.features, asset))
         pictures[CAPTION] = files[-1].read_bytes()
-    report = write_report(folder / "report.html", run_page(result, pictures=pictures))
+    page = run_page(result, pictures=pictures, touch=touch)
+    report = write_report(folder / "report.html", page)
     return [*files, _write_picture(folder / "picture.png", result), report]
 
 

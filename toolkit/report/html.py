@@ -49,7 +49,7 @@ class TableRow(NamedTuple):
 class Column(NamedTuple):
     """One case on the page; ``letter`` tells it from the others, where there are any.
 
-    ``title`` and ``acting`` say what was simulated.
+    ``title`` and ``acting`` say what was simulated, ``touch`` how the body to pull is shown.
     """
 
     letter: str
@@ -58,6 +58,7 @@ class Column(NamedTuple):
     acting: list[tuple[str, str]]
     findings: list[Finding]
     facts: list[Fact]
+    touch: str
     rows: list[TableRow]
     sources: list[str]
 
@@ -112,6 +113,7 @@ def _column(case: Case, index: int, content: ReportContent) -> Column:
         acting=[(acting.kind, acting.words) for acting in case.acting],
         findings=[*map(_finding, case.verdicts)],
         facts=[*_facts(case)],
+        touch=case.touch.words if case.touch else "",
         rows=[_row(part, sources) for part in case.parts],
         sources=sources,
     )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+from ...fem.errors import UsageError
 from ...fem.scene.materials import Span
 from ..io.document import plain, versions
 from ..io.sidecar import Sidecar
@@ -16,16 +19,26 @@ from ..results.settled import Settled
 from ..results.simulation import Simulation
 from ..results.verdict import Verdict
 from .content import Case, PartRow, ReportContent
+from .touch import touch_of
+
+log = logging.getLogger(__name__)
 
 
-def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) -> ReportContent:
-    """Gather what the report shows of a run, one case a sentence; PNG files by their captions."""
+def run_page(
+    result: RunResult, *, pictures: Mapping[str, bytes] | None = None, touch: bool = False
+) -> ReportContent:
+    """Gather what the report shows of a run, one case a sentence; PNG files by their captions.
+
+    With ``touch`` there are bodies to pull, where they can be.
+    """
     conversion, document = result.conversion, result.document()
     asset = conversion.asset
-    cases = (
+    cases = [
         _case(c.assignment.text, c.simulation, c.assignment.part_rows(), verdicts)
         for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
-    )
+    ]
+    if touch:
+        cases = [_touched(case, c.simulation) for case, c in zip(cases, result.cases, strict=True)]
     return ReportContent(
         title=asset.name,
         cases=tuple(cases),
@@ -43,13 +56,19 @@ def run_page(result: RunResult, *, pictures: Mapping[str, bytes] | None = None) 
     )
 
 
-def simulation_page(name: str, simulation: Simulation, sidecar: Sidecar) -> ReportContent:
-    """Gather what the report shows of one simulation of the mesh called ``name``."""
+def simulation_page(
+    name: str, simulation: Simulation, sidecar: Sidecar, *, touch: bool = False
+) -> ReportContent:
+    """Gather what the report shows of one simulation of the mesh called ``name``.
+
+    With ``touch`` there is a body to pull, where it can be.
+    """
     mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
     found = quality(mesh)
+    case = _case(chosen.get("text", ""), simulation, chosen.get("parts", []))
     return ReportContent(
         title=name,
-        cases=(_case(chosen.get("text", ""), simulation, chosen.get("parts", [])),),
+        cases=(_touched(case, simulation) if touch else case,),
         up=sidecar.up,
         quality={
             "tets": found.tets,
@@ -109,6 +128,15 @@ def _case(
         marks=marks(simulation.scene),
         solved=simulation.solution,
     )
+
+
+def _touched(case: Case, simulation: Simulation) -> Case:
+    """The case with its body to pull; why there is none is said on the terminal."""
+    try:
+        return replace(case, touch=touch_of(simulation.scene))
+    except UsageError as error:
+        log.warning("--touch: the page has no body to pull: %s", error)
+        return case
 
 
 def _part_row(row: dict[str, Any]) -> PartRow:

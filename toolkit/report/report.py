@@ -17,7 +17,9 @@ from .template import FOLDER, render
 log = logging.getLogger(__name__)
 
 # The viewer, in the order of its parts.
-SCRIPTS = ("report_tets.js", "report_scale.js", "report_view.js", "report_main.js")
+SCRIPTS = tuple(
+    f"report_{part}.js" for part in ("tets", "scale", "view", "reduced", "touch", "main")
+)
 
 
 def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:

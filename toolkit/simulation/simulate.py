@@ -62,7 +62,7 @@ def simulate(
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
     drive = drive or _own_carrier(body, output)
     output = _checked_output(drive, output)
-    _check_pages(report, picture)
+    _check_pages(report, picture, touch=options.touch)
     name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
     mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
@@ -80,7 +80,8 @@ def simulate(
         place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
         driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
         result = replace(result, driven=driven, files=driven.files)
-    return _shown(result, name, sidecar, output=output, report=report, picture=picture)
+    files = {"output": output, "report": report, "picture": picture}
+    return _shown(result, name, sidecar, touch=options.touch, **files)
 
 
 def _voxels(
@@ -109,9 +110,11 @@ def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
     return replace(result, scene=replace(result.scene, warnings=warnings))
 
 
-def _check_pages(report: Path | None, picture: Path | None) -> None:
+def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> None:
     from ..report.snapshot import SUFFIXES
 
+    if touch and report is None:
+        raise UsageError("--touch: a body to pull is a part of the page: give --report FILE.html")
     if report is not None:
         check_file(report, (".html",))
     if picture is not None:
@@ -126,6 +129,7 @@ def _shown(
     output: Path | None,
     report: Path | None,
     picture: Path | None,
+    touch: bool,
 ) -> Simulation:
     """Write a result, its page and its picture; the files are on record."""
     from ..report.pages import simulation_page
@@ -135,7 +139,8 @@ def _shown(
     if output is not None:
         result = replace(result, files=(*result.write(output), *result.files))
     if report is not None:
-        written = write_report(report, simulation_page(name, result, sidecar))
+        page = simulation_page(name, result, sidecar, touch=touch)
+        written = write_report(report, page)
         result = replace(result, files=(*result.files, written))
     if picture is not None:
         drawn = write_picture(picture, result, up=sidecar.up)

@@ -231,6 +231,7 @@ function hasWebGL() {
 }
 
 async function start() {
+  startTouch();
   if (!hasWebGL()) {
     document.getElementById("viewer").append(
       element("p", { className: "notice" }, "This browser offers no WebGL, so the 3D view is not drawn. All numbers below are complete."),
