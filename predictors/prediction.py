@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -141,6 +141,14 @@ class Prediction:
         field = field_of(parts, choices, alpha=alpha)
         unbound = unbound_by(choices, sentence.clauses)
         return cls(parts, tuple(range(len(choices))), field, tuple(choices), unbound)
+
+    def with_choices(self, choices: Mapping[int, PartChoice]) -> Prediction:
+        """Return the same with other materials for some of the parts, by number."""
+        chosen = tuple(choices.get(i, choice) for i, choice in enumerate(self.choices))
+        field = field_of(self.parts, chosen, alpha=self.field.alpha)
+        other = np.isin(self.parts.part, list(choices), invert=True)
+        kept = {k: np.where(other, getattr(self.field, k), getattr(field, k)) for k in FIELDS}
+        return replace(self, choices=chosen, field=replace(field, **kept))
 
     def doubts(self) -> Iterator[str]:
         """Sentences about what was guessed rather than known."""

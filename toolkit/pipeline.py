@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset
 from .config import with_given
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from ..fem.scene.materials import MaterialTable
     from ..predictors.language.binding import Bound
     from ..predictors.prediction import Prediction
+    from .walls.built_parts import BuiltPart
 
 
 def convert(
@@ -73,6 +76,7 @@ def convert(
     else:
         if not isinstance(asset, Asset):
             asset = load_asset(asset, **scale)
+        asset, walls = _with_rooms(asset, walls, options)
         mesh, report = tetrahedralize(
             asset, **options.engine(), **walls.geometry(), progress=progress
         )
@@ -82,6 +86,20 @@ def convert(
         result.described().write(output)
         result = replace(result, files=(output, Sidecar.path(output)))
     return result
+
+
+def _with_rooms(
+    asset: Asset, walls: WallOptions, options: ConvertOptions
+) -> tuple[Asset, WallOptions]:
+    """An asset with a part for what each wall holds, where the mesh can hold the wall."""
+    from .walls.contents import with_rooms
+
+    if (walls.wall is None and not walls.part_wall) or not walls.fill:
+        return asset, walls
+    thinnest = options.epsilon_rel * float(np.linalg.norm(asset.size))
+    filled = with_rooms(asset, walls, thinnest=thinnest)
+    contents = tuple(f"{name}={material}" for name, material in filled.contents.items())
+    return filled.asset, replace(walls, held=filled.walls, contents=contents)
 
 
 def assign(
@@ -120,6 +138,7 @@ def assign(
     bound, table = _read(text, mesh, sidecar, options)
     called = Called.of(mesh, sidecar, bound, table)
     found = _predicted(mesh, bound, sidecar, seen, options, called.usual_materials(), table)
+    found = said.filled(found)
     if len(found.choices) > len(mesh.region_names):
         mesh = divided_by_voxels(mesh, found.parts, found.parents)
         sidecar = sidecar.divided(found.parts)
@@ -127,7 +146,6 @@ def assign(
     built = build_parts(mesh, found.choices, called, said)
     field = with_walls(found.field, built)
     sampled = sample_material(mesh, field)
-    apparent = filter(None, (one.warning for one in built))
     doubts = (*found.doubts(), *filter(None, (one.doubt for one in built)))
     result = Assignment(
         mesh=sampled.mesh,
@@ -137,7 +155,7 @@ def assign(
         built=built,
         sampling=sampled,
         sidecar=sidecar,
-        warnings=(*warnings, *doubts, *apparent, *_unmatched(sampled)),
+        warnings=(*warnings, *doubts, *_told(built, sampled)),
         doubts=doubts,
     )
     if options.strict:
@@ -146,7 +164,9 @@ def assign(
     return _written(result, output, field_output)
 
 
-def _unmatched(sampled: SampledMesh) -> Iterator[str]:
+def _told(built: Sequence[BuiltPart], sampled: SampledMesh) -> Iterator[str]:
+    """What is apparent, and what has no voxel."""
+    yield from filter(None, (one.warning for one in built))
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
 

@@ -3,11 +3,13 @@
 import autophyx_tet as apx
 import numpy as np
 import pytest
+import trimesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.toolkit.options import AssignOptions
+from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
 from autophyx_tet.toolkit.walls.built_parts import bodies_of
 from autophyx_tet.toolkit.walls.wall_options import WallOptions
 
@@ -114,3 +116,38 @@ def test_a_name_of_the_whole_speaks_of_its_main_part():
     rows = assigned("a steel car", mesh=mesh).part_rows()
     assert [row["construction"]["form"] for row in rows] == ["shell", "unknown"]
     assert bodies_of(mesh)[1].smallest_side == pytest.approx(0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wall", [0.02, 0.013])
+def test_a_cup_of_water_is_a_wall_and_water(wall, tmp_path):
+    """m = rho_wall (V - V_room) + rho_water V_room, two regions of tets, nothing smeared.
+
+    So through files too: the options of `assign` do not undo what `convert` made.
+    """
+    outer = np.array((0.1, 0.1, 0.12))
+    cup = Asset("cup", (Part("cup", trimesh.creation.box(outer)),))
+    options = ConvertOptions(mesher="stuffing", edge_length=0.01, no_cache=True)
+    walls = WallOptions(wall=wall, fill=("water",))
+    solid = apx.convert(cup, options=options, walls=walls, output=tmp_path / "cup.msh")
+    assert not solid.report.hollow
+    room = float(np.prod(outer - 2 * wall))
+    volumes = dict(zip(solid.mesh.region_names, solid.mesh.region_volumes(), strict=True))
+    assert volumes == pytest.approx({"cup": outer.prod() - room, "cup contents": room}, rel=0.01)
+    full = AssignOptions(cells=24, predictor="retrieval", set=("cup:rho=7850",))
+    for made in (
+        apx.assign(solid.mesh, "a steel cup", options=full, walls=solid.known_walls),
+        apx.assign(tmp_path / "cup.msh", "a steel cup", options=full, walls=WallOptions()),
+    ):
+        expected = 7850 * (outer.prod() - room) + 999 * room  # kg; a litre at 20 degrees: 998 g
+        assert made.mesh.mass == pytest.approx(expected, rel=0.01)
+        assert [row["material"] for row in made.part_rows()][1] == "water (contents)"
+        assert not any("apparent" in told or "not count" in told for told in made.warnings)
+
+
+def test_a_wall_that_no_mesh_holds_stays_with_the_material():
+    """Where the wall is thinner than epsilon there is one region, full of apparent material."""
+    cup = Asset("cup", (Part("cup", trimesh.creation.box((0.1, 0.1, 0.12))),))
+    options = ConvertOptions(mesher="stuffing", edge_length=0.02, no_cache=True)
+    solid = apx.convert(cup, options=options, walls=WallOptions(wall=2e-4, fill=("water",)))
+    assert solid.mesh.region_names == ("cup",)

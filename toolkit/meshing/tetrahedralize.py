@@ -95,7 +95,7 @@ def tetrahedralize(
     mesher = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
     found = mesh_within(problem._replace(mesher=mesher), max_tets)
     made = _kept(asset, found, accept_broken)
-    report = _report(asset, problem, made, found.record, ready, seed)
+    report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
     return mesh, replace(report, warnings=said(report, layers=layers))
 
@@ -190,9 +190,11 @@ def _report(
     made: Made,
     attempts: tuple[Attempt, ...],
     ready: Prepared,
+    solid: Sequence[str],
     seed: int,
 ) -> ConversionReport:
     """Measure everything that the conversion promises."""
+    hollow = likely_hollow(asset, made.mesh, ready.preparation.walls)
     mesh, solids, filling, names = made.mesh, problem.solids, made.filling, asset.part_names
     thin = _thin(solids.plates, names)
     missing = [name for name in names if name not in (*mesh.region_names, *thin.parts)]
@@ -217,7 +219,7 @@ def _report(
         sheets=sheets,
         thin=thin,
         lost=tuple(name for name in missing if name not in sheets),
-        hollow=likely_hollow(asset, mesh, ready.preparation.walls),
+        hollow=tuple(name for name in hollow if name not in solid),
         walls=tuple(names[p] for p in ready.preparation.walls if names[p] in mesh.region_names),
         whole=ready.closing.whole,
         seed=seed,

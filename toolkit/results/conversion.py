@@ -43,7 +43,7 @@ class Conversion:
     @property
     def known_walls(self) -> WallOptions:
         """What was said of walls, with those that the mesh holds by themselves."""
-        return replace(self.walls, held=self.report.walls)
+        return replace(self.walls, held=(*self.report.walls, *self.walls.held))
 
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh."""

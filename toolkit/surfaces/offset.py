@@ -77,21 +77,22 @@ def hollowed(solids: Solids, walls: Mapping[int, float]) -> Solids:
     for shell in solids.shells:
         wall = max((walls.get(int(part), 0.0) for part in np.unique(shell.part)), default=0.0)
         if wall > 0:
-            inner = Triangles(
-                shell.points - wall * vertex_offsets(shell.points, shell.faces), shell.faces
-            )
-            kept = _deep_faces(shell, inner, wall)
+            inner, kept = inner_surface(shell, wall)
             surface = _with_cavity(surface, inner, shell.part, kept)
             shell = replace(shell, cavity=inner)
         shells.append(shell)
     return replace(solids, shells=tuple(shells), surface=surface)
 
 
-def _deep_faces(shell: Shell, inner: Triangles, wall: float) -> Bool[np.ndarray, "faces"]:
-    """Faces of a parallel surface that bound a real cavity: inside, a wall away from the shell."""
+def inner_surface(shell: Shell, wall: float) -> tuple[Triangles, Bool[np.ndarray, "faces"]]:
+    """Surface parallel to a shell's, a ``wall`` [m] inside; which faces bound a real cavity.
+
+    Those are inside and a wall away from the shell.
+    """
+    inner = Triangles(shell.points - wall * vertex_offsets(shell.points, shell.faces), shell.faces)
     middle = inner.points[inner.faces].mean(axis=1)
     deep = closest(middle, shell.points, shell.faces).distance >= KEPT_DEPTH * wall
-    return deep & shell.contains(middle)
+    return inner, deep & shell.contains(middle)
 
 
 def _with_cavity(

@@ -19,9 +19,11 @@ from ...predictors.construction.construction import Construction, ThingWords, co
 from ...predictors.construction.kinds import middle
 from ...predictors.construction.masses import MassInterval, densities_of, mass_interval
 from ...predictors.field import MaterialField
-from ...predictors.prediction import GUESS, PartChoice
+from ...predictors.prediction import GUESS, PartChoice, Prediction
 from ..io.sidecar import Sidecar
+from ..options import pairs
 from ..surfaces.layer import SAMPLES, hull_share, wall_share
+from .contents import with_fillings
 from .part_words import Called, material_inside
 from .wall_options import EVERY, WallOptions
 
@@ -130,22 +132,25 @@ class Walls:
 
     options: WallOptions
     fillings: Mapping[str, Material]
+    contents: Mapping[str, Material]
 
     @classmethod
     def said(cls, options: WallOptions | None, sidecar: Sidecar, parts: Sequence[str]) -> Walls:
-        """Return what options say, by default those of the conversion.
+        """Return what options say, by default those of the conversion; what it made stays made.
 
         Raises
         ------
         UsageError
             Where a part or a material is unknown, or a wall is no length.
         """
-        if options is None:
-            known = sidecar.record.get("walls", {})
-            lists = ("part_wall", "fill", "held")
-            options = WallOptions(
-                **{**known, **{name: tuple(known.get(name, ())) for name in lists}}
-            )
+        record = sidecar.record.get("walls", {})
+        lists = ("part_wall", "fill", "held", "contents")
+        known = WallOptions(**{**record, **{name: tuple(record.get(name, ())) for name in lists}})
+        if options in (None, WallOptions()):
+            options = known
+        else:
+            held, contents = options.held or known.held, options.contents or known.contents
+            options = replace(options, held=held, contents=contents)
         walls, fillings = options.by_part(), options.fillings()
         for name in (*walls, *fillings):
             if name not in (*parts, EVERY):
@@ -154,14 +159,22 @@ class Walls:
             if not 0 < wall < np.inf:
                 raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {wall:g}")
         table = load_table()
-        return cls(options, {name: material_inside(said, table) for name, said in fillings.items()})
+        inside = (
+            {name: material_inside(said, table) for name, said in some.items()}
+            for some in (fillings, pairs(options.contents))
+        )
+        return cls(options, *inside)
+
+    def filled(self, found: Prediction) -> Prediction:
+        """Return the same with the materials of the parts that are what walls hold."""
+        return with_fillings(found, self.contents)
 
     def of(self, part: str) -> dict[str, Any]:
         """Return what is said of one part, as ``construction_of`` takes it."""
-        own = self.options.by_part()
+        own, inside = self.options.by_part(), part in self.contents
         told = {
             "wall": own.get(part, self.options.wall),
-            "solid": own[part] is None if part in own else self.options.solid,
+            "solid": own[part] is None if part in own else self.options.solid or inside,
             "in_mesh": part in self.options.held,
         }
         filling = self.fillings.get(part, self.fillings.get(EVERY))

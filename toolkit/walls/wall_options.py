@@ -27,6 +27,8 @@ class WallOptions:
     """Closed parts are solid, whatever they are called."""
     held: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
     """Parts whose walls the mesh has by itself: what a conversion found."""
+    contents: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Material of parts that are what walls hold, NAME=MATERIAL: what a conversion made."""
 
     def geometry(self) -> dict[str, Any]:
         """Return what the tetrahedraliser makes of it: walls [m] of parts that hold nothing."""
@@ -35,8 +37,22 @@ class WallOptions:
         return {
             "wall": None if EVERY in full or self.solid else self.wall,
             "part_wall": hollow,
-            "solid": (*full, *(name for name, wall in walls.items() if wall is None)),
+            "solid": (
+                *full,
+                *self.held,
+                *pairs(self.contents),
+                *(name for name, wall in walls.items() if wall is None),
+            ),
         }
+
+    def wall_of(self, part: str) -> float | None:
+        """Return the wall [m] that is said of a part, None where it is solid or nothing is said."""
+        return self.by_part().get(part, None if self.solid else self.wall)
+
+    def filling_of(self, part: str) -> str | None:
+        """Return the material that a part is said to be full of."""
+        full = self.fillings()
+        return full.get(part, full.get(EVERY))
 
     def by_part(self) -> dict[str, float | None]:
         """Return the walls [m] of single parts, None for solid ones."""
