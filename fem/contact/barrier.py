@@ -43,6 +43,13 @@ class Nearness(NamedTuple):
     distance: Distance
 
 
+class HessianBlocks(NamedTuple):
+    """Hessian [N/m]: ``diagonal`` (nodes, 3, 3), and ``pairs`` of nodes i, j and their blocks."""
+
+    diagonal: np.ndarray
+    pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
 class Contact:
     """Barrier energy of the surface of a body against rigid obstacles, and against itself.
 
@@ -146,13 +153,8 @@ class Contact:
         if self.own:
             self.own.add_gradient(u, out)
 
-    def with_hessian(
-        self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False
-    ) -> BlockMatrix:
-        """``matrix`` [N/m] and the positive part of the Hessian; ``sharp`` as for ``Lagged``.
-
-        It is added in place but for pairs of nodes that share no tet: there the matrix grows.
-        """
+    def hessian_blocks(self, u: np.ndarray, *, sharp: bool = False) -> HessianBlocks:
+        """Positive part of the Hessian of obstacles alone; ``sharp`` as for ``Lagged``."""
         diagonal, pairs = np.zeros((len(u), 3, 3)), []
         for _, sites, d in self._touching(u, self.thickness):
             s = np.maximum(d.gap / self.thickness, 1e-300)
@@ -161,6 +163,16 @@ class Contact:
             sites.spread_blocks(curve[:, None, None] * outer(d.normal), diagonal, pairs)
         for lag in self.lagged:
             lag.sites.spread_blocks(lag.hessian(u, sharp=sharp), diagonal, pairs)
+        return HessianBlocks(diagonal, pairs)
+
+    def with_hessian(
+        self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False
+    ) -> BlockMatrix:
+        """``matrix`` [N/m] and the positive part of the Hessian; ``sharp`` as for ``Lagged``.
+
+        It is added in place but for pairs of nodes that share no tet: there the matrix grows.
+        """
+        diagonal, pairs = self.hessian_blocks(u, sharp=sharp)
         add_diagonal(matrix, diagonal)
         for i, j, blocks in pairs:
             add_blocks(matrix, i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3))

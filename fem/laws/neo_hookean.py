@@ -31,8 +31,9 @@ def energy_and_stress(H: wp.mat33d, lam: wp.float64, mu: wp.float64):
     eye = wp.identity(n=3, dtype=wp.float64)
     cof = cofactor(H)
     trace = wp.trace(H)
-    grow = trace + wp.trace(cof) + wp.determinant(H)
-    stretch = wp.ddot(H, H) - wp.float64(2.0) * (grow - trace)
+    bend = wp.trace(cof) + wp.determinant(H)
+    grow = trace + bend
+    stretch = wp.ddot(H, H) - wp.float64(2.0) * bend
     rest = trace * eye - wp.transpose(H) + cof
     bulk = (lam + mu) * grow
     return half * (mu * stretch + bulk * grow), mu * (H - rest) + bulk * (eye + rest)

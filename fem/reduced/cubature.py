@@ -48,12 +48,12 @@ class Training(NamedTuple):
 
 
 def training(
-    elasticity: ReducedElasticity, weight: Float[np.ndarray, "dofs"], *, size: float, seed: int = 0
+    elasticity: ReducedElasticity, load: Float[np.ndarray, "dofs"], *, size: float, seed: int = 0
 ) -> Training:
     """Forces of the tets of a model with all of them; ``size`` [m] is the body's longest side.
 
-    ``weight`` are the forces of gravity on the coordinates [N/sqrt(kg)]: every other state is
-    loaded by it, turned and scaled.
+    ``load`` are the forces on the coordinates [N/sqrt(kg)] that will act, of weight and others:
+    every other state is loaded by them, scaled either way.
     """
     square, modes = np.linalg.eigh(elasticity.tangent(np.zeros(elasticity.model.dofs)))
     elastic = square > RIGID * square[-1]
@@ -64,7 +64,7 @@ def training(
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
         forces = turn[k:] @ _cell_forces(elasticity, step * turn[k]) / step
         blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * forces)
-    for q in _states(elasticity, square, modes, weight, size, seed):
+    for q in _states(elasticity, square, modes, load, size, seed):
         forces = turn @ _cell_forces(elasticity, q)
         blocks.append(forces / np.linalg.norm(forces.sum(axis=1)))
     parts = np.concatenate(blocks)
@@ -77,20 +77,20 @@ def _cell_forces(elasticity: ReducedElasticity, q: np.ndarray) -> Float[np.ndarr
     return np.einsum("tk,tka->at", stress, elasticity.model.gradients.reshape(len(stress), 9, -1))
 
 
-def _states(elasticity, square, modes, weight, size, seed):
+def _states(elasticity, square, modes, load, size, seed):
     """States of equilibrium under loads that bend the body between the ``AMPLITUDES``."""
     rng = np.random.default_rng(seed)
     inverse, taken = modes / square @ modes.T, range(min(LOADED, len(square)))
     basis = elasticity.model.basis
     for number in range(STATES):
         mixed = rng.normal(size=len(taken)) * np.sqrt(square[0] * square[taken])
-        load = modes[:, taken] @ mixed if number % 2 or not weight.any() else weight
-        linear = inverse @ load
+        push = modes[:, taken] @ mixed if number % 2 or not load.any() else load
+        linear = inverse @ push
         largest = np.linalg.norm(basis @ linear, axis=1).max()
         amplitude = size * np.exp(rng.uniform(*np.log(AMPLITUDES))) / largest
         sign = -1.0 if number % 4 == 2 else 1.0
         try:
-            yield reduced_rest(elasticity, sign * amplitude * load, tolerance=1e-3).u
+            yield reduced_rest(elasticity, sign * amplitude * push, tolerance=1e-3).u
         except ConvergenceError:  # it snaps through: the linear state, as far as it goes
             yield 0.1 * sign * amplitude * linear
 

@@ -36,6 +36,7 @@ def reduce_body(
     supports: Supports | None = None,
     *,
     gravity_vector=GRAVITY,
+    forces: Float[np.ndarray, "points 3"] | None = None,
     kind: Subspace | None = None,
     handles: int = HANDLES,
     most_cells: int = CELLS[-1],
@@ -47,8 +48,9 @@ def reduce_body(
     ----------
     supports
         What holds it; None: nothing does.
-    gravity_vector
-        Weight [m/s^2] that the cells are accepted by, shape (3,).
+    gravity_vector, forces
+        What will act: gravity [m/s^2], shape (3,), and other forces [N] at the points, shape
+        (points, 3). A held body's basis can follow them, and the cells are accepted by them.
     kind
         What the coordinates move; None: fields of vectors of a held body, handles of a free one.
     handles
@@ -67,12 +69,16 @@ def reduce_body(
     """
     body = linear_body(mesh, supports)
     kind = kind or (Subspace.SKINNING if body.is_free else Subspace.VECTOR)
+    acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
+    acting = acting if forces is None else acting + forces
     if kind is Subspace.VECTOR:
-        basis = vector_basis(body)
+        basis = vector_basis(body, forces)
     else:
-        basis = skinned_basis(_skinning(body, checked_count("handles", handles), gravity_vector))
+        basis = skinned_basis(_skinning(body, checked_count("handles", handles), forces, acting))
     whole = whole_model(body, basis, kind)
-    return with_cells(whole, gravity_vector, most_cells, seed=seed) if most_cells else whole
+    return (
+        with_cells(whole, whole.pull_back(acting), most_cells, seed=seed) if most_cells else whole
+    )
 
 
 def whole_model(
@@ -101,23 +107,28 @@ def whole_model(
 
 
 def with_cells(
-    whole: ReducedModel, gravity_vector, most: int, *, seed: int = 0, accepted: float = ACCEPTED
+    whole: ReducedModel,
+    load: Float[np.ndarray, "dofs"],
+    most: int,
+    *,
+    seed: int = 0,
+    accepted: float = ACCEPTED,
 ) -> ReducedModel:
     """Model of few cells, at most so many: as few as agree with ``whole`` in frequency and sag.
 
-    Where none do, the one with the most cells is returned; its ``accuracy`` tells.
+    The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]. Where none do, the one
+    with the most cells is returned; its ``accuracy`` tells.
     """
     elasticity = ReducedElasticity(whole)
-    weight = whole.weight(gravity_vector)
-    found = training(elasticity, weight, size=_size(whole), seed=seed)
-    known = _Reference(_lowest(elasticity), _rest(elasticity, weight))
+    found = training(elasticity, load, size=_size(whole), seed=seed)
+    known = _Reference(_lowest(elasticity), _rest(elasticity, load))
     cubature: Cubature | None = None
     model = whole
     for count in [n for n in CELLS if n < most] + [most]:
         if count >= len(whole.cells):
             break
         cubature = select_cells(found, count, start=cubature)
-        model = _checked(whole, cubature, weight, known)
+        model = _checked(whole, cubature, load, known)
         if model.accuracy.cell_error <= accepted:
             return model
     return whole if cubature is None else model
@@ -131,13 +142,13 @@ class _Reference(NamedTuple):
 
 
 def _checked(
-    whole: ReducedModel, cubature: Cubature, weight: np.ndarray, known: _Reference
+    whole: ReducedModel, cubature: Cubature, load: np.ndarray, known: _Reference
 ) -> ReducedModel:
     model = on_cells(whole, cubature.cells, cubature.factor * whole.weights[cubature.cells])
     elasticity = ReducedElasticity(model)
     ratio, sag = _lowest(elasticity) / known.frequency, np.nan
     if known.rest is not None:
-        rest = _rest(elasticity, weight)
+        rest = _rest(elasticity, load)
         size = float(np.linalg.norm(known.rest))
         sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
     accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
@@ -190,27 +201,29 @@ def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _skinning(body: LinearBody, handles: int, gravity_vector) -> Float[np.ndarray, "points _"]:
+def _skinning(
+    body: LinearBody, handles: int, forces: np.ndarray | None, acting: np.ndarray
+) -> Float[np.ndarray, "points _"]:
     """Scalar functions of the modal weights that come nearest to the linear body."""
     best: tuple[float, np.ndarray] | None = None
     for fitted in FITTED:
-        weights = modal_weights(body, handles, fitted)
+        weights = modal_weights(body, handles, fitted, forces=forces)
         functions = skinned_functions(body.mesh, weights, free=body.is_free)
         model = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
-        error = abs(model.accuracy.frequency - 1) + _linear_sag_error(body, model, gravity_vector)
+        error = abs(model.accuracy.frequency - 1) + _linear_error(body, model, acting)
         if best is None or error < best[0]:
             best = error, functions
     assert best is not None
     return best[1]
 
 
-def _linear_sag_error(body: LinearBody, model: ReducedModel, gravity_vector) -> float:
-    if body.is_free:
+def _linear_error(body: LinearBody, model: ReducedModel, acting: np.ndarray) -> float:
+    """Relative error of the linear response to the forces ``acting`` (points, 3) [N]."""
+    if body.is_free or not acting.any():
         return 0.0
-    forces = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
     K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
-    found = model.displacement(np.linalg.solve(K, model.pull_back(forces)))
-    return relative_error(model, found, body.compliance(forces))
+    found = model.displacement(np.linalg.solve(K, model.pull_back(acting)))
+    return relative_error(model, found, body.compliance(acting))
 
 
 def _lowest(elasticity: ReducedElasticity) -> float:
@@ -219,13 +232,13 @@ def _lowest(elasticity: ReducedElasticity) -> float:
     return float(frequencies[frequencies > np.sqrt(RIGID) * frequencies[-1]][0])
 
 
-def _rest(elasticity: ReducedElasticity, weight: np.ndarray) -> np.ndarray | None:
-    """Coordinates at rest under the weight; None of a free body, or where none is found."""
-    K = elasticity.tangent(np.zeros(len(weight)))
-    if not weight.any() or np.linalg.eigvalsh(K)[0] < RIGID * np.abs(K).max():
+def _rest(elasticity: ReducedElasticity, load: np.ndarray) -> np.ndarray | None:
+    """Coordinates at rest under the load; None of a free body, or where none is found."""
+    K = elasticity.tangent(np.zeros(len(load)))
+    if not load.any() or np.linalg.eigvalsh(K)[0] < RIGID * np.abs(K).max():
         return None
     try:
-        return reduced_rest(elasticity, weight).u
+        return reduced_rest(elasticity, load).u
     except ConvergenceError:
         return None
 

@@ -16,7 +16,7 @@ from ..discrete.space import make_space
 from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
 from .gradients import hat_gradients
-from .subspace import LinearBody, orthonormal_fields, weight_responses
+from .subspace import LinearBody, load_responses, orthonormal_fields
 
 HANDLES = 10
 # Modes that weights are fitted to: the best of these is kept, more spoil them.
@@ -88,15 +88,20 @@ def laplacian_weights(
 
 
 def modal_weights(
-    body: LinearBody, handles: int, fitted: int, sweeps: int = SWEEPS
+    body: LinearBody,
+    handles: int,
+    fitted: int,
+    *,
+    forces: Float[np.ndarray, "points 3"] | None = None,
+    sweeps: int = SWEEPS,
 ) -> Float[np.ndarray, "points handles"]:
     """Weights of so many ``handles`` that can make the first ``fitted`` modes.
 
-    Of a held body the responses to weight too; they vanish on what holds it.
+    Of a held body the responses to weight and ``forces`` [N] too; they vanish on what holds it.
     """
     held = held_points(body)
     weights = laplacian_weights(body.mesh, handles, held)
-    snapshots = _snapshots(body, fitted)
+    snapshots = _snapshots(body, fitted, forces)
     affine, root = affine_coordinates(body.mesh), np.sqrt(body.mass)[:, None]
     free = (body.mass > 0) & ~held
     for _ in range(sweeps):
@@ -116,12 +121,12 @@ def held_points(body: LinearBody) -> Bool[np.ndarray, "points"]:
     return np.asarray(fixed.any(axis=1))
 
 
-def _snapshots(body: LinearBody, fitted: int) -> Float[np.ndarray, "points shots"]:
-    """Modes, as large as their share f1 / f of a motion, and responses to weight, as (x, y, z)."""
+def _snapshots(body: LinearBody, fitted: int, forces) -> Float[np.ndarray, "points shots"]:
+    """Modes, as large as their share f1 / f of a motion, and responses to loads, as (x, y, z)."""
     modes = body.modes
     fields = modes.shapes[:fitted] * (modes.frequencies[0] / modes.frequencies[:fitted, None, None])
     if not body.is_free:
-        responses = weight_responses(body)
+        responses = load_responses(body, forces)
         size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
         fields = np.concatenate([fields, responses / size[:, None, None]])
     return fields.transpose(1, 0, 2).reshape(len(body.mass), -1)

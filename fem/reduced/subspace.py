@@ -104,9 +104,14 @@ def _compliance(
     return solve
 
 
-def weight_responses(body: LinearBody) -> Float[np.ndarray, "3 points 3"]:
-    """Displacements [m] of a held body under 1 m/s^2 along x, y, z."""
-    return np.stack([body.compliance(body.mass[:, None] * axis) for axis in np.eye(3)])
+def load_responses(
+    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None
+) -> Float[np.ndarray, "loads points 3"]:
+    """Displacements [m] of a held body under 1 m/s^2 along x, y, z, and under ``forces`` [N]."""
+    loads = [body.mass[:, None] * axis for axis in np.eye(3)]
+    if forces is not None and np.any(forces):
+        loads.append(forces)
+    return np.stack([body.compliance(load) for load in loads])
 
 
 def derivatives(
@@ -131,13 +136,18 @@ def derivatives(
     return np.stack(found)
 
 
-def vector_basis(body: LinearBody) -> Float[np.ndarray, "points 3 dofs"]:
-    """Modes, responses to weight and derivatives of a held body: at most 34 fields of vectors."""
+def vector_basis(
+    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None
+) -> Float[np.ndarray, "points 3 dofs"]:
+    """Modes, responses to loads and derivatives of a held body: at most 34 fields of vectors.
+
+    42 with the response to ``forces`` [N] beside those to weight.
+    """
     if body.is_free:
         raise InputError("a free body turns, which no fields of vectors follow: take skinning")
-    shapes, weights = body.modes.shapes, weight_responses(body)
-    bent = derivatives(body, np.concatenate([shapes[:BENT], weights]))
-    fields = np.concatenate([shapes, weights, bent])
+    shapes, responses = body.modes.shapes, load_responses(body, forces)
+    bent = derivatives(body, np.concatenate([shapes[:BENT], responses]))
+    fields = np.concatenate([shapes, responses, bent])
     return orthonormal_fields(np.moveaxis(fields, 0, 2), body.mass)
 
 

@@ -51,5 +51,6 @@ METHODS: Registry[Method] = Registry(
         "modal": "modal:METHOD",
         "mpm": ".mpm.method:METHOD",
         "spring": ".springs.method:METHOD",
+        "lbs": ".reduced.method:METHOD",
     },
 )

@@ -16,7 +16,7 @@ from autophyx_tet.fem.solve.method import Method
 from .bodies import faces_at, shaken_box
 
 ANSWERS = {"statics": SagResult, "dynamics": MotionResult, "modal": Modes, "mpm": MotionResult,
-           "spring": MotionResult}  # fmt: skip
+           "spring": MotionResult, "lbs": MotionResult}  # fmt: skip
 
 
 @pytest.fixture

@@ -87,6 +87,14 @@ def test_the_tangent_is_the_derivative_of_the_force(held, law):
     assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
 
 
+@pytest.mark.parametrize("law", LAWS.names)
+def test_a_tiny_motion_keeps_its_energy(held, law):
+    """q . K q / 2 to the size of the strain, 1e-8: nothing of W is lost in differences of J."""
+    elasticity, q = ReducedElasticity(held, law), state(held, 1e-9)
+    wanted = 0.5 * q @ elasticity.tangent(np.zeros(held.dofs)) @ q
+    assert elasticity.response(q).energy == pytest.approx(wanted, rel=1e-7)
+
+
 def test_patch(free):
     """An affine map is in equilibrium with the tractions P n of its one stress P."""
     H = 0.1 * np.random.default_rng(2).normal(size=(3, 3))

@@ -1,0 +1,148 @@
+"""Reduced bodies as a method of the scene: its motion in a few coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..contact.barrier import Contact
+from ..device import one_thread
+from ..discrete.assembly import discretise
+from ..discrete.forces import load_vector
+from ..discrete.space import make_space
+from ..errors import UsageError
+from ..laws.law import Law
+from ..result import MotionResult, locking_share
+from ..scene.scene import Scene
+from ..solve.method import FrameProgress
+from ..solve.schemes import Scheme
+from ..validation import checked_count, checked_positive
+from .model import ReducedModel, Subspace
+from .reduction import CELLS, accuracy_warnings, reduce_body
+from .skinning import HANDLES
+from .step import ReducedDynamics
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReducedMethod:
+    """Motion of a scene by a reduced body.
+
+    Parameters
+    ----------
+    kind
+        What the coordinates move; None: fields of vectors of a held body, handles of a free one.
+    handles
+        Handles of a skinned body.
+    most_cells
+        Most tets that the elastic energy is summed over; 0: all.
+    announce
+        Hears of the model, in words, before the motion.
+    """
+
+    kind: Subspace | None = None
+    handles: int = HANDLES
+    most_cells: int = CELLS[-1]
+    announce: Callable[[str], None] | None = None
+
+    laws: tuple[str, ...] = ()
+
+    def solve(
+        self,
+        scene: Scene,
+        *,
+        law: str | None = None,
+        order: int | None = None,
+        device: str = "cpu",
+        progress: FrameProgress | None = None,
+        scheme: Scheme = Scheme.BDF2,
+    ) -> MotionResult:
+        """Follow the scene for its duration, one step of ``scheme`` a frame.
+
+        Raises
+        ------
+        UsageError
+            Where quadratic elements or a GPU are asked for: the basis is linear, on the CPU.
+        """
+        if order == 2 or device != "cpu":
+            raise UsageError(
+                "a reduced body has linear elements, on the CPU: leave order and device out"
+            )
+        frames = checked_count("frames", scene.frames)
+        dt = checked_positive("duration", scene.duration, "s") / frames
+        model = self.model_of(scene)
+        if self.announce is not None:
+            self.announce(model_in_words(model))
+        body = reduced_dynamics(scene, model, law=law or Law.NEO_HOOKEAN, scheme=scheme)
+        states = [body.state]
+        for frame in range(1, frames + 1):
+            states.append(body.step(dt))
+            if progress is not None:
+                progress(frame, frames)
+        return MotionResult(
+            tuple(states),
+            dt,
+            len(scene.mesh.points),
+            1,
+            locking_share(scene.mesh),
+            notes=(*accuracy_warnings(model), *_dents(scene, model)),
+            solution=(("reduced model", model_in_words(model)),),
+        )
+
+    def model_of(self, scene: Scene) -> ReducedModel:
+        """Reduced model of the body as the ``scene`` holds it."""
+        return reduce_body(
+            scene.mesh,
+            scene.supports,
+            gravity_vector=scene.gravity_vector,
+            forces=stated_forces(scene),
+            kind=self.kind,
+            handles=self.handles,
+            most_cells=self.most_cells,
+        )
+
+
+METHOD = ReducedMethod()
+
+
+def reduced_dynamics(
+    scene: Scene, model: ReducedModel, *, law: str, scheme: Scheme = Scheme.BDF2
+) -> ReducedDynamics:
+    """The body of ``scene`` at its start, moved by ``model``."""
+    velocity = np.broadcast_to(np.asarray(scene.velocity, dtype=float), model.points.shape)
+    with one_thread():
+        return ReducedDynamics(
+            model,
+            load=model.weight(scene.gravity_vector) + model.pull_back(stated_forces(scene)),
+            velocity=model.coordinates(velocity),
+            contact=Contact(scene.mesh, make_space(scene.mesh, 1), scene.obstacles, scene.friction),
+            law=law,
+            scheme=scheme,
+        )
+
+
+def stated_forces(scene: Scene) -> Float[np.ndarray, "points 3"]:
+    """Forces at the points [N] of all that acts on the body but gravity."""
+    grid = discretise(scene.mesh, 1)
+    return load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
+
+
+def model_in_words(model: ReducedModel) -> str:
+    """Kind, coordinates, cells and lowest frequency of a model, in a line."""
+    basis = "skinning handles" if model.kind is Subspace.SKINNING else "fields of vectors"
+    return (
+        f"{model.dofs} coordinates of {basis}, {len(model.cells):,} cells; lowest frequency "
+        f"{model.accuracy.frequency:.3f} of the full body's"
+    )
+
+
+def _dents(scene: Scene, model: ReducedModel) -> tuple[str, ...]:
+    """Say that what an obstacle does to a small place is not followed."""
+    if not scene.obstacles:
+        return ()
+    return (
+        f"{model.dofs} coordinates follow how the body bends as a whole, not the dents that "
+        "obstacles make",
+    )
