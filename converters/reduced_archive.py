@@ -1,4 +1,4 @@
-"""A reduced model as an .npz: the arrays of ``ReducedModel`` by name, and what is not an array."""
+"""Reduced models, and moduli fitted with them, as .npz: arrays by name, and ``meta``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import fields
 import numpy as np
 
 from ..fem.errors import InputError
+from ..fem.matching import MotionFit
 from ..fem.reduced.model import Accuracy, ReducedModel, Subspace
+from ..fem.solve.schemes import Scheme
 from .files import reading
 from .npz import load_npz, save_npz
 
@@ -19,6 +21,7 @@ UNITS = {
     "points": "m", "mass": "kg", "basis": "kg^-1/2", "weights": "m^3",
     "gradients": "m^-1 kg^-1/2", "E": "Pa", "nu": "1", "springs": "s^-2",
 }  # fmt: skip
+_NUMBERS = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
 _ARRAYS = [field.name for field in fields(ReducedModel) if "ndarray" in str(field.type)]
 
 
@@ -58,4 +61,29 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
             region_names=tuple(meta["region_names"]),
             accuracy=Accuracy(**meta["accuracy"]),
             **{name: arrays[name] for name in _ARRAYS},
+        )
+
+
+def save_fit(path: str | os.PathLike, fit: MotionFit) -> None:
+    """Save fitted moduli; nu that was not fitted is no number."""
+    numbers = {name: np.array(getattr(fit, name), dtype=float) for name in _NUMBERS}
+    meta = {"kind": "MotionFit", "version": VERSION, "scheme": fit.scheme.name}
+    save_npz(path, **numbers, covariance=fit.covariance, meta=np.array(json.dumps(meta)))
+
+
+def load_fit(path: str | os.PathLike) -> MotionFit:
+    """Load what ``save_fit`` wrote; ``InputError`` if it is something else."""
+    arrays = load_npz(path)
+    with reading(path, "parameters that `match` saved") as source:
+        meta = json.loads(str(arrays.pop("meta", "{}")))
+        if meta.get("kind") != "MotionFit" or meta["version"] != VERSION:
+            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a MotionFit")
+        numbers = {name: float(arrays[name]) for name in _NUMBERS}
+        nu, runs = numbers.pop("nu"), int(numbers.pop("runs"))
+        return MotionFit(
+            **numbers,
+            nu=None if np.isnan(nu) else nu,
+            runs=runs,
+            covariance=arrays["covariance"],
+            scheme=Scheme[meta["scheme"]],
         )

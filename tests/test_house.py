@@ -11,7 +11,7 @@ FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
         "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
-        "mpm", "reduced", "springs", "scenarios", "grain", "safety",
+        "mpm", "reduced", "springs", "matching", "scenarios", "grain", "safety",
         "intervals", "verdicts",
     ),
     "predictors": (

@@ -131,8 +131,8 @@ class SimulateOptions:
 
     scenario: Annotated[str, choice(SCENARIOS)] = "sag"
     """It stands, hangs, is blown at, poked, dropped, squeezed, rings, falls or is torn."""
-    solver: Literal["fem", "mpm", "spring"] = "fem"
-    """Finite elements; particles (MPM) for what flows, breaks or bends far; or a spring network."""
+    solver: Literal["fem", "mpm", "spring", "lbs"] = "fem"
+    """Finite elements; particles (MPM: flows, breaks); a spring network; a reduced body (LBS)."""
     grid: int = 64
     """Cells of MPM's grid along the longest side."""
     stiff: Literal["rigid", "stationary", "cap"] = "rigid"
@@ -145,6 +145,12 @@ class SimulateOptions:
     """A paper's settings of MPM instead of --grid, --stiff, --damping: 1 m of 25 cells, .1 ms."""
     threads: Literal[1, 2] = 1
     """Threads of MPM on a CPU."""
+    basis: Literal["vector", "skinning"] | None = None
+    """What moves a reduced body: fields of vectors (the default where it is held), or handles."""
+    handles: int = 10
+    """Handles of --basis skinning."""
+    parameters: Path | None = None
+    """Moduli that `match` fitted, .npz, for a reduced body."""
     anchors: int = 2048
     """Anchors of a spring network: masses in the body that springs join."""
     neighbours: int = 32

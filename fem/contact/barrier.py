@@ -43,13 +43,6 @@ class Nearness(NamedTuple):
     distance: Distance
 
 
-class HessianBlocks(NamedTuple):
-    """Hessian [N/m]: ``diagonal`` (nodes, 3, 3), and ``pairs`` of nodes i, j and their blocks."""
-
-    diagonal: np.ndarray
-    pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
-
-
 class Contact:
     """Barrier energy of the surface of a body against rigid obstacles, and against itself.
 
@@ -153,8 +146,8 @@ class Contact:
         if self.own:
             self.own.add_gradient(u, out)
 
-    def hessian_blocks(self, u: np.ndarray, *, sharp: bool = False) -> HessianBlocks:
-        """Positive part of the Hessian of obstacles alone; ``sharp`` as for ``Lagged``."""
+    def hessian_blocks(self, u: np.ndarray, *, sharp: bool = False) -> tuple[np.ndarray, list]:
+        """Of obstacles: ``Sites.spread_blocks`` of the Hessian [N/m]; ``sharp`` as ``Lagged``."""
         diagonal, pairs = np.zeros((len(u), 3, 3)), []
         for _, sites, d in self._touching(u, self.thickness):
             s = np.maximum(d.gap / self.thickness, 1e-300)
@@ -163,7 +156,7 @@ class Contact:
             sites.spread_blocks(curve[:, None, None] * outer(d.normal), diagonal, pairs)
         for lag in self.lagged:
             lag.sites.spread_blocks(lag.hessian(u, sharp=sharp), diagonal, pairs)
-        return HessianBlocks(diagonal, pairs)
+        return diagonal, pairs
 
     def with_hessian(
         self, u: np.ndarray, matrix: BlockMatrix, *, sharp: bool = False

@@ -53,7 +53,10 @@ class ReducedElasticity:
     def set_moduli(self, E: np.ndarray, nu: np.ndarray) -> None:
         """Take other moduli ``E`` [Pa] and ``nu`` [1] of the cells, shape (cells,)."""
         self.model = self.model.with_moduli(E, nu)
-        lam, mu = self.model.lame  # laws are linear in them: the weight of a cell goes in here
+        self._weigh(*self.model.lame)
+
+    def _weigh(self, lam: np.ndarray, mu: np.ndarray) -> None:
+        """Laws are linear in the Lame parameters: the weight of a cell goes in with them."""
         self._lam.assign(self.model.weights * lam)
         self._mu.assign(self.model.weights * mu)
 
@@ -62,6 +65,13 @@ class ReducedElasticity:
         self._H.numpy()[:] = self.gradients.of(q)
         self._stress.launch()
         return self._P.numpy()
+
+    def force_with(self, q: np.ndarray, lam: np.ndarray, mu: np.ndarray) -> np.ndarray:
+        """Elastic force (dofs,) [N/sqrt(kg)] at ``q`` with other Lame parameters (cells,) [Pa]."""
+        self._weigh(lam, mu)
+        force = self.gradients.pull(self.stress(q))
+        self._weigh(*self.model.lame)
+        return force
 
     def response(self, q: np.ndarray) -> ReducedResponse:
         """Energy and force at the coordinates ``q`` (dofs,) [m sqrt(kg)], springs and all."""

@@ -38,6 +38,8 @@ class ReducedMethod:
         Handles of a skinned body.
     most_cells
         Most tets that the elastic energy is summed over; 0: all.
+    scale, nu
+        What E is multiplied by [1], and Poisson's ratio [1] in place of the body's own: fitted.
     announce
         Hears of the model, in words, before the motion.
     """
@@ -45,6 +47,8 @@ class ReducedMethod:
     kind: Subspace | None = None
     handles: int = HANDLES
     most_cells: int = CELLS[-1]
+    scale: float = 1.0
+    nu: float | None = None
     announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = ()
@@ -93,7 +97,7 @@ class ReducedMethod:
 
     def model_of(self, scene: Scene) -> ReducedModel:
         """Reduced model of the body as the ``scene`` holds it."""
-        return reduce_body(
+        model = reduce_body(
             scene.mesh,
             scene.supports,
             gravity_vector=scene.gravity_vector,
@@ -102,6 +106,8 @@ class ReducedMethod:
             handles=self.handles,
             most_cells=self.most_cells,
         )
+        nu = None if self.nu is None else np.full_like(model.nu, self.nu)
+        return model.with_moduli(self.scale * model.E, nu)
 
 
 METHOD = ReducedMethod()

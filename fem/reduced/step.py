@@ -114,18 +114,19 @@ class ReducedDynamics:
             raise InputError("the body starts inside an obstacle: wanted a gap")
         v = zero if velocity is None else velocity
         self.now = Kinematics(zero, v, self.load - self.elasticity.response(zero).force)
-        self.time, self.iterations = 0.0, 0
+        self.time, self.iterations, self.last_dt = 0.0, 0, 0.0
         self._forget()
 
     def _forget(self) -> None:
         """Start anew: the past has other steps, or none."""
         self._before: Kinematics | None = None
-        self._forecast, self._dt = Forecast(), 0.0
+        self._forecast = Forecast()
 
     def advance(self, dt: float) -> Kinematics:
         """Coordinates, their velocity and acceleration ``dt`` [s] later.
 
-        A step that does not converge is made of smaller ones.
+        A step that does not converge is made of smaller ones; ``last_dt`` [s] is then that of the
+        last of them.
 
         Raises
         ------
@@ -175,13 +176,13 @@ class ReducedDynamics:
                 self._halved(dt / 2, halvings - 1)
 
     def _advance(self, dt: float) -> None:
-        if dt != self._dt:
+        if dt != self.last_dt:
             self._forget()
         step = Step.of(self.scheme, dt, self.now, self._before)
         if self.contact is not None:
             self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
         q, iterations = self._solve(step)
-        self._before, self._dt, self.now = self.now, dt, step.ended(q)
+        self._before, self.last_dt, self.now = self.now, dt, step.ended(q)
         self.time, self.iterations = self.time + dt, self.iterations + iterations
         self._forecast.add(self.now.a)
 

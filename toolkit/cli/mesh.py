@@ -109,6 +109,7 @@ class SimulateCommand:
     Examples: autophyx-tet simulate chair.msh --scenario sag -o sag.vtu --report sag.html;
     autophyx-tet simulate chair.msh --scenario drop -o drop.pvd;
     autophyx-tet simulate jelly.msh --scenario drop --solver spring -o springs.pvd;
+    autophyx-tet simulate bonsai.msh --solver lbs -o reduced.pvd;
     autophyx-tet simulate hammer.msh --fix part:handle --load part:head=0,0,-10 -o push.vtu
     """
 
@@ -212,9 +213,67 @@ class RunCommand:
         return result.document()
 
 
+@dataclass(frozen=True)
+class ReduceCommand:
+    """Reduce a body to a few coordinates, as the scenario holds and loads it, and measure that.
+
+    Example: autophyx-tet reduce bonsai.msh -o bonsai.npz
+    """
+
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
+    """Mesh with E, nu and rho, made by `assign`."""
+    output: Output
+    """Reduced model to write: .npz."""
+    up: UpAxis | None = None
+    """Axis that points up; by default what the mesh's sidecar says, else z."""
+    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
+        default_factory=SimulateOptions
+    )
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..simulation.reducing import reduce
+
+        known = {"up": self.up, "options": self.options}
+        return reduce(self.mesh, output=self.output, **known).document()
+
+
+@dataclass(frozen=True)
+class MatchCommand:
+    """Fit the moduli of a reduced body to a motion of the same scene by another solver.
+
+    Example: autophyx-tet match bar.msh --solver lbs --to motion.pvd -o fitted.npz
+    """
+
+    mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
+    """Mesh with E, nu and rho, made by `assign`."""
+    to: Path
+    """Motion to fit to, .pvd, as `simulate` writes it."""
+    output: Output
+    """Parameters to write, .npz, for `simulate --solver lbs --parameters`."""
+    with_nu: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Fit Poisson's ratio too: it is hard to tell from E, see the correlation."""
+    up: UpAxis | None = None
+    """Axis that points up; by default what the mesh's sidecar says, else z."""
+    options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
+        default_factory=SimulateOptions
+    )
+    common: Flat[Common] = field(default_factory=Common)
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the command and return its document."""
+        from ..simulation.reducing import match
+
+        known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
+        return match(self.mesh, self.to, output=self.output, **known).document()
+
+
 COMMANDS = {
     "convert": ConvertCommand,
     "assign": AssignCommand,
     "simulate": SimulateCommand,
+    "reduce": ReduceCommand,
+    "match": MatchCommand,
     "run": RunCommand,
 }

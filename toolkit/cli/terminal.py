@@ -73,6 +73,9 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield from _batch(document)
     yield from _plan(document)
     yield from _learning(document)
+    for verb in ("reduced", "match"):
+        if verb in document:
+            yield document[verb]["summary"]
     yield from _driven(document.get("drive", document))
 
 

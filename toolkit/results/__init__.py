@@ -2,5 +2,5 @@
 
 In: meshes, fields and answers of the solvers.
 Out: conversion, assignment, simulation and run, with verdicts in plain words.
-Read: conversion, assignment, verdict, description, simulation, settled, moving, ringing, run.
+Read: conversion, assignment, verdict, description, settled, moving, ringing, run, reduction.
 """

@@ -60,14 +60,7 @@ def run_scenario(
     kind = method_name(options, scenario)
     method = chosen_method(kind, options, rows, _announce(progress, started))
     _check_law(options, method)
-    if kind != "mpm":
-        _check_conditions(options, stated.conditions, kind)
-    if stated.bodies and kind not in MEETING:
-        raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
-    mesh, notes = grained(mesh, options, rows, method=kind)
-    scene = stated.conditions.applied(scenario.scene(mesh, up=up))
-    own = {"self_contact": options.self_contact, "warnings": (*scene.warnings, *notes)}
-    scene = replace(scene, **own)
+    scene = stated_scene(mesh, options, up=up, materials=rows)
     result = method.solve(
         scene,
         law=options.law,
@@ -80,6 +73,27 @@ def run_scenario(
     if scenario.with_modes and isinstance(found, Settled):
         found = replace(found, modes=_standing_modes(scene, options.device))
     return replace(found, materials=rows, seconds=time.perf_counter() - started)
+
+
+def stated_scene(
+    mesh: TetMesh,
+    options: SimulateOptions,
+    *,
+    up: UpAxis,
+    materials: Mapping[str, str] | None = None,
+) -> Scene:
+    """Scene of ``mesh``, all its bodies, that the options state for the method that they name."""
+    stated = stated_conditions(options)
+    scenario = _scenario(options, stated.gravity)
+    kind = method_name(options, scenario)
+    if kind != "mpm":
+        _check_conditions(options, stated.conditions, kind)
+    if stated.bodies and kind not in MEETING:
+        raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
+    mesh, notes = grained(mesh, options, materials or {}, method=kind)
+    scene = stated.conditions.applied(scenario.scene(mesh, up=up))
+    own = {"self_contact": options.self_contact, "warnings": (*scene.warnings, *notes)}
+    return replace(scene, **own)
 
 
 def _answer(
@@ -115,7 +129,7 @@ def _check_conditions(
     options: SimulateOptions, conditions: BoundaryConditions, method: str
 ) -> None:
     """Say what a method cannot follow, rather than leave it out in silence."""
-    if method in ("dynamics", "spring") and conditions.move:
+    if method in ("dynamics", "spring", "lbs") and conditions.move:
         what = f"--scenario {options.scenario}" if method == "dynamics" else f"--solver {method}"
         raise UsageError(f"--move is for bodies at rest: {what} is a motion")
     if method in ("statics", "modal") and conditions.obstacle:

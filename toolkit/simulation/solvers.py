@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from ...fem.errors import UsageError
 from ...fem.scenarios.scenario import Scenario
 from ...fem.solve.method import METHODS, Method
 from ..options import SimulateOptions
 
+if TYPE_CHECKING:
+    from ...fem.reduced.method import ReducedMethod
+
 # What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
 REFUSED = {
     ("mpm", "modal"): "particles do not ring",
     ("spring", "modal"): "springs are followed in time",
     ("spring", "tear"): "springs do not tear",
+    ("lbs", "modal"): "a reduced body is followed in time",
+    ("lbs", "tear"): "a reduced body does not tear",
 }
 
 
@@ -51,4 +57,24 @@ def chosen_method(
             eta=options.eta,
             announce=announce,
         )
+    if name == "lbs":
+        return reduced_method(options, announce)
     return METHODS[name]
+
+
+def reduced_method(
+    options: SimulateOptions, announce: Callable[[str], None] | None = None
+) -> ReducedMethod:
+    """Reduced bodies of the kind and size, and with the fitted moduli, that the options name."""
+    from ...converters.reduced_archive import load_fit
+    from ...fem.reduced.method import ReducedMethod
+    from ...fem.reduced.model import Subspace
+
+    fit = None if options.parameters is None else load_fit(options.parameters)
+    return ReducedMethod(
+        kind=None if options.basis is None else Subspace(options.basis),
+        handles=options.handles,
+        scale=1.0 if fit is None else fit.scale,
+        nu=None if fit is None else fit.nu,
+        announce=announce,
+    )

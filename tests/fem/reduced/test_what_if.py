@@ -1,0 +1,46 @@
+"""Many runs of one body: scaling laws of one material, and the full body's answers."""
+
+import numpy as np
+import pytest
+from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.reduced.model import Subspace
+from autophyx_tet.fem.reduced.what_if import what_if, what_if_error
+
+from .bodies import clamped, linear, two_part_bar, whole
+
+MESH = two_part_bar((6, 2, 2))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return whole(linear(MESH), Subspace.VECTOR)
+
+
+def test_load_and_stiffness_scale_together(model):
+    """All E times s and all loads times s leave the rest alone; frequencies rise by sqrt(s)."""
+    s = np.array([0.5, 1.0, 4.0])
+    loads = s[:, None] * model.weight([0, 0, -1.0])
+    found = what_if(model, scales=np.repeat(s[:, None], 2, axis=1), loads=loads)
+    assert found.largest == pytest.approx(found.largest[1], rel=1e-5)
+    assert found.frequency / found.frequency[1] == pytest.approx(np.sqrt(s), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_runs_are_the_full_body_s(model):
+    """Parts twice softer or stiffer, weights any way: 2 % in rest and frequency."""
+    rng = np.random.default_rng(0)
+    scales = np.exp(rng.uniform(-0.7, 0.7, (20, 2)))
+    ways = rng.normal(size=(20, 1, 3))
+    forces = model.mass[:, None] * ways / np.linalg.norm(ways, axis=2, keepdims=True)
+    loads = np.stack([model.pull_back(f) for f in forces])
+    found = what_if(model, scales=scales, loads=loads)
+    held = clamped(MESH)
+    error = what_if_error(model, found, MESH, held, scales=scales, forces=forces, count=3)
+    assert len(error.runs) == 3
+    assert error.rest.max() < 0.02
+    assert np.abs(error.frequency).max() < 0.02
+
+
+def test_scales_of_other_parts_are_refused(model):
+    with pytest.raises(InputError, match="2 part"):
+        what_if(model, scales=np.ones((1, 3)), loads=model.weight([0, 0, 1.0])[None])

@@ -1,0 +1,88 @@
+"""The verbs reduce and match, and simulate --solver lbs: files, documents, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.pvd import write_pvd
+from autophyx_tet.converters.reduced_archive import load_fit, load_reduced
+from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.reducing import match, reduce
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    """A standing bar of jelly on disk, 0.4 m high."""
+    mesh = box_mesh((0.1, 0.1, 0.4), (2, 2, 6))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e5, nu=0.3, rho=500.0))
+    path = tmp_path_factory.mktemp("bar") / "bar.msh"
+    write_mesh(path, mesh)
+    return path
+
+
+@pytest.mark.slow
+def test_a_drop_is_followed_and_meets_the_ground(bar, tmp_path, capsys):
+    """A free body falls, touches and does not go through; what is left out is a warning."""
+    call = ["simulate", str(bar), "--scenario", "drop", "--solver", "lbs", "--drop-height", "0.05"]
+    assert main([*call, "-o", str(tmp_path / "drop.pvd"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    found = document["motion"]
+    assert 0 < found["smallest_gap"] < 0.01
+    assert found["max_contact_force"] > 0
+    assert any("dents" in warning for warning in document["warnings"])
+
+
+@pytest.mark.slow
+def test_a_free_fall_is_exact():
+    """Before it touches, every point has fallen by g t^2 / 2, but for BDF2's first step."""
+    mesh = box_mesh((0.1, 0.1, 0.2), (2, 2, 4))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e5, nu=0.3, rho=500.0))
+    result = simulate(mesh, scenario="drop", solver="lbs", drop_height=5.0)
+    times, u = result.animation
+    early = 10
+    exact = -9.81 * times[early] ** 2 / 2
+    dt = times[1]
+    assert u[early][:, 2] == pytest.approx(exact, abs=9.81 * dt * times[early])
+    assert np.ptp(u[early][:, 2]) < 1e-9
+
+
+@pytest.mark.slow
+def test_reduce_writes_a_model_and_match_its_moduli(bar, tmp_path, capsys):
+    """The motion of a body 1.5 times as stiff gives that scale, by way of files and commands."""
+    wind = ["--scenario", "poke", "--poke-force", "0.2"]
+    assert main(["reduce", str(bar), *wind, "-o", str(tmp_path / "r.npz"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["reduced"]
+    model = load_reduced(tmp_path / "r.npz")
+    assert (told["dofs"], told["cells"]) == (model.dofs, len(model.cells))
+    stiff = box_mesh((0.1, 0.1, 0.4), (2, 2, 6))
+    stiff = stiff.with_material(
+        ElementMaterial.uniform(len(stiff.tets), E=1.5e5, nu=0.3, rho=500.0)
+    )
+    moved = simulate(stiff, scenario="poke", poke_force=0.2, solver="lbs")
+    frames = [(t, {"displacement": u}) for t, u in zip(*moved.animation, strict=True)][:20]
+    write_pvd(tmp_path / "m.pvd", stiff, frames)
+    fitted = tmp_path / "p.npz"
+    call = ["match", str(bar), *wind, "--solver", "lbs", "--to", str(tmp_path / "m.pvd")]
+    assert main([*call, "-o", str(fitted)]) == 0
+    assert "first frequency" in capsys.readouterr().out
+    fit = load_fit(fitted)
+    assert fit.scale == pytest.approx(1.5, rel=0.01)
+    again = simulate(bar, scenario="poke", poke_force=0.2, solver="lbs", parameters=fitted)
+    last = np.abs(moved.displacement).max()
+    assert again.displacement == pytest.approx(moved.displacement, abs=0.05 * last)
+
+
+def test_what_cannot_be_done_is_said(bar, tmp_path):
+    with pytest.raises(UsageError, match="followed in time"):
+        simulate(bar, scenario="modal", solver="lbs")
+    with pytest.raises(UsageError, match="order and device"):
+        simulate(bar, solver="lbs", order=2)
+    with pytest.raises(UsageError, match="wanted lbs"):
+        match(bar, tmp_path / "m.pvd", solver="mpm")
+    with pytest.raises(InputError, match=r"\.npz"):
+        reduce(bar, output=tmp_path / "model.json")

@@ -1,0 +1,76 @@
+"""A reduced body, and moduli fitted to a motion, as `reduce` and `match` return them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...fem.matching import MotionFit
+from ...fem.reduced.method import model_in_words
+from ...fem.reduced.model import ReducedModel
+from ...fem.reduced.reduction import accuracy_warnings
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reduction:
+    """A reduced ``model``, the ``seconds`` it took, ``files`` written and the scene's warnings."""
+
+    model: ReducedModel
+    seconds: float
+    files: tuple[Path, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``reduce --json`` prints."""
+        model = self.model
+        return {
+            "files": self.files,
+            "reduced": {
+                "summary": model_in_words(model),
+                "kind": model.kind.value,
+                "dofs": model.dofs,
+                "cells": len(model.cells),
+                "accuracy": model.accuracy,
+            },
+            "seconds": self.seconds,
+            "warnings": (*self.assumed, *accuracy_warnings(model)),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Match:
+    """Moduli of a reduced body after a motion: ``fit``, and what ``Reduction`` has."""
+
+    fit: MotionFit
+    seconds: float
+    files: tuple[Path, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def summary(self) -> str:
+        """Scale of E, nu, errors and the ratio of frequencies, in a line."""
+        fit = self.fit
+        nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
+        return (
+            f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%}){nu}; error {fit.error:.2%}, before "
+            f"{fit.unfitted_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the full "
+            f"body's; {fit.scheme.value}"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``match --json`` prints."""
+        fit = self.fit
+        numbers = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
+        return {
+            "files": self.files,
+            "match": {
+                "summary": self.summary,
+                **{name: getattr(fit, name) for name in numbers},
+                "deviation": fit.deviation,
+                "covariance": fit.covariance,
+                "scheme": fit.scheme.value,
+            },
+            "seconds": self.seconds,
+            "warnings": self.assumed,
+        }
