@@ -2,11 +2,13 @@
 
     python benchmarks/mpm.py --json
     python benchmarks/mpm.py --device cuda --particles 1000000
+    python benchmarks/mpm.py --peers fem total updated newton jelly taichi
 
 A block of particles with small random velocities on a 64^3 grid, or larger where it does not fit,
 8 a cell at random places, sorted; the best of some rounds of 20 substeps, in ns of CPU time of the
 first thread a particle and substep, ``wall_ns`` beside it (on a GPU only that). With two threads
 the first takes half of the work: its time says what two free cores would give on a busy machine.
+``--peers`` are those of ``mpm_peers.py``, in the same run and as JSON.
 Yielding snow is squeezed past its clamps first: eigenvectors are in its figure.
 """
 
@@ -23,6 +25,7 @@ from autophyx_tet.fem.mpm.background import BackgroundGrid
 from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
 from autophyx_tet.fem.mpm.particles import Particles
 from autophyx_tet.fem.mpm.solver import MpmSolver
+from mpm_peers import PEERS
 
 SUBSTANCES = {
     "jelly": Substance(),
@@ -105,8 +108,13 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--particles", type=int)
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--peers", nargs="+", choices=PEERS, default=(), metavar="NAME")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    if given.peers:
+        found = [PEERS[name]() for name in given.peers]
+        print(json.dumps({"load": os.getloadavg(), "peers": found}, indent=1))
+        return
     rows = []
     for name, count, threads in cases(given.device, given.particles):
         options = {"device": given.device, "threads": threads, "rounds": given.rounds}

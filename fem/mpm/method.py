@@ -22,12 +22,13 @@ from .particles import Particles, ParticleState
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
 from .solver import MpmSolver
 from .stability import BUDGET, COURANT, MpmError, largest_modulus
-from .stiff import Stiff, Treatment, near_held, treated
+from .stiff import Stiff, Treatment, near_held, treated, treatment_notes
 from .walls import Wall, scene_room, support_walls
 
-# CPU time of a particle and substep [s], by class, of `benchmarks/mpm.py` on one core.
+# CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
+# (`benchmarks/mpm.py`).
 COSTS = {MaterialClass.SNOW: 2.5e-7, MaterialClass.JELLY: 1.5e-7}
-COST = 2.2e-7
+COST, OVERHEAD = 2.2e-7, 6e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +111,7 @@ class MpmMethod:
     def _setup(self, scene: Scene, device: str) -> _Setup:
         mesh = scene.mesh
         spacing = scene.longest / self.grid
+        room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
         sample = sample_tets(mesh, spacing)
         given = self._particles(scene, sample)
         found = self._treated(scene, given, spacing)
@@ -117,8 +119,7 @@ class MpmMethod:
         if scene.ground is not None:
             walls.append(Wall(shape=scene.ground))
         walls += support_walls(mesh, scene.held, spacing, scene.duration)
-        room = scene_room(scene, spacing)
-        notes = (*self._assumed(scene), *_notes(sample, found))
+        notes = (*self._assumed(scene), *treatment_notes(found, sample.thin))
         if found.particles.held.all():
             return _Setup(found, sample, room, None, notes)
         solver = MpmSolver(
@@ -215,7 +216,7 @@ class _Setup(NamedTuple):
             dt = self.solver.step
         steps = duration / dt
         each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in given.kinds])
-        seconds = steps * float(each[~given.held].sum())
+        seconds = steps * (OVERHEAD + float(each[~given.held].sum()))
         return (
             f"{len(given.x):,} particles, a grid of {'x'.join(map(str, self.room.shape))}, about "
             f"{steps:,.0f} steps: some {seconds:,.0f} s"
@@ -228,12 +229,6 @@ def _may_be_lagrangian(scene: Scene, found: Treatment) -> bool:
     moving = given.kinds[~given.held] == MaterialClass.JELLY
     tears = any(s.tears for s in given.substances)
     return bool(moving.all() and not tears and not scene.obstacles and scene.held.fixed.any())
-
-
-def _notes(sample: TetSample, found: Treatment) -> tuple[str, ...]:
-    thin = f"{', '.join(sample.thin)}: less than about two cells thick, bends wrongly: finer --grid"
-    still = "everything is stationary: nothing can move"
-    return (*found.notes, *[thin] * bool(sample.thin), *[still] * bool(found.particles.held.all()))
 
 
 class _Recorder:

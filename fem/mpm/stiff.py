@@ -129,3 +129,17 @@ def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool
     if not len(points):
         return np.zeros(len(x), dtype=bool)
     return KDTree(points).query(x)[0] < spacing
+
+
+def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
+    """What to know of a treatment, and of the parts that are too ``thin`` for the grid to bend."""
+    given, notes = found.particles, list(found.notes)
+    bending = np.unique(given.part[given.kinds != MaterialClass.STATIONARY])
+    names = [name for name in thin if name in {given.parts[i] for i in bending}]
+    if names:
+        notes.append(
+            f"{', '.join(names)}: less than about two cells thick, bends wrongly: finer --grid"
+        )
+    if given.held.all():
+        notes.append("everything is stationary: nothing can move")
+    return tuple(notes)

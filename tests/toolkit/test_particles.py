@@ -1,10 +1,13 @@
 """Simulate --solver mpm: options, files, page, picture, splats that follow, failures."""
 
 import json
+from base64 import b64decode
+from io import BytesIO
 
 import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.converters.points.point_file import read_points, write_points
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.mpm.classes import MaterialClass
@@ -31,6 +34,11 @@ def bar(tmp_path_factory):
     return path
 
 
+def _frame(film, number):
+    film.seek(number)
+    return film.convert("RGB")
+
+
 @pytest.mark.slow
 def test_a_fall_is_written_reported_and_drawn(bar, tmp_path, capsys):
     """From the command line: motion, page, GIF; the document counts what was done."""
@@ -45,7 +53,14 @@ def test_a_fall_is_written_reported_and_drawn(bar, tmp_path, capsys):
     assert found["substeps"] > 0
     assert "some" in found["plan"]
     assert document["motion"]["frames"] == 51
-    assert "material points" in files[1].read_text()
+    page = files[1].read_text()
+    assert "material points" in page
+    film = page.split("data:image/gif;base64,")[1].split('"')[0]
+    with Image.open(BytesIO(b64decode(film))) as moving:
+        assert moving.n_frames == 24
+        first, last = (np.asarray(_frame(moving, i)) for i in (0, 23))
+    rows = [np.flatnonzero((shot < 250).any(axis=(1, 2))).mean() for shot in (first, last)]
+    assert rows[1] > rows[0] + 10  # it lies lower, in pixels
 
 
 @pytest.mark.slow
@@ -121,6 +136,52 @@ def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys,
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("options", "code", "why"),
+    [
+        (["--grid", "8", "--damping", "nan"], 2, "--damping nan: wanted a rate >= 0"),
+        (["--grid", "8", "--damping", "-1"], 2, "--damping -1: wanted a rate >= 0"),
+        (["--grid", "0"], 2, "--grid 0: wanted at least 4 cells"),
+        (["--grid", "8", "--tear-share", "0"], 3, "share"),
+        (["--grid", "100000"], 3, "nodes: wanted at most 30,000,000"),
+    ],
+)
+def test_numbers_that_no_run_has_are_one_line(bar, tmp_path, capsys, options, code, why):
+    call = ["simulate", str(bar), "--scenario", "tear", "-o", str(tmp_path / "o.pvd")]
+    assert main([*call, *options]) == code
+    said = capsys.readouterr().err
+    assert why in said
+    assert "Traceback" not in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_bodies_that_no_run_can_follow_are_told(tmp_path, capsys):
+    """Steel is rigid and counted; not-a-number is named; both in what the terminal says."""
+    for E, code, why in ((2e11, 0, "rigid body"), (np.nan, 3, "E")):
+        mesh = box_mesh((0.4, 0.1, 0.1), (4, 1, 1))
+        steel = ElementMaterial.uniform(len(mesh.tets), E=2e11, nu=0.3, rho=7800.0)
+        path = tmp_path / "body.npz"
+        write_mesh(path, mesh.with_material(steel))
+        if np.isnan(E):
+            arrays = load_npz(path)
+            arrays["E"][0] = np.nan
+            save_npz(path, **arrays)
+        call = ["simulate", str(path), "--scenario", "fall", "--grid", "8", "--fall-height", ".01"]
+        assert main([*call, "-o", str(tmp_path / "o.pvd")]) == code
+        assert why in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_what_a_run_costs_is_told_in_a_log_too(bar, tmp_path, capsys):
+    """Standard error is no terminal here: the plan is a line all the same, but for --quiet."""
+    call = ["simulate", str(bar), "--scenario", "fall", "--grid", "8", "--fall-height", ".01"]
+    assert main([*call, "-o", str(tmp_path / "o.pvd")]) == 0
+    assert "expected: 256 particles" in capsys.readouterr().err
+    assert main([*call, "-o", str(tmp_path / "o.pvd"), "--quiet"]) == 0
+    assert "expected" not in capsys.readouterr().err
+
+
 def test_matter_is_said_in_words():
     found = substances(["pot=stationary", "bread=jelly,tension=5e3,fracture_energy=20,seed=3"])
     assert found["pot"].kind == MaterialClass.STATIONARY
@@ -142,7 +203,7 @@ def test_what_is_not_said_is_taken_from_the_tables():
     assert found["pane"].fracture_energy == pytest.approx(8.2)
     assert found["pane"].tears
     assert found["can"].yield_stress == pytest.approx(2.58e8)
-    sine = np.sin(np.deg2rad((27.5 + 34) / 2))
+    sine = np.sin(np.deg2rad((27 + 40) / 2))
     assert found["pile"].friction == pytest.approx(np.sqrt(2 / 3) * 2 * sine / (3 - sine))
     assert substances(["pane=brittle,fracture_energy=3"], rows)["pane"].fracture_energy == 3
     with pytest.raises(UsageError, match=r"give friction=\.\.\.: the tables know none of 'oak'"):

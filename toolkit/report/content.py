@@ -115,7 +115,7 @@ class ReportContent:
 
     ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
     ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
-    ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG file's
+    ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG or GIF's
     bytes.
     """
 

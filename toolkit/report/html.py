@@ -92,7 +92,8 @@ def page(content: ReportContent) -> dict[str, Any]:
         "warnings": [*_warnings(content)],
         "cases": [_column(case, i, content) for i, case in enumerate(content.cases)],
         "pictures": [
-            (caption, b64encode(png).decode()) for caption, png in content.pictures.items()
+            (caption, "gif" if picture.startswith(b"GIF") else "png", b64encode(picture).decode())
+            for caption, picture in content.pictures.items()
         ],
         "quality": [
             (key, value_words(value))

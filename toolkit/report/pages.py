@@ -9,6 +9,7 @@ from typing import Any
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import Span
+from ...predictors.asset import UpAxis
 from ..io.document import plain, versions
 from ..io.sidecar import Sidecar
 from ..meshing.quality import dihedral_angles, quality
@@ -27,7 +28,7 @@ log = logging.getLogger(__name__)
 def run_page(
     result: RunResult, *, pictures: Mapping[str, bytes] | None = None, touch: bool = False
 ) -> ReportContent:
-    """Gather what the report shows of a run, one case a sentence; PNG files by their captions.
+    """Gather what the report shows of a run, one case a sentence; pictures by their captions.
 
     With ``touch`` there are bodies to pull, where they can be.
     """
@@ -52,7 +53,7 @@ def run_page(
             "versions": versions(),
             "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
         },
-        pictures=pictures or {},
+        pictures={**(pictures or {}), **_films(result.cases[0].simulation, asset.up)},
     )
 
 
@@ -87,7 +88,17 @@ def simulation_page(
             "versions": versions(),
             "seconds": {"simulate": round(simulation.seconds, 2)},
         },
+        pictures=_films(simulation, sidecar.up),
     )
+
+
+def _films(simulation: Simulation, up: UpAxis) -> dict[str, bytes]:
+    """Moving particles by caption, where particles moved the body."""
+    if simulation.particles is None:
+        return {}
+    from .particle_film import CAPTION, particle_film
+
+    return {CAPTION: particle_film(simulation.particles, up=up)}
 
 
 def _quality(conversion: Conversion) -> dict[str, object]:

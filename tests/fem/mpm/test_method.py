@@ -152,6 +152,21 @@ def test_published_settings_move_a_body_as_if_it_were_a_metre_long():
     assert failure.E_max == pytest.approx(1.5e7, rel=0.02)  # 200 (0.04 / 1e-4)^2 E / M
 
 
+@pytest.mark.slow
+def test_parts_that_do_not_bend_are_not_called_thin():
+    """A rod of a cell, of jelly or too stiff to bend: only the first is warned of."""
+    mesh = box_mesh((1.0, 0.1, 0.1), (8, 1, 1))
+
+    def notes(E):
+        matter = ElementMaterial.uniform(len(mesh.tets), E=E, nu=0.3, rho=500.0)
+        scene = Scene(mesh=mesh.with_material(matter), duration=1e-4, frames=1)
+        return " ".join(moved(scene, 8).particles.notes)
+
+    assert "bends wrongly" in notes(1e5)
+    assert "rigid body" in notes(2e11)
+    assert "bends wrongly" not in notes(2e11)
+
+
 def test_what_the_method_does_not_know_is_refused():
     mesh = post()
     held = Supports.none(len(mesh.points)).with_springs(np.arange(4), 10.0)
