@@ -87,7 +87,9 @@ def treated(
         rigid=numbers,
     )
     bodies = int(numbers.max()) + 1
-    moves = f"{int(free.sum()):,} move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
+    moves = (
+        f"{int(free.sum()):,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
+    )
     stands = f"{int(standing.sum()):,} particles stand still"
     done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
     note = (
