@@ -20,6 +20,7 @@ from ..results.settled import Settled
 from ..results.simulation import Simulation
 from ..results.verdict import Verdict
 from .content import Case, PartRow, ReportContent
+from .snapshot import PARTICLES, particle_film
 from .touch import touch_of
 
 log = logging.getLogger(__name__)
@@ -96,9 +97,7 @@ def _films(simulation: Simulation, up: UpAxis) -> dict[str, bytes]:
     """Moving particles by caption, where particles moved the body."""
     if simulation.particles is None:
         return {}
-    from .particle_film import CAPTION, particle_film
-
-    return {CAPTION: particle_film(simulation.particles, up=up)}
+    return {PARTICLES: particle_film(simulation.particles, up=up)}
 
 
 def _quality(conversion: Conversion) -> dict[str, object]:
