@@ -147,7 +147,7 @@ def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
 
 def _is_strange(cascade: Cascade, _: Draft, other: Draft) -> bool:
     """Whether a noun in the place of a material is meant for one that nobody knows."""
-    strange = any(not x.known for x in other.lexemes) and not other.named
+    strange = any(not x.known and x.tag != "RB" for x in other.lexemes) and not other.named
     head = other.names[-1][-1]
     known = other.article or other.named or head in known_parts()
     return strange or not (known or cascade.lexicon.model.is_word(head, ("adj",)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
@@ -19,6 +19,7 @@ _TIMES = re.compile(r"(?i)\d+x")
 _HARMLESS = re.compile(
     r"(?i)\d+(x\d*)+|x\d+|[mz]\d+(x[\d.]+)*|(dn|ip|ral|iso|din)\d+|\d+(st|nd|rd|th|s|d|k)"
 )
+_TEMPER = re.compile(r"-?(?:T[1-9]\d{0,4}|H\d{2,3}|O|F)")  # of a wrought alloy: "A356.0-T6"
 _THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
 
 
@@ -44,7 +45,7 @@ class Lexed:
     """Lexemes of a text and what was mended on the way."""
 
     lexemes: list[Lexeme]
-    notes: list[str] = field(default_factory=list)
+    notes: list[str]
 
 
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
@@ -60,8 +61,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
     ]
-    lexemes = _tag(lexemes, lexicon)
-    return Lexed(lexemes, notes)
+    return Lexed(_tag(lexemes, lexicon), notes)
 
 
 def _plain(text: str) -> str:
@@ -75,7 +75,8 @@ def _plain(text: str) -> str:
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
     """Part names as they are written in the asset: "SM_Leg.001"."""
     found = []
-    for name in sorted(set(names), key=len, reverse=True):
+    alone = {re.sub(r"[\s_-]+\d+$", "", name) for name in names}  # "hinge leaf" of hinge_leaf_1
+    for name in sorted({*names, *alone}, key=len, reverse=True):
         if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
             continue  # a plain word is read as one, with its plural
         written = r"[\s_-]+".join(map(re.escape, re.split(r"[\s_-]+", name)))
@@ -99,7 +100,7 @@ def _numbers(text: str) -> list[Lexeme]:
 
 def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]) -> list[Lexeme]:
     """Phrases of the table and of the language, at every place the longest of each."""
-    found = []
+    found: list[Lexeme] = []
     for find in (_material, _connector):
         for i in range(len(cut)):
             sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
@@ -188,13 +189,22 @@ def _designations(text: str, lexicon: ReaderLexicon) -> list[Lexeme]:
 
 def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
     """Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows."""
-    return [
-        Lexeme(m[0], *m.span(), role, words=(m[0].lower(),), known=role == "idle")
-        for m in _CODE.finditer(text)
-        for role in ["idle" if _HARMLESS.fullmatch(m[0]) else "word"]
-        if not _TIMES.fullmatch(m[0])
-        and all(m.end() <= x.start or x.end <= m.start() or x.role in _SMALL for x in found)
-    ]  # fmt: skip
+    out = []
+    for m in _CODE.finditer(text):
+        start, end = m.span()
+        over = [x for x in found if x.start < end and start < x.end and x.role not in _SMALL]
+        if len(over) == 1 and over[0].role == "material" and over[0].start == start:
+            metal = over[0].value.category == "metal"
+            start, over = over[0].end, []  # "T40" of "PP-T40"
+            if metal and _TEMPER.fullmatch(text[start:end]):
+                continue
+        said = text[start:end].lstrip("-+/")
+        if over or _TIMES.fullmatch(said) or not re.search(r"[A-Za-z].*\d|\d.*[A-Za-z]", said):
+            continue
+        idle = bool(_HARMLESS.fullmatch(said))
+        role, at = "idle" if idle else "word", end - len(said)
+        out.append(Lexeme(said, at, end, role, words=(said.lower(),), known=idle))
+    return out
 
 
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}

@@ -45,7 +45,8 @@ _UNIT = rf"(?:(?i:{_any(_DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATO
 _ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in _DATA["cues"].items())
 _VALUE = (
     rf"(?P<between>between\s)?(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}"
-    rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']}))?"
+    rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']})"
+    r"|\s?(?P<odd>[A-Za-zµ]{1,3}/[A-Za-z(]+[A-Za-z·)]*[²³\d]?)(?!\w))?"
 )
 _BEFORE = re.compile(rf"(?<![\w.])(?:{_ANY_CUE}){_LINK}{_VALUE}")
 _AFTER = re.compile(rf"(?<![\w.,]){_VALUE}\s?-?(?:in )?(?:{_ANY_CUE})(?!\w)")
@@ -76,6 +77,7 @@ _BLEND = re.compile(
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
 USUAL_SHARE = 0.3  # of fibres, by weight, where none is said: the grade most sold (GF30)
+GRAVITY = 9.80665  # m/s^2: a weight of a volume [N/m^3] to its density
 _FIBRE_ROWS = {"g": "E-glass fibre", "c": "CFRP (along fibre)"}
 # Numbers without a unit that can be only one thing: an E in Pa, a density in kg/m^3 or in g/cm^3.
 _BARE = {
@@ -164,6 +166,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     low, high = number(group["low"]), number(group["high"] or "")
     note = f"{said!r}: the middle of the range is taken" if high else ""
     value = factor * ((low * high) ** 0.5 if high else low)
+    if group["odd"]:
+        return Numeral(start, end, None, f"{said!r} is not used")
     if measure is None or (measure in ("size", "other") and not cued):
         return Numeral(start, end, None) if measure == "size" else None  # "316L" is no volume
     if measure == "other" and dimension == "size":
@@ -209,11 +213,12 @@ def _si(unit: str) -> tuple[str | None, float]:
     for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):
         sign = "/" if "/" in times or "per" in times.lower() else "*"
         name = f"{name}{sign}{_atom(atom)}" if name else _atom(atom)
-    base = _registry().Quantity(1.0, name).to_base_units()
+    quantity = _registry().Quantity(1.0, name)
     for dimension, measure in _DATA["measures"].items():
-        if base.is_compatible_with(dimension):
-            return measure, base.magnitude
-    return "other", base.magnitude
+        if quantity.is_compatible_with(dimension):
+            size = quantity.to(dimension).magnitude
+            return ("rho", size / GRAVITY) if measure == "weight" else (measure, size)
+    return "other", 1.0
 
 
 def _atom(written: str) -> str:
@@ -240,4 +245,8 @@ def _atom(written: str) -> str:
 def _registry() -> Any:
     from pint import UnitRegistry
 
-    return UnitRegistry(cache_folder=None)
+    # Its own list of units takes longer to read than any text.
+    registry = UnitRegistry(None)  # pyright: ignore[reportArgumentType]
+    for definition in _DATA["definitions"]["units"]:
+        registry.define(definition)
+    return registry

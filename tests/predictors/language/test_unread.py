@@ -18,6 +18,7 @@ def test_a_part_beside_which_something_is_unread_is_not_understood(clauses_of):
         ("a horsehair spring and a PEEK seat", "horsehair"),
         ("spring: K-750; seat: PEEK", "K-750"),
         ("spring Grivory; seat PEEK", "Grivory"),
+        ("spring xq, seat PEEK", "xq"),
     ]:
         (said, *_) = clauses_of(text, ["spring", "seat"])["spring"]
         assert said.material is None, text
