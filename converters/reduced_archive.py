@@ -12,6 +12,7 @@ from ..fem.errors import InputError
 from ..fem.matching import MotionFit
 from ..fem.reduced.model import Accuracy, ReducedModel, Subspace
 from ..fem.solve.schemes import Scheme
+from ..predictors.unipixie.simplicits import Theta
 from .files import reading
 from .npz import load_npz, save_npz
 
@@ -87,3 +88,22 @@ def load_fit(path: str | os.PathLike) -> MotionFit:
             covariance=arrays["covariance"],
             scheme=Scheme[meta["scheme"]],
         )
+
+
+def save_theta(path: str | os.PathLike, theta: Theta) -> None:
+    """Save skinning weights as numbers of the frozen body's head, with the hash of that body."""
+    meta = {"kind": "Theta", "version": VERSION, "body_hash": theta.body_hash}
+    arrays = {"numbers": theta.numbers, "lo": theta.lo, "hi": theta.hi}
+    arrays["residual"] = np.array(theta.residual)
+    save_npz(path, **arrays, meta=np.array(json.dumps(meta)))
+
+
+def load_theta(path: str | os.PathLike) -> Theta:
+    """Load what ``save_theta`` wrote; ``InputError`` where it belongs to another body."""
+    arrays = load_npz(path)
+    with reading(path, "skinning weights saved by this package") as source:
+        meta = json.loads(str(arrays.pop("meta", "{}")))
+        if meta.get("kind") != "Theta" or meta["version"] != VERSION:
+            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a Theta")
+        residual = float(arrays.pop("residual"))
+        return Theta(**arrays, residual=residual, body_hash=meta["body_hash"])

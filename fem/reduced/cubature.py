@@ -18,7 +18,7 @@ from .rest import reduced_rest
 
 # Largest displacement of a state, in shares of the body's longest side.
 AMPLITUDES = (0.01, 0.15)
-STATES = 24
+STATES = 12
 # Lowest vibrations whose combinations load the states.
 LOADED = 8
 # The stiffness about rest counts as much as so many states.

@@ -25,6 +25,9 @@ from .reduction import CELLS, accuracy_warnings, reduce_body
 from .skinning import HANDLES
 from .step import ReducedDynamics
 
+# Modes whose derivatives a motion has: with 3 a bonsai's swings were 7.4 % off, with 5 1.4 %.
+BENT_IN_MOTION = 5
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReducedMethod:
@@ -103,6 +106,7 @@ class ReducedMethod:
             gravity_vector=scene.gravity_vector,
             forces=stated_forces(scene),
             kind=self.kind,
+            bent=BENT_IN_MOTION,
             handles=self.handles,
             most_cells=self.most_cells,
         )

@@ -20,7 +20,7 @@ from .gradients import basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
 from .rest import reduced_frequencies, reduced_rest
 from .skinning import FITTED, HANDLES, modal_weights, skinned_basis, skinned_functions
-from .subspace import LinearBody, linear_body, vector_basis
+from .subspace import BENT, LinearBody, linear_body, vector_basis
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Cells that are tried, until frequency and sag agree with all tets to this share.
@@ -38,6 +38,7 @@ def reduce_body(
     gravity_vector=GRAVITY,
     forces: Float[np.ndarray, "points 3"] | None = None,
     kind: Subspace | None = None,
+    bent: int = BENT,
     handles: int = HANDLES,
     most_cells: int = CELLS[-1],
     seed: int = 0,
@@ -53,6 +54,8 @@ def reduce_body(
         (points, 3). A held body's basis can follow them, and the cells are accepted by them.
     kind
         What the coordinates move; None: fields of vectors of a held body, handles of a free one.
+    bent
+        Modes whose derivatives are fields of a vector basis: 3 make 34 coordinates, 5 make 49.
     handles
         Handles of a skinned body; beside these a free one has its affine motion.
     most_cells
@@ -72,7 +75,7 @@ def reduce_body(
     acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
     acting = acting if forces is None else acting + forces
     if kind is Subspace.VECTOR:
-        basis = vector_basis(body, forces)
+        basis = vector_basis(body, forces, bent)
     else:
         basis = skinned_basis(_skinning(body, checked_count("handles", handles), forces, acting))
     whole = whole_model(body, basis, kind)

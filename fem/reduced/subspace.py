@@ -28,7 +28,7 @@ from ..scene.supports import Supports
 from ..solve.modal import natural_modes
 from ..solve.statics import check_held
 
-# Modes of the vector basis; of the first so many, and of the responses to weight, derivatives.
+# Modes of the vector basis; of the first so many, and of the responses to loads, derivatives.
 MODES, BENT = 10, 3
 # Fields that add less than this to the span of the others, as a share of the first, are dropped.
 DEPENDENT = 1e-6
@@ -137,17 +137,18 @@ def derivatives(
 
 
 def vector_basis(
-    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None
+    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None, bent: int = BENT
 ) -> Float[np.ndarray, "points 3 dofs"]:
-    """Modes, responses to loads and derivatives of a held body: at most 34 fields of vectors.
+    """Modes, responses to loads and derivatives of a held body, as fields of vectors.
 
-    42 with the response to ``forces`` [N] beside those to weight.
+    With derivatives of the first three modes (``bent``) at most 34, of the first five 49; more with
+    the response to ``forces`` [N] beside those to weight.
     """
     if body.is_free:
         raise InputError("a free body turns, which no fields of vectors follow: take skinning")
     shapes, responses = body.modes.shapes, load_responses(body, forces)
-    bent = derivatives(body, np.concatenate([shapes[:BENT], responses]))
-    fields = np.concatenate([shapes, responses, bent])
+    second = derivatives(body, np.concatenate([shapes[:bent], responses]))
+    fields = np.concatenate([shapes, responses, second])
     return orthonormal_fields(np.moveaxis(fields, 0, 2), body.mass)
 
 

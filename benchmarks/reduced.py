@@ -1,0 +1,246 @@
+"""Reduced bodies beside the full one and beside peers' ways: error against time, and real pieces.
+
+    python benchmarks/reduced.py [--bodies bar slab bonsai] [--real] [--only NAME ...] [-o FILE]
+
+Every body sags under its weight and is then let go with a push ("wobble": all frames, in the norm
+of mass). Full body: linear elements, neo-Hookean, BDF2, 1/60 s. Times are CPU seconds of one
+thread. The bonsai is that of ``make demo`` with softened moduli (.3-200 MPa), so that it bends; the
+real pieces keep theirs, under 9.81 m/s^2 at the angle that their scenario has.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from autophyx_tet.converters.mesh.mesh_file import read_mesh
+from autophyx_tet.fem.device import one_thread
+from autophyx_tet.fem.errors import AutophyxError
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
+from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
+from autophyx_tet.fem.reduced.reduction import (
+    on_cells,
+    reduce_body,
+    relative_error,
+    whole_model,
+)
+from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
+from autophyx_tet.fem.reduced.skinning import laplacian_weights, skinned_basis, skinned_functions
+from autophyx_tet.fem.reduced.step import ReducedDynamics
+from autophyx_tet.fem.reduced.subspace import linear_body, orthonormal_fields
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.support_finder import find_supports
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
+from autophyx_tet.fem.solve.schemes import Scheme
+from real_meshes import NAMES, cache_folder, demo_mesh, real_mesh
+
+DT = 1 / 60
+SOFT = {"foliage": 3e5, "trunk": 1e7, "soil": 2e6, "pot": 2e8}
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is reduced: mesh, supports, weight (3,) [m/s^2], push (3,) [m/s] and frames."""
+
+    name: str
+    mesh: TetMesh
+    held: Supports
+    gravity: np.ndarray
+    push: np.ndarray
+    frames: int
+
+
+@dataclass(frozen=True)
+class Full:
+    """The full body's answers: rest, frames, first frequency, CPU seconds of a step."""
+
+    rest: np.ndarray
+    frames: np.ndarray
+    frequency: float
+    step: float
+
+
+def clamped(mesh: TetMesh) -> Supports:
+    return Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+
+
+def bar() -> Body:
+    mesh = box_mesh((1.0, 0.12, 0.12), (24, 4, 4))
+    E = np.where(mesh.centroids[:, 0] < 0.5, 1e6, 1e5)
+    mesh = mesh.with_material(ElementMaterial(E, np.full_like(E, 0.35), np.full_like(E, 1000.0)))
+    return Body("bar", mesh, clamped(mesh), np.array([0, 0, -1.0]), np.array([0, 0.35, 0]), 120)
+
+
+def slab() -> Body:
+    mesh = box_mesh((0.4, 0.3, 0.06), (12, 9, 3))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=5e4, nu=0.45, rho=500.0))
+    weight = np.array([0, 0, -9.81 * 0.15])
+    return Body("slab", mesh, clamped(mesh), weight, np.array([0, 0, 0.5]), 120)
+
+
+def bonsai() -> Body:
+    mesh = read_mesh(demo_mesh(cache_folder()))
+    part = np.array(mesh.region_names)[mesh.region]
+    material = mesh.material
+    rho = np.where(part == "foliage", 300.0, material.rho)
+    E = np.array([SOFT[name] for name in part])
+    mesh = mesh.with_material(ElementMaterial(E, material.nu, rho))
+    low = mesh.points[:, 1] < mesh.bounds[0][1] + 1e-3 * np.ptp(mesh.bounds[:, 1])
+    held = Supports.clamp(len(mesh.points), low)
+    return Body("bonsai", mesh, held, np.array([0, -9.81, 0]), np.array([0.5, 0, 0]), 60)
+
+
+def real(name: str) -> Body:
+    """A piece as it stands, pushed sideways so fast that it moves a third of what it sags."""
+    mesh = read_mesh(real_mesh(name, cache_folder()))
+    mesh = mesh.with_material(replace(mesh.material, tensor=None))
+    sidecar = json.loads(real_mesh(name, cache_folder()).with_suffix(".msh.json").read_text())
+    axis = "xyz".index(sidecar["up"])
+    held = find_supports(mesh, axis).supports
+    push = 1e-3 * np.eye(3)[(axis + 1) % 3]
+    return Body(name, mesh, held, -9.81 * np.eye(3)[axis], push, 20)
+
+
+BODIES = {"bar": bar, "slab": slab, "bonsai": bonsai}
+
+
+def solved_in_full(body: Body) -> Full:
+    options = {"supports": body.held, "order": 1}
+    velocity = np.where(body.held.fixed, 0.0, body.push)
+    first = natural_modes(body.mesh, 1, lumped=True, **options).frequencies[0]
+    rest = solve_nonlinear(body.mesh, body.held, gravity_vector=body.gravity, order=1).displacement
+    dynamics = Dynamics(
+        body.mesh,
+        gravity_vector=body.gravity,
+        velocity=velocity,
+        scheme=Scheme.BDF2,
+        self_contact=False,
+        **options,
+    )
+    started = time.process_time()
+    frames = np.stack([dynamics.step(DT).u for _ in range(body.frames)])
+    return Full(rest, frames, float(first), (time.process_time() - started) / body.frames)
+
+
+def measure(body: Body, full: Full, model: ReducedModel, made: float, label: str, **law) -> dict:
+    """Errors and times of one model; what fails is a row too."""
+    row = {"body": body.name, "model": label, "dofs": model.dofs, "cells": len(model.cells)}
+    row |= {"made_s": round(made, 2)}
+    elasticity = ReducedElasticity(model, **law)
+    row["frequency"] = float(reduced_frequencies(elasticity)[0] / full.frequency - 1)
+    load = model.weight(body.gravity)
+    velocity = model.coordinates(np.where(body.held.fixed, 0.0, body.push))
+    try:
+        rest = model.displacement(reduced_rest(elasticity, load).u)
+        row["sag"] = relative_error(model, rest, full.rest)
+        moving = ReducedDynamics(model, load=load, velocity=velocity, **law)
+        started = time.process_time()
+        path = [moving.advance(DT).u for _ in range(body.frames)]
+        row["step_ms"] = round((time.process_time() - started) / body.frames * 1e3, 3)
+        found = np.stack([model.displacement(q) for q in path])
+        row["wobble"] = relative_error(model, found, full.frames)
+    except AutophyxError as error:
+        row["failure"] = str(error)
+    return row
+
+
+def timed(make):
+    started = time.process_time()
+    return make(), time.process_time() - started
+
+
+def models(body: Body):
+    """Ours, and the peers' ways: (label, model, CPU seconds to make it, law)."""
+    linear = linear_body(body.mesh, body.held)
+    known = (body.mesh, body.held)
+    ours = {
+        "vector, 3 bent": {"kind": Subspace.VECTOR},
+        "vector, 5 bent": {"kind": Subspace.VECTOR, "bent": 5},
+        "modal skinning, 10 handles": {"kind": Subspace.SKINNING},
+        "modal skinning, 16 handles": {"kind": Subspace.SKINNING, "handles": 16},
+    }
+    for label, options in ours.items():
+        options["gravity_vector"] = body.gravity
+        model, seconds = timed(lambda o=options: reduce_body(*known, **o))
+        yield label, model, seconds, {}
+        if label.endswith("10 handles"):
+            yield "the same, 500 equal weights", *equal_weights(body, model), {}
+    fixed = body.held.fixed.any(axis=1)
+    weights, seconds = timed(lambda: laplacian_weights(body.mesh, 10, fixed))
+    functions = skinned_functions(body.mesh, weights, free=False)
+    model = whole_model(linear, skinned_basis(functions), Subspace.SKINNING)
+    yield "Laplacian skinning, 10 handles", model, seconds, {}
+    (shapes, seconds) = timed(
+        lambda: natural_modes(body.mesh, 20, supports=body.held, order=1, lumped=True).shapes
+    )
+    basis = orthonormal_fields(np.moveaxis(shapes, 0, 2), linear.mass)
+    yield "20 linear modes", whole_model(linear, basis, Subspace.VECTOR), seconds, {"law": "linear"}
+
+
+def equal_weights(body: Body, model: ReducedModel) -> tuple[ReducedModel, float]:
+    """Peers' cubature: 500 tets drawn by volume, all of the same weight."""
+    linear = linear_body(body.mesh, body.held)
+    whole = whole_model(linear, model.basis, model.kind)
+    share = body.mesh.volumes / body.mesh.volume
+    drawn = np.random.default_rng(0).choice(len(share), 500, p=share)
+    return on_cells(whole, drawn, np.full(500, body.mesh.volume / 500)), 0.0
+
+
+def rows_of(body: Body, real_piece: bool) -> list[dict]:
+    full = solved_in_full(body)
+    size = float(np.ptp(body.mesh.bounds, axis=0).max())
+    sag = float(np.linalg.norm(full.rest, axis=1).max()) / size
+    rows = [
+        {"body": body.name, "model": "full", "tets": len(body.mesh.tets), "sag_share": sag}
+        | {"step_ms": round(full.step * 1e3, 3), "sag": 0.0, "wobble": 0.0, "frequency": 0.0}
+    ]
+    print(rows[-1], flush=True)
+    if real_piece:
+        model, seconds = timed(
+            lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity)
+        )
+        every = [("vector", model, seconds, {})]
+    else:
+        every = models(body)
+    for label, model, seconds, law in every:
+        rows.append(measure(body, full, model, seconds, label, **law))
+        print(rows[-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--bodies", nargs="*", default=list(BODIES))
+    parser.add_argument("--real", nargs="*", help="names of real pieces; none named: all twelve")
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    rows: list[dict] = []
+    with one_thread():
+        for name in options.bodies:
+            rows += rows_of(BODIES[name](), False)
+        for name in (
+            ()
+            if options.real is None
+            else options.real
+            or sorted(NAMES, key=lambda n: real_mesh(n, cache_folder()).stat().st_size)
+        ):
+            try:
+                rows += rows_of(real(name), True)
+            except AutophyxError as error:
+                rows.append({"body": name, "failure": str(error)})
+                print(rows[-1], flush=True)
+            if options.output:  # what is there so far, should it be stopped
+                options.output.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
