@@ -53,6 +53,7 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
         "lost_volume": report.losses.lost,  # of the file as read, as the next two
         "lost_area": report.losses.lost_area,
         "gained_volume": report.losses.gained,
+        "capped_volume": report.losses.capped,  # inside only since holes were closed
         "thin_volume": report.losses.thin,  # left out by name
         "mesher": report.mesher,  # a lattice promises volume and angles, no distance
         "attempts": len(report.attempts),
