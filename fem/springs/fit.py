@@ -15,8 +15,9 @@ from .vibration import network_frequencies
 
 # Where neighbours beyond the nearest sixteen count nothing, and where all do: the ends of eta.
 SOFTEST, STIFFEST = 20.0, -20.0
-# Gauss-Newton on log k: difference, longest step, where it ends, and most steps.
-DIFFERENCE, LONGEST, ENOUGH, MOST = 1e-3, 0.5, 1e-5, 12
+# Gauss-Newton on log k: difference, longest step, shortest step, and most steps. It ends where the
+# square of the error would fall by less than a share.
+DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 0.5, 1e-5, 12, 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +148,11 @@ def _gauss_newton(misfit, start: float, at_zero: np.ndarray) -> tuple[float, flo
     here = at_zero if p == 0 else misfit(p)
     for _ in range(MOST):
         slope = (misfit(p + DIFFERENCE) - here) / DIFFERENCE
-        step = float(np.clip(-(slope @ here) / max(slope @ slope, 1e-300), -LONGEST, LONGEST))
-        while abs(step) > ENOUGH:
+        downhill, square = float(slope @ here), max(float(slope @ slope), 1e-300)
+        step = float(np.clip(-downhill / square, -LONGEST, LONGEST))
+        if downhill**2 / square < GAIN * float(here @ here):
+            return p, float(np.linalg.norm(here))
+        while abs(step) > SHORTEST:
             there = misfit(p + step)
             if there @ there < here @ here:
                 break
