@@ -21,9 +21,9 @@ FLOORS = {
         "training", "evaluation",
     ),
     "converters": (
-        "registry", "files", "announced_sizes", "npz", "reduced_archive", "mesh", "grids", "points",
-        "embedding", "driving", "voxelisation", "material_sampling", "field_sources", "particles",
-        "carriers", "programs",
+        "registry", "files", "announced_sizes", "npz", "reduced_archive", "spring_archive", "mesh",
+        "grids", "points", "embedding", "driving", "voxelisation", "material_sampling",
+        "field_sources", "particles", "carriers", "programs",
     ),
     "toolkit": (
         "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",

@@ -53,6 +53,8 @@ class SpringBody:
         Of the scene, on the anchors.
     notes
         What a network does not know of this body.
+    asked
+        How many anchors were asked for: about as many there are, beside those that are held.
     """
 
     scene: Scene
@@ -61,6 +63,7 @@ class SpringBody:
     loads: AnchorLoads
     contact: SurfaceContact | None
     notes: tuple[str, ...]
+    asked: int
 
     def motion(
         self,
@@ -153,6 +156,7 @@ def spring_body(
         loads=_loads(scene, found, weights),
         contact=_contact(scene, found, weights),
         notes=_notes(mesh, network),
+        asked=anchors,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import ConvergenceError, InputError
-from ..scene.mesh import material_of
+from ..scene.mesh import TetMesh, material_of
 from .body import SpringBody
 from .network import SpringNetwork
 from .vibration import network_frequencies
@@ -36,6 +36,8 @@ class SpringFit:
         First frequency of the fitted network over the one asked for; nan where none was given.
     runs
         How many motions it took.
+    anchors, neighbours, eta
+        The network that was fitted: another one has another scale.
     """
 
     scale: float
@@ -43,6 +45,9 @@ class SpringFit:
     calibrated_error: float
     frequency_ratio: float
     runs: int
+    anchors: int
+    neighbours: int
+    eta: float
 
 
 def scale_to_frequency(network: SpringNetwork, wanted: float, *, eta: float = 0.0) -> float:
@@ -104,15 +109,7 @@ def fit_to_motion(
     """
     mesh, base = body.scene.mesh, body.network.stiffness(eta)
     target = np.asarray(wanted, dtype=float)[1:]
-    if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
-        raise InputError(
-            f"a motion of shape {np.shape(wanted)}: wanted (frames, {len(mesh.points)}, 3)"
-        )
-    share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
-    weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
-    size = float(np.linalg.norm(weight * target))
-    if not size > 0:
-        raise InputError("nothing moves in the motion: there is nothing to fit to")
+    weight = _weights(mesh, target)
     runs, steps = 0, 0
 
     def misfit(log_scale: float) -> np.ndarray:
@@ -124,7 +121,7 @@ def fit_to_motion(
         for frame in range(len(target)):
             motion.advance(dt, steps=steps)
             out[frame] = body.displacement(motion.x)
-        return (weight * (out - target) / size).ravel()
+        return (weight * (out - target)).ravel()
 
     found = 1.0 if frequency is None else scale_to_frequency(body.network, frequency, eta=eta)
     first = misfit(0.0)
@@ -139,7 +136,26 @@ def fit_to_motion(
         calibrated_error=float(np.linalg.norm(first)),
         frequency_ratio=ratio,
         runs=runs,
+        anchors=body.asked,
+        neighbours=body.network.neighbours,
+        eta=eta,
     )
+
+
+def _weights(
+    mesh: TetMesh, target: Float[np.ndarray, "frames points 3"]
+) -> Float[np.ndarray, "points 1"]:
+    """Roots of the points' mass, so that the motion to fit to is of length one."""
+    if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
+        raise InputError(
+            f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
+        )
+    share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
+    weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
+    size = float(np.linalg.norm(weight * target))
+    if not size > 0:
+        raise InputError("nothing moves in the motion: there is nothing to fit to")
+    return weight / size
 
 
 def _gauss_newton(misfit, start: float, at_zero: np.ndarray) -> tuple[float, float]:

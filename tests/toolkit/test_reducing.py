@@ -82,7 +82,7 @@ def test_what_cannot_be_done_is_said(bar, tmp_path):
         simulate(bar, scenario="modal", solver="lbs")
     with pytest.raises(UsageError, match="order and device"):
         simulate(bar, solver="lbs", order=2)
-    with pytest.raises(UsageError, match="wanted lbs"):
+    with pytest.raises(UsageError, match="wanted lbs or spring"):
         match(bar, tmp_path / "m.pvd", solver="mpm")
     with pytest.raises(InputError, match=r"\.npz"):
         reduce(bar, output=tmp_path / "model.json")

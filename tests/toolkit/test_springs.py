@@ -2,14 +2,18 @@
 
 import json
 
+import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.converters.mesh.pvd import write_pvd
+from autophyx_tet.converters.spring_archive import load_springs
+from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.reducing import match
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +44,35 @@ def test_a_drop_is_written_and_reported(bar, tmp_path, capsys):
     page = files[1].read_text()
     assert "springs take nu" in page
     assert "anchors, " in page
+
+
+def test_match_finds_the_stiffness_of_a_motion(bar, tmp_path, capsys):
+    """A motion of the network 1.5 times as stiff gives that scale, and again that motion."""
+    body = box_mesh((0.4, 0.1, 0.1), (8, 2, 2))
+    body = body.with_material(ElementMaterial.uniform(len(body.tets), E=1.5e5, nu=0.4, rho=500.0))
+    poke = {"scenario": "poke", "poke_force": 0.2, "solver": "spring"}
+    moved = simulate(body, **poke, anchors=120, neighbours=12)
+    frames = [(t, {"displacement": u}) for t, u in zip(*moved.animation, strict=True)][:15]
+    write_pvd(tmp_path / "m.pvd", body, frames)
+    call = ["match", str(bar), "--solver", "spring", "--anchors", "120", "--neighbours", "12"]
+    call += ["--scenario", "poke", "--poke-force", "0.2", "--to", str(tmp_path / "m.pvd")]
+    assert main([*call, "-o", str(tmp_path / "p.npz")]) == 0
+    out = capsys.readouterr()
+    assert "first frequency" in out.out
+    assert "springs take nu" in out.err
+    fit = load_springs(tmp_path / "p.npz")
+    assert fit.scale == pytest.approx(1.5, rel=0.01)
+    again = simulate(bar, **poke, parameters=tmp_path / "p.npz")
+    early = (again.animation.displacement - moved.animation.displacement)[:15]
+    assert np.abs(early).max() < 0.02 * np.abs(moved.animation.displacement[:15]).max()
+
+
+def test_parameters_of_another_solver_are_refused(bar, tmp_path):
+    np.savez(tmp_path / "p.npz", meta=np.array('{"kind": "MotionFit", "version": 1}'))
+    with pytest.raises(InputError, match="wanted a SpringFit"):
+        simulate(bar, solver="spring", parameters=tmp_path / "p.npz")
+    with pytest.raises(UsageError, match="nu = 1/4"):
+        match(bar, tmp_path / "m.pvd", solver="spring", with_nu=True)
 
 
 def test_what_springs_cannot_do_is_refused(bar):

@@ -241,7 +241,7 @@ class ReduceCommand:
 
 @dataclass(frozen=True)
 class MatchCommand:
-    """Fit the moduli of a reduced body to a motion of the same scene by another solver.
+    """Fit the moduli of a reduced body, or of springs, to a motion of the same scene.
 
     Example: autophyx-tet match bar.msh --solver lbs --to motion.pvd -o fitted.npz
     """
@@ -251,7 +251,7 @@ class MatchCommand:
     to: Path
     """Motion to fit to, .pvd, as `simulate` writes it."""
     output: Output
-    """Parameters to write, .npz, for `simulate --solver lbs --parameters`."""
+    """Parameters to write, .npz, for `simulate --parameters` with the same solver."""
     with_nu: tyro.conf.FlagCreatePairsOff[bool] = False
     """Fit Poisson's ratio too: it is hard to tell from E, see the correlation."""
     up: UpAxis | None = None

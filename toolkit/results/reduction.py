@@ -1,8 +1,8 @@
-"""A reduced body, and moduli fitted to a motion, as `reduce` and `match` return them."""
+"""A reduced body, and what was fitted to a motion, as `reduce` and `match` return them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from ...fem.matching import MotionFit
 from ...fem.reduced.method import model_in_words
 from ...fem.reduced.model import ReducedModel
 from ...fem.reduced.reduction import accuracy_warnings
+from ...fem.springs.fit import SpringFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +72,35 @@ class Match:
                 "covariance": fit.covariance,
                 "scheme": fit.scheme.value,
             },
+            "seconds": self.seconds,
+            "warnings": self.assumed,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpringMatch:
+    """The ``fit``, the ``seconds`` it took, ``files`` written, and what was ``assumed``."""
+
+    fit: SpringFit
+    seconds: float
+    files: tuple[Path, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def summary(self) -> str:
+        """Scale of k, errors and the ratio of frequencies, in a line."""
+        fit = self.fit
+        return (
+            f"k x {fit.scale:.4f}; error {fit.error:.2%}, calibrated from E alone "
+            f"{fit.calibrated_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the finite "
+            "elements'"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``match --json`` prints."""
+        return {
+            "files": self.files,
+            "match": {"summary": self.summary, **asdict(self.fit)},
             "seconds": self.seconds,
             "warnings": self.assumed,
         }

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...converters.mesh.pvd import read_pvd
 from ...converters.reduced_archive import save_fit, save_reduced
+from ...converters.spring_archive import save_springs
 from ...fem.errors import InputError, UsageError
 from ...fem.matching import ObservedMotion, fit_motion
 from ...fem.reduced.method import stated_forces
@@ -22,13 +22,12 @@ from ...predictors.asset import UpAxis
 from ..io.outputs import check_file
 from ..io.sidecar import read_known
 from ..options import SimulateOptions
-from ..results.reduction import Match, Reduction
+from ..results.reduction import Match, Reduction, SpringMatch
 from .conditions import changed_options
+from .motion_reading import read_motion
 from .scenario import stated_scene
 from .solvers import reduced_method
-
-# Frames of a motion are at equal times to this share of their distance.
-EVEN = 1e-3
+from .spring_matching import fitted_springs
 
 
 def reduce(
@@ -67,17 +66,22 @@ def match(
     with_nu: bool = False,
     options: SimulateOptions | None = None,
     **given: Any,
-) -> Match:
+) -> Match | SpringMatch:
     """Fit the scale of E, and nu on request, of a reduced body to a motion of the same scene.
+
+    Of springs (``solver="spring"``) it is the scale of their stiffness.
 
     ``motion`` is a .pvd with displacements on the points of ``mesh``, as ``simulate`` writes. It is
     fitted by implicit Euler and by BDF2, one step a frame, and the nearer of the two is kept.
     ``output`` is the .npz of the parameters.
     """
     options = changed_options(options or SimulateOptions(), given)
-    if options.solver not in ("fem", "lbs"):
-        raise UsageError(f"match --solver {options.solver}: wanted lbs")
-    options = replace(options, solver="lbs")
+    if options.solver not in ("fem", "lbs", "spring"):
+        raise UsageError(f"match --solver {options.solver}: wanted lbs or spring")
+    springs = options.solver == "spring"
+    if springs and with_nu:
+        raise UsageError("match --with-nu: springs have nu = 1/4")
+    options = options if springs else replace(options, solver="lbs")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -85,6 +89,13 @@ def match(
     if scene.obstacles:
         raise UsageError(f"match: --scenario {options.scenario} has obstacles, wanted none")
     frames = read_motion(motion, len(scene.mesh.points))
+    files = () if output is None else (output,)
+    if springs:
+        found, notes = fitted_springs(scene, frames, options)
+        if output is not None:
+            save_springs(output, found)
+        told = {"files": files, "assumed": (*scene.warnings, *notes)}
+        return SpringMatch(fit=found, seconds=time.perf_counter() - started, **told)
     model = reduced_method(options).model_of(scene)
     start = np.broadcast_to(np.asarray(scene.velocity, dtype=float), model.points.shape)
     observed = ObservedMotion(
@@ -100,34 +111,8 @@ def match(
     fit = min(fits, key=lambda fit: fit.error)
     if output is not None:
         save_fit(output, fit)
-    files = () if output is None else (output,)
     seconds = time.perf_counter() - started
     return Match(fit=fit, seconds=seconds, files=files, assumed=scene.warnings)
-
-
-class EvenMotion(NamedTuple):
-    """Displacement (frames, points, 3) [m] every ``dt`` [s]."""
-
-    displacement: np.ndarray
-    dt: float
-
-
-def read_motion(path: Path, points: int) -> EvenMotion:
-    """Displacements of a .pvd at equal times; ``InputError`` where they are none or uneven."""
-    times, frames = [], []
-    for moment, data in read_pvd(path):
-        u = data.point_data.get("displacement")
-        if u is None or u.shape != (points, 3):
-            raise InputError(
-                f"{path}: frame {len(frames)} has no displacement of {points} points: wanted a "
-                "motion of this mesh, as `simulate -o MOTION.pvd` writes"
-            )
-        times.append(moment)
-        frames.append(np.asarray(u, dtype=float))
-    steps = np.diff(times)
-    if len(steps) < 2 or not np.ptp(steps) <= EVEN * steps.mean():
-        raise InputError(f"{path}: {len(times)} frames: wanted three or more at equal times")
-    return EvenMotion(np.stack(frames), float(steps.mean()))
 
 
 def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | None) -> Scene:

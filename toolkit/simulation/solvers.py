@@ -12,6 +12,7 @@ from ..options import SimulateOptions
 
 if TYPE_CHECKING:
     from ...fem.reduced.method import ReducedMethod
+    from ...fem.springs.method import SpringMethod
 
 # What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
 REFUSED = {
@@ -49,14 +50,7 @@ def chosen_method(
 
         return particle_method(options, materials, announce)
     if name == "spring":
-        from ...fem.springs.method import SpringMethod
-
-        return SpringMethod(
-            anchors=options.anchors,
-            neighbours=options.neighbours,
-            eta=options.eta,
-            announce=announce,
-        )
+        return spring_method(options, announce)
     if name == "lbs":
         return reduced_method(options, announce)
     return METHODS[name]
@@ -78,3 +72,18 @@ def reduced_method(
         nu=None if fit is None else fit.nu,
         announce=announce,
     )
+
+
+def spring_method(
+    options: SimulateOptions, announce: Callable[[str], None] | None = None
+) -> SpringMethod:
+    """Springs of the network that the options name, or of the one that was fitted."""
+    from ...converters.spring_archive import load_springs
+    from ...fem.springs.method import SpringMethod
+
+    if options.parameters is None:
+        network = {"anchors": options.anchors, "neighbours": options.neighbours, "eta": options.eta}
+        return SpringMethod(**network, announce=announce)
+    fit = load_springs(options.parameters)
+    network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
+    return SpringMethod(**network, scale=fit.scale, announce=announce)

@@ -1,0 +1,29 @@
+"""The verb match for springs: the scale of k after a motion of the same scene."""
+
+from __future__ import annotations
+
+from ...fem.errors import UsageError
+from ...fem.scene.scene import Scene
+from ...fem.solve.discretisation_error import motion_order
+from ...fem.solve.modal import natural_modes
+from ...fem.springs.body import spring_body
+from ...fem.springs.fit import SpringFit, fit_to_motion
+from ..options import SimulateOptions
+from .motion_reading import EvenMotion
+
+
+def fitted_springs(
+    scene: Scene, motion: EvenMotion, options: SimulateOptions
+) -> tuple[SpringFit, tuple[str, ...]]:
+    """Fit of the network of ``options``, and what it does not know of the body.
+
+    The frequency that it is compared with is that of the elements which motions are made with.
+    """
+    if options.parameters is not None:
+        raise UsageError("match --parameters: it is what a match writes")
+    body = spring_body(scene, options.anchors, options.neighbours)
+    order = motion_order(scene.mesh)
+    modes = natural_modes(scene.mesh, 1, supports=scene.supports, order=order)
+    frequency = float(modes.frequencies[0])
+    fit = fit_to_motion(body, motion.displacement, motion.dt, eta=options.eta, frequency=frequency)
+    return fit, body.notes
