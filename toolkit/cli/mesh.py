@@ -114,7 +114,7 @@ class SimulateCommand:
     """
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
-    """Mesh with E, nu and rho, made by `assign`."""
+    """Mesh with E, nu and rho, made by `assign`; for particles also a field or splats with them."""
     output: Output
     """Result to write: .vtu or .vtk (the last state), .pvd (the motion), or a folder of --drive."""
     drive: Path | None = None

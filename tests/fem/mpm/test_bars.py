@@ -72,10 +72,10 @@ def finite_elements(gravity):
     return answer.displacement[mesh.points[:, 0] > L - 1e-9, 2].mean()
 
 
-def bent(gravity, *, lagrangian, cells=4, swing=False):
+def bent(gravity, *, lagrangian, cells=4, along=2, swing=False):
     """Tip deflection [m] at rest of the cantilever, or its history over a swing."""
     dx = SIDE / cells
-    body = block((0, 0, 0), (L, SIDE, SIDE), dx, **CANTILEVER)
+    body = block((0, 0, 0), (L, SIDE, SIDE), dx, along=along, **CANTILEVER)
     held = CLAMP_OFFSET * dx
     low, high = [-dx, -dx, -0.4], [L + dx, SIDE + dx, SIDE + dx]
     room = grid_around(low, high, dx, planes={0: held})
@@ -103,13 +103,20 @@ def bent(gravity, *, lagrangian, cells=4, swing=False):
 
 
 @pytest.mark.parametrize(
-    ("gravity", "lagrangian", "within"),
-    [(0.4905, True, 0.02), (9.81, True, 0.02), (9.81, False, 0.06)],  # measured 1.2, 1.2, 5.95 %
+    ("gravity", "lagrangian", "along", "within"),
+    # Measured 1.2, 1.2, 5.95 and 2.8 %: what crosses cells is integrated less well, the less so the
+    # more particles are in one.
+    [
+        (0.4905, True, 2, 0.02),
+        (9.81, True, 2, 0.02),
+        (9.81, False, 2, 0.06),
+        (9.81, False, 3, 0.03),
+    ],
 )
-def test_a_cantilever_bends_as_the_finite_elements_say(gravity, lagrangian, within):
+def test_a_cantilever_bends_as_the_finite_elements_say(gravity, lagrangian, along, within):
     """Four cells thick, small and large deflection, against quadratic tets."""
     wanted = finite_elements(gravity)
-    found = bent(gravity, lagrangian=lagrangian)
+    found = bent(gravity, lagrangian=lagrangian, along=along)
     assert found == pytest.approx(wanted, rel=within)
 
 

@@ -7,6 +7,7 @@ from autophyx_tet.fem.mpm.classes import (
     SNOW_COMPRESSION,
     MaterialClass,
     Substance,
+    elastic_density,
     plane_friction,
     triaxial_friction,
 )
@@ -161,11 +162,14 @@ def test_jelly_is_the_law_of_the_finite_elements():
     F = EYE + 0.3 * np.random.default_rng(1).standard_normal((3, 3))
     tau, _, _ = driven(Substance(), lambda t: EYE + t * (F - EYE), E=1e5, nu=0.4, steps=1)
     lam, mu = (wp.array([float(v)], dtype=wp.float64) for v in lame_parameters(1e5, 0.4))
-    P = wp.zeros(1, dtype=wp.mat33d)
+    P, W = wp.zeros(1, dtype=wp.mat33d), wp.zeros(1, dtype=wp.float64)
     given = [wp.array((F - EYE)[None], dtype=wp.mat33d), lam, mu]
-    wp.launch(elastic_kernels(LAWS["neohookean"]).stress, 1, [*given, P])
+    wp.launch(elastic_kernels(LAWS["neohookean"]).stress, 1, [*given, W, P])
     # Round-off in another order of sums.
     assert np.allclose(tau[-1], P.numpy()[0] @ F.T, rtol=1e-12, atol=1e-7)
+    numbers = (lam.numpy(), mu.numpy(), np.zeros(1))
+    energy = elastic_density(MaterialClass.JELLY, (F - EYE)[None], *numbers)
+    assert energy == pytest.approx(W.numpy(), rel=1e-12)
 
 
 @pytest.mark.slow
