@@ -44,6 +44,7 @@ class Draft:
     blend: Blend | None = None
     same: Phrase | None = None  # the other part whose matter it has; () for the one before
     left: list[str] = field(default_factory=list)  # words that say a matter and were not taken
+    notes: list[str] = field(default_factory=list)  # on numbers beside it that are not used
     loose: list[str] = field(default_factory=list)  # nouns before its matter
     lexemes: list[Lexeme] = field(default_factory=list)
 
@@ -202,7 +203,8 @@ def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Le
         near = [(at, d) for at, d in begins if start < at < end]
         before = [d for at, d in near if at <= lexeme.start]
         for draft in before[-1:] or [d for _, d in near[:1]]:
-            draft.left.append(lexeme.text)
+            draft.notes += [lexeme.note] if lexeme.note else []
+            draft.left += [] if lexeme.note else [lexeme.text]
 
 
 def _first(pair: tuple[int, Draft]) -> int:
@@ -223,7 +225,8 @@ def _doubts(draft: Draft) -> tuple[str, ...]:
     )  # fmt: skip
     left = [*draft.left, *(strange if draft.material else ())]
     told = [f"{word!r} beside it is left out" for word in left]
-    return tuple(dict.fromkeys([*(x.note for x in draft.lexemes if x.note), *told]))
+    noted = [x.note for x in draft.lexemes if x.note]
+    return tuple(dict.fromkeys([*noted, *draft.notes, *told]))
 
 
 def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:

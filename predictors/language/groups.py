@@ -10,7 +10,7 @@ from ...fem.scene.materials import Material
 from .clauses import Blend, Comparison, Quantity
 from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexeme
-from .phrases import contents_called, implied, is_hue, puts_hue
+from .phrases import implied, is_hue, puts_hue
 
 _SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
@@ -44,22 +44,11 @@ class Group:
     part_first: bool = False  # "hull teak"
 
     @property
-    def material(self) -> Material | None:
-        """The row that is named."""
-        rows = (m.value for m in self.values if m.kind == "material")
-        return next((row for row in rows if isinstance(row, Material)), None)
-
-    @property
     def modifiers(self) -> list[str]:
         """Nouns before a material that may make another of it: "polymer clay"."""
         start = next((m.lexeme.start for m in self.values if m.kind == "material"), 0)
         nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
         return [] if self.named else [x.text for x in nouns if x.end < start]
-
-    def contents(self, lexicon: ReaderLexicon) -> str | None:
-        """Row of what a thing is full of: of loose matter and liquids, else of the table."""
-        said = [word for lexeme in self.lexemes for word in lexeme.words]
-        return contents_called(said, lexicon) or (self.material.name if self.material else None)
 
     @property
     def is_thing(self) -> bool:

@@ -65,11 +65,6 @@ def _small_words(code: str) -> frozenset[str]:
     return frozenset(runpy.run_path(str(home / "lang" / code / "stop_words.py"))["STOP_WORDS"])
 
 
-def _is_capital(atom: Atom) -> bool:
-    """Whether a word is written as an acronym."""
-    return atom.text.isupper() and len(atom.text) > 1
-
-
 def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
     word = atom.text.lower()
     return (
