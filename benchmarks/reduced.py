@@ -217,11 +217,33 @@ def rows_of(body: Body, real_piece: bool) -> list[dict]:
     return rows
 
 
+def draw(rows: list[dict], path: Path) -> None:
+    """Error of the motion against the CPU time of a step, a panel a body."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, len(BODIES), figsize=(10.2, 3.6), sharey=True)
+    for ax, name in zip(axes, BODIES, strict=True):
+        own = [row for row in rows if row["body"] == name and "wobble" in row]
+        for k, row in enumerate(row for row in own if row["model"] != "full"):
+            style = {"color": f"C{k}", "label": row["model"], "ms": 7}
+            ax.plot(row["step_ms"], 100 * row["wobble"], "os^DvPX"[k], **style)
+        for row in (row for row in own if row["model"] == "full"):
+            ax.axvline(row["step_ms"], color="gray", ls=":")
+        ax.set(xscale="log", yscale="log", title=name, xlabel="CPU time of a step [ms]")
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("error of the motion [%]")
+    known = axes[0].get_legend_handles_labels()
+    figure.legend(*known, loc="lower center", ncol=3, fontsize=8, frameon=False)
+    figure.tight_layout(rect=(0, 0.17, 1, 1))
+    figure.savefig(path, dpi=110)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bodies", nargs="*", default=list(BODIES))
     parser.add_argument("--real", nargs="*", help="names of real pieces; none named: all twelve")
     parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     rows: list[dict] = []
     with one_thread():
@@ -240,6 +262,8 @@ def main() -> None:
                 print(rows[-1], flush=True)
             if options.output:  # what is there so far, should it be stopped
                 options.output.write_text(json.dumps(rows, indent=1) + "\n")
+    if options.picture:
+        draw(rows, options.picture)
 
 
 if __name__ == "__main__":
