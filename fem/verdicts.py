@@ -34,6 +34,13 @@ VISIBLE = 0.005
 
 # Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
 USUAL_SIZE = (0.002, 30.0)
+# Mass [kg] of a thing per volume [m^3] of its box, by the side [m] up to which it holds: what 64
+# things that were weighed have (benchmarks/data/known_masses.toml), with room: 26 (a drink can) to
+# 12,040 (a gold coin); bulky ones of .3 m 261 to 1,940 (a curling stone), longer than a metre 28 to
+# 181 (a pallet). What is slender or flat may be solid at any length: rebar has 6,172.
+USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
+# Bulky: no side of the box is below this share of the longest.
+BULKY = 0.1
 # A part gives way below this safety factor.
 SAFE = 1.0
 
@@ -210,6 +217,25 @@ def usual_size(mesh: TetMesh) -> Check:
     )  # fmt: skip
 
 
+def usual_mass(mesh: TetMesh) -> Check:
+    """Whether the body is as heavy as things of its size are; else it is likely hollow."""
+    sides = np.ptp(mesh.bounds, axis=0)
+    longest = float(sides.max())
+    bulky = sides.min() >= BULKY * longest
+    size = longest if bulky else 0.0
+    low, high = next((low, high) for most, low, high in USUAL_DENSITY if size <= most)
+    density = mesh.mass / float(sides.prod())
+    passed = bool(low <= density <= high)
+    heavy = density > high
+    said = "usual for its size" if passed else f"far {'more' if heavy else 'less'} than is usual"
+    question = "" if passed else " Is it solid throughout?" if heavy else " Is it so light?"
+    return Check(
+        "mass", passed, density, high if heavy else low,
+        f"Its mass is {said}: {density:.3g} kg per m3 of its box "
+        f"(things of that size: {low:.0f} to {high:,.0f}).{question}",
+    )  # fmt: skip
+
+
 def _likely_unit(longest: float) -> str:
     """The unit that makes a usual thing of a length [m] that is none."""
     if longest > USUAL_SIZE[1]:
@@ -260,4 +286,5 @@ def static_checks(result: SagResult) -> tuple[Check, ...]:
         locking(result.static),
         explicit_step(mesh),
         usual_size(mesh),
+        usual_mass(mesh),
     )
