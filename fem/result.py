@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .contact.pressure import ContactPressures
-from .contact.self_contact import PieceForce
+from .contact.pressure import ContactPressures, largest_ever
+from .contact.self_contact import PieceForce, in_time
 from .deprecation import say_renamed
 from .discrete.space import Space
 from .discrete.strain import von_mises
@@ -21,6 +21,10 @@ from .scene.mesh import TetMesh, material_of
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
 LOCKING = 0.4
+
+# Error of quadratic answers over its estimate by stress recovery: at most so much on eight real
+# meshes (benchmarks/mesh_error.py), but for contrasts (a pot of soil), where the gap is the bound.
+RECOVERED = 1.8
 
 
 def locking_share(mesh: TetMesh) -> float:
@@ -33,11 +37,17 @@ class DiscretisationError(NamedTuple):
     """Relative error of the largest displacement [1].
 
     ``kind`` is 'P1/P2' (the answers of both orders compared) or 'stress recovery' (an estimate from
-    the jumps of stress between tets).
+    the jumps of stress between tets). ``recovery`` is that estimate of a quadratic answer.
     """
 
     value: float
     kind: str
+    recovery: float = np.inf
+
+    @property
+    def bound(self) -> float:
+        """What the displacement is off by at most [1], as measured; at least a percent."""
+        return max(min(self.value, RECOVERED * self.recovery), 0.01)
 
 
 class LoadFactor(NamedTuple):
@@ -178,8 +188,7 @@ class Motion:
     obstacle_force
         Force of every obstacle on the body [N], shape (obstacles, 3).
     gap
-        Smallest distance of the surface from an obstacle, and from itself where it nearly touches
-        [m]; infinite where there is neither.
+        Smallest distance [m] from an obstacle, and from itself where it nearly touches.
     piece_forces
         Forces of separate pieces on each other.
     pressures
@@ -258,20 +267,12 @@ class MotionResult:
     @property
     def piece_forces(self) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
         """Force [N] on one piece by another, by their numbers, in every frame."""
-        found: dict[tuple[int, int], np.ndarray] = {}
-        for i, frame in enumerate(self.frames):
-            for on, by, force in frame.piece_forces:
-                found.setdefault((on, by), np.zeros((len(self.frames), 3)))[i] = force
-        return dict(sorted(found.items()))
+        return in_time([frame.piece_forces for frame in self.frames])
 
     @property
     def largest_pressures(self) -> ContactPressures | None:
         """Largest contact pressures [Pa] ever, where they are known."""
-        known = [f.pressures for f in self.frames if f.pressures is not None]
-        if not known:
-            return None
-        obstacles = np.max([p.obstacles for p in known], axis=0)
-        return ContactPressures(obstacles, max(p.own for p in known))
+        return largest_ever([frame.pressures for frame in self.frames])
 
     @property
     def smallest_gap(self) -> float:

@@ -18,10 +18,6 @@ from .scene.mesh import TetMesh, altitudes, material_of
 HOLDS = 0.05
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
-# Quadratic elements are far closer than linear ones: where those are off by .167, .41, .62 and .68
-# they are by .001 (the bench beam), .05, .20 (a chair of oak and foam) and .01 (the same in oak):
-# at most half the square, so that this difference means ``TRUSTED`` for them.
-TRUSTED_P2 = (2 * TRUSTED) ** 0.5
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 # A first frequency below this is seen as wobbling.
@@ -79,15 +75,13 @@ def holds_shape(result: SagResult) -> Check:
 
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
-    value, kind = result.discretisation_error
-    quadratic = result.static.order == 2 and kind == "P1/P2"
-    limit = TRUSTED_P2 if quadratic else TRUSTED
-    passed = value <= limit
-    # Half the square, as measured at ``TRUSTED_P2``; not below a percent, which is not measured.
-    about = max(value**2 / 2 if quadratic else value, 0.01)
-    why = f"displacement within about {about:.0%} (limit {TRUSTED:.0%}), by the {kind} gap"
-    found = "fine enough" if passed else "coarse"
-    return Check("discretisation", passed, value, limit, f"The mesh is {found}: {why}.")
+    found = result.discretisation_error
+    about, passed = found.bound, found.bound <= TRUSTED
+    by = "the P1/P2 gap" if found.kind == "P1/P2" else f"the {found.kind} gap"
+    by += " and stress recovery" if np.isfinite(found.recovery) else ""
+    why = f"displacement within about {about:.0%} (limit {TRUSTED:.0%}), by {by}"
+    does = "fine enough" if passed else "coarse"
+    return Check("discretisation", passed, about, TRUSTED, f"The mesh is {does}: {why}.")
 
 
 def buckling(factor: LoadFactor) -> Check:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,15 @@ class ContactPressures(NamedTuple):
 
     obstacles: Float[np.ndarray, "obstacles"]
     own: float
+
+
+def largest_ever(known: Sequence[ContactPressures | None]) -> ContactPressures | None:
+    """Largest of all that are known; None where none are."""
+    found = [pressures for pressures in known if pressures is not None]
+    if not found:
+        return None
+    obstacles = np.max([pressures.obstacles for pressures in found], axis=0)
+    return ContactPressures(obstacles, max(pressures.own for pressures in found))
 
 
 def largest_pressure(

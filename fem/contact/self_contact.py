@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +34,17 @@ class PieceForce(NamedTuple):
     on: int
     by: int
     force: np.ndarray
+
+
+def in_time(
+    frames: Sequence[tuple[PieceForce, ...]],
+) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
+    """Force [N] on one piece by another, by their numbers, in every frame."""
+    found: dict[tuple[int, int], np.ndarray] = {}
+    for i, forces in enumerate(frames):
+        for on, by, force in forces:
+            found.setdefault((on, by), np.zeros((len(frames), 3)))[i] = force
+    return dict(sorted(found.items()))
 
 
 class _Near(NamedTuple):

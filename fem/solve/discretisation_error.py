@@ -47,7 +47,8 @@ def find_discretisation_error(
     one, two = (np.linalg.norm(r.displacement, axis=1).max() for r in (result, other))
     fine = two if result.order == 1 else one
     error = float(abs(one - two) / fine) if fine > 0 else 0.0
-    return DiscretisationError(error, "P1/P2")
+    recovery = recovery_estimate(result) if result.order == 2 else np.inf
+    return DiscretisationError(error, "P1/P2", recovery)
 
 
 def recovery_estimate(result: StaticResult) -> float:

@@ -94,7 +94,7 @@ def test_error_is_the_difference_of_the_orders():
         mesh = shaken_box((1.0, 0.25, 0.25), (4 * n, n, n), E=1e7, rho=1000, amount=0)
         one, two = (sag(mesh, up="x", order=order) for order in (1, 2))
         distance = abs(one.max_displacement - two.max_displacement) / two.max_displacement
-        assert one.discretisation_error == two.discretisation_error
+        assert one.discretisation_error[:2] == two.discretisation_error[:2]
         assert one.discretisation_error.kind == "P1/P2"
         assert one.discretisation_error.value == pytest.approx(distance, rel=1e-9)
         errors.append(one.discretisation_error.value)
