@@ -249,19 +249,14 @@ def main() -> None:
     with one_thread():
         for name in options.bodies:
             rows += rows_of(BODIES[name](), False)
-        for name in (
-            ()
-            if options.real is None
-            else options.real
-            or sorted(NAMES, key=lambda n: real_mesh(n, cache_folder()).stat().st_size)
-        ):
+        for name in [] if options.real is None else options.real or NAMES:
             try:
                 rows += rows_of(real(name), True)
             except AutophyxError as error:
                 rows.append({"body": name, "failure": str(error)})
                 print(rows[-1], flush=True)
-            if options.output:  # what is there so far, should it be stopped
-                options.output.write_text(json.dumps(rows, indent=1) + "\n")
+    if options.output:
+        options.output.write_text(json.dumps(rows, indent=1) + "\n")
     if options.picture:
         draw(rows, options.picture)
 
