@@ -22,7 +22,7 @@ from .scene.mesh import TetMesh, material_of
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
 LOCKING = 0.4
 
-# Error of quadratic answers over its estimate by stress recovery: at most so much on eight real
+# Error of quadratic answers over its estimate by stress recovery: at most so much on nine real
 # meshes (benchmarks/mesh_error.py), but for contrasts (a pot of soil), where the gap is the bound.
 RECOVERED = 1.8
 
