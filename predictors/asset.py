@@ -21,6 +21,12 @@ def up_vector(up: UpAxis) -> Float[np.ndarray, "3"]:
     return np.eye(3)["xyz".index(up)]
 
 
+def upright(points: Float[np.ndarray, "*n 3"], up: UpAxis) -> Float[np.ndarray, "*n 3"]:
+    """Return points turned so that ``up`` becomes z."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
+    return np.stack({"z": (x, y, z), "y": (x, -z, y), "x": (-z, y, x)}[up], -1)
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """One named part: a triangle surface [m] with its appearance (``mesh.visual``).

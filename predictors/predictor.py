@@ -77,5 +77,9 @@ class Predictor(Protocol):
 PREDICTORS: Registry[type[Predictor]] = Registry(
     "predictor",
     __package__ or "",
-    {"film": "film.predictor:FilmPredictor", "retrieval": "retrieval:RetrievalPredictor"},
+    {
+        "film": "film.predictor:FilmPredictor",
+        "unipixie": "unipixie.predictor:UniPixiePredictor",
+        "retrieval": "retrieval:RetrievalPredictor",
+    },
 )

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ..fem.errors import AutophyxError
-from ..predictors.asset import Asset
-from ..predictors.datasets.real import CELLS, RealObject, cube, upright
+from ..predictors.asset import Asset, upright
+from ..predictors.datasets.real import CELLS, RealObject, cube
 from ..predictors.datasets.shapes import EMPTY
 from ..predictors.encoders import Encoder
 from ..predictors.evaluation.held_out import ImageFeatures

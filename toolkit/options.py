@@ -110,7 +110,7 @@ class AssignOptions:
     cells: int = 64
     """Voxels along the longest side of the material field."""
     predictor: Annotated[str, choice(PREDICTORS)] = "film"
-    """What words leave open: found by the network in shape and colour, or guessed from names."""
+    """What words leave open: a network finds it (film, unipixie), or names do (retrieval)."""
     encoder: str | None = None
     """Image encoder that the network also hears: embedded, openclip or openclip:TAG."""
     strict: bool = False

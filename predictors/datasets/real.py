@@ -13,7 +13,7 @@ from jaxtyping import Float, UInt8
 
 from ...fem.errors import InputError
 from ...fem.scene.materials import Material, load_table
-from ..asset import Asset, Part
+from ..asset import Asset, Part, upright
 from ..hearing.kinds import KINDS, kind_of
 from ..hearing.vocabulary import Vocabulary
 from ..images.surface_colour import material_name, skin_of
@@ -100,16 +100,6 @@ def cube(asset: Asset) -> tuple[Float[np.ndarray, "3"], float]:
     lo, hi = np.sort(upright(asset.bounds, asset.up), axis=0)
     h = float((hi - lo).max()) / (CELLS - 2 * _PAD)
     return (lo + hi) / 2 - CELLS * h / 2, h
-
-
-def upright(points: np.ndarray, up: str) -> np.ndarray:
-    """Return points with z up."""
-    x, y, z = np.asarray(points, dtype=np.float64).T
-    return {
-        "z": np.stack([x, y, z], 1),
-        "y": np.stack([x, -z, y], 1),
-        "x": np.stack([-z, y, x], 1),
-    }[up]
 
 
 def _slots(parts: Sequence[Part]) -> dict[str, list[Part]]:

@@ -1,4 +1,4 @@
-"""The FiLM network as a row of the evaluation, whole or deprived of something."""
+"""The networks as rows of the evaluation, whole or deprived of something."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from ...fem.scene.materials import load_table
 from ..encoders.minilm import MiniLM
 from ..encoders.protocol import TextEncoder
 from ..film.evidence import VISION, standard
+from ..grid import Grid
 from ..hearing.binding import NamedPart
 from ..hearing.clauses import HeardClause
 from ..hearing.hints import name_evidence, subject
 from ..hearing.parser import listen
 from ..hearing.vocabulary import Vocabulary
-from ..voxels import pooled
+from ..predictor import Appearance
+from ..voxels import PartVoxels, pooled
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
 
@@ -84,6 +86,42 @@ class FilmRow:
 FILM, FILM_NAMES = FilmRow(), FilmRow(names=True)
 NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(parts=False)
 RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
+
+
+@dataclass(frozen=True)
+class UniPixieRow:
+    """The network of ranges: it hears no clause, and sees colours and, if given, features.
+
+    ``names``: what the parts are called is known.
+    """
+
+    names: bool = False
+
+    def build(self, setting: Setting) -> VoxelPredictor:
+        """Return the shipped network."""
+        import torch
+
+        from ..unipixie.predictor import UniPixiePredictor
+
+        predictor = UniPixiePredictor()
+
+        def predict(example: HeldOutObject):
+            scene = example.batch.scene
+            part = scene.part[0].numpy()
+            slots = example.names or [f"object {i}" for i in range(int(part.max()) + 1)]
+            parts = PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, tuple(slots))
+            colours = scene.inputs[0, 1:4].movedim(0, -1).numpy()
+            seen = Appearance(colours if scene.inputs[0, 4].any() else None)
+            found = predictor.find(parts, seen)
+            values = np.zeros((*part.shape, 3), dtype=np.float32)
+            values[part >= 0] = found.cube.back(found.likeliest[0])
+            means = torch.from_numpy(pooled(values, part)).float()
+            return means.movedim(-1, 0)[None], None
+
+        return predict
+
+
+UNIPIXIE, UNIPIXIE_NAMES = UniPixieRow(), UniPixieRow(names=True)
 
 
 def pooled_by_part(output: Output, scene: VoxelScene) -> Output:

@@ -54,6 +54,8 @@ ROWS: Registry[Contender] = Registry(
         "film-notext": "ablations:NO_TEXT",
         "film-nohints": "ablations:NO_HINTS",
         "film-voxels": "ablations:VOXELS",
+        "unipixie": "ablations:UNIPIXIE",
+        "unipixie-names": "ablations:UNIPIXIE_NAMES",
         "constant": "baselines:CONSTANT",
         "table-mean": "baselines:TABLE_MEAN",
         "table-first": "baselines:TABLE_FIRST",

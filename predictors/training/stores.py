@@ -37,20 +37,23 @@ class Store(NamedTuple):
 
 def procedural_store(objects: Objects, *, cells: int, device: str) -> Store:
     """Rasterise objects onto ``cells``^3 voxels."""
-    rows = torch.tensor(objects.rows, device=device)
-    label = torch.cat([rasterise(chunk, cells=cells) for chunk in rows.split(_CHUNK)])
-    n = len(rows)
+    label = procedural_labels(objects, cells=cells, device=device)
+    n = len(label)
     nan = torch.full((n, MAX_PARTS, 3), torch.nan, device=device)
     none = torch.full((n, 1 + MAX_PARTS), -1, device=device)
     kinds = torch.tensor(objects.kinds, device=device)
     return Store(label, kinds, torch.tensor(objects.category, device=device), nan, nan, none)
 
 
+def procedural_labels(objects: Objects, *, cells: int, device: str) -> Tensor:
+    """Part of every voxel (n, cells, cells, cells) of objects, uint8."""
+    rows = torch.tensor(objects.rows, device=device)
+    return torch.cat([rasterise(chunk, cells=cells) for chunk in rows.split(_CHUNK)])
+
+
 def real_store(objects: list[RealObject], table: TextTable, *, cells: int, device: str) -> Store:
     """Bring real objects to ``cells``^3 voxels."""
-    label = torch.tensor(np.stack([o.label for o in objects]), device=device)
-    if cells != label.shape[1]:
-        label = torch.cat([_coarsen(chunk, cells) for chunk in label.split(_CHUNK)])
+    label = coarsened(torch.tensor(np.stack([o.label for o in objects]), device=device), cells)
     kinds, value, colour = slot_columns(objects, table.normalisation)
     columns = (kinds, np.full(len(objects), -1), value, colour, table.real_names.astype(int))
     return Store(label, *(torch.tensor(column, device=device) for column in columns))
@@ -70,6 +73,13 @@ def slot_columns(
             if row is not None:
                 value[i, j] = normalisation.normalise(*row.value())
     return kinds, value, colour
+
+
+def coarsened(label: Tensor, cells: int) -> Tensor:
+    """Labels (n, x, y, z) on ``cells``^3 voxels."""
+    if cells == label.shape[1]:
+        return label
+    return torch.cat([_coarsen(chunk, cells) for chunk in label.split(_CHUNK)])
 
 
 def _coarsen(label: Tensor, cells: int) -> Tensor:

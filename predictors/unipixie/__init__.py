@@ -1,8 +1,8 @@
-"""Unipixie: voxel features in; by flow matching the matter of three solvers out, soft to stiff.
+"""UniPixie: what words leave open, from names and looks, by flow matching, from soft to stiff.
 
-The network alone, so far: it has no weights, and no command uses it yet.
+The head of the material point method has weights; those of skinning and springs are built alone.
 
-In: features, occupancy and places of voxels, and alpha, from soft (0) to stiff (1).
-Out: E, nu, rho and class of every voxel, a skinning body with its E and nu, springs.
-Read: config, layers, encoder, decoder, flow, network, simplicits.
+In: parts as voxels, their names, colours and features, and alpha, from soft (0) to stiff (1).
+Out: E, nu, rho and class of every voxel, the range they lie in, and samples of what is plausible.
+Read: predictor, inference, cube, evidence, config, network, encoder, decoder, flow, simplicits.
 """

@@ -16,10 +16,12 @@ ELASTIC = 2  # log E, nu
 class UniPixieConfig:
     """Sizes of encoder and decoders (UniPixie supplement, Table S2 and S4).
 
-    ``features`` numbers are given of a voxel of a cube of ``cells``; ``stem`` channels lie between
-    the two convolutions; ``latents`` tokens of ``width`` numbers describe the object. With ``own``
-    the decoder sees each voxel's features beside its place. ``predicts`` is what the decoder's
-    output means: the velocity of the flow (the paper) or where it ends, x1.
+    ``features`` numbers describe a voxel of a cube of ``cells``: those that are given, or, where
+    ``given`` is not zero, what is learned of so many given ones. ``stem`` channels lie between the
+    two convolutions, ``fusion`` numbers in the middle of what fuses time, alpha and mean latent;
+    ``latents`` tokens of ``width`` numbers describe the object. With ``own`` the decoder sees each
+    voxel's features beside its place. ``predicts`` is what the decoder's output means: the velocity
+    of the flow (the paper) or where it ends, x1.
     """
 
     features: int = 768
@@ -32,6 +34,8 @@ class UniPixieConfig:
     decoder_blocks: int = 6
     spring_blocks: int = 4
     frequencies: int = 16
+    fusion: int = 64
+    given: int = 0
     own: bool = False
     predicts: Literal["velocity", "x1"] = "velocity"
     steps: int = 15
@@ -41,8 +45,12 @@ class UniPixieConfig:
 # The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and
 # the fusion of the condition are, it does not say: as Table S3's totals allow.
 PAPER = UniPixieConfig()
+SHIPPED = UniPixieConfig(
+    features=32, given=389, cells=32, width=128, stem=64, heads=4, encoder_blocks=6,
+    decoder_blocks=3, spring_blocks=2, fusion=16, own=True, predicts="x1", steps=2, method="euler",
+)  # fmt: skip
 CPU = UniPixieConfig(
-    features=16, cells=16, width=32, stem=32, heads=4, latents=8, encoder_blocks=1,
+    features=16, given=389, cells=16, width=32, stem=32, heads=4, latents=8, encoder_blocks=1,
     decoder_blocks=2, spring_blocks=1, frequencies=4, own=True, predicts="x1", steps=2,
     method="euler",
 )  # fmt: skip

@@ -23,11 +23,10 @@ class Condition(nn.Module):
 
     scale: Tensor
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, thin: int) -> None:
         super().__init__()
         powers = torch.linspace(0, TIME_OCTAVES, TIMES, device="cpu")
         self.register_buffer("scale", 2**powers * math.pi, persistent=False)
-        thin = max(width // 8, 1)
         self.time = nn.Sequential(nn.Linear(2 * TIMES, thin), nn.SiLU(), nn.Linear(thin, width))
         self.alpha = nn.Sequential(nn.Linear(1, thin), nn.SiLU(), nn.Linear(thin, width))
         self.fuse = nn.Sequential(nn.Linear(3 * width, thin), nn.SiLU(), nn.Linear(thin, width))
@@ -49,7 +48,7 @@ class FlowDecoder(nn.Module):
     def __init__(self, config: UniPixieConfig, channels: int, *, known: int, blocks: int) -> None:
         super().__init__()
         width = config.width
-        self.condition = Condition(width)
+        self.condition = Condition(width, config.fusion)
         self.enter = nn.Linear(channels + known, width)
         self.blocks = nn.ModuleList(SteeredBlock(width, config.heads) for _ in range(blocks))
         self.leave = nn.Linear(width, channels)

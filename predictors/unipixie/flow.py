@@ -14,6 +14,9 @@ from torch import Tensor
 
 # The velocity of an x1-prediction, (x1 - x) / (1 - t), is not asked for nearer to the end.
 LAST = 0.02
+# Deviation of the noise x0: that of normalised matter. With noise three times as wide the flow
+# decides so late that a few steps give the mean alone (80 % intervals held 17 % of the truth).
+NOISE = 0.3
 
 Velocity = Callable[[Tensor, Tensor], Tensor]
 

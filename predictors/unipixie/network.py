@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from .config import ANCHORS, CLASSES, ELASTIC, MATTER, THETA, UniPixieConfig
 from .decoder import FlowDecoder
 from .encoder import GridEncoder
+from .evidence import Projector
 from .flow import integrate, velocity_towards
 from .layers import Waves
 
@@ -81,6 +82,8 @@ class UniPixie(nn.Module):
     def __init__(self, config: UniPixieConfig, heads: tuple[str, ...] = HEADS) -> None:
         super().__init__()
         self.config = config
+        if config.given:
+            self.project = Projector(config)
         self.encoder = GridEncoder(config)
         width = config.width
         if "mpm" in heads:

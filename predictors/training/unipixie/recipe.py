@@ -1,0 +1,103 @@
+"""How the UniPixie network is trained: stores and names, loss, and its file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from ...datasets.objects import Objects, make_objects
+from ...datasets.ranges import RangeTable
+from ...datasets.real import RealObject, load_real
+from ...datasets.shapes import MAX_PARTS
+from ...unipixie.checkpoint import save_unipixie
+from ...unipixie.network import UniPixie
+from ..processes import joined, rank
+from ..stores import coarsened, procedural_labels
+from ..trainer import Report, Trained, train_network
+from .config import MatterConfig
+from .loss import MatterLoss, matter_forward
+from .names_on_device import Names
+from .regression import RegressionUNet, regress
+from .sampler import MatterSampler, Shapes
+
+_APART = 7919  # between the seeds of two processes
+
+
+def train_matter(
+    config: MatterConfig,
+    *,
+    ranges: Path,
+    real: Path | None = None,
+    resume: Path | None = None,
+    output: Path | None = None,
+    report: Report | None = None,
+    pause: float | None = None,
+) -> Trained[nn.Module]:
+    """Train the encoder and the head of the material point method, or what they are compared with.
+
+    Parameters
+    ----------
+    config
+        The run.
+    ranges, real
+        Files of the table of ranges and of real objects.
+    resume, report, pause
+        See ``train_network``.
+    output
+        Checkpoint to write at the end; of the flow's network alone.
+    """
+    with joined(config.device):
+        torch.manual_seed(config.seed + rank())
+        sampler = make_matter_sampler(config, ranges, real)
+        torch.manual_seed(config.seed)  # the same first weights in every process
+        flow = config.model == "flow"
+        network = UniPixie(config.network, ("mpm",)) if flow else RegressionUNet(config.network)
+        torch.manual_seed(config.seed + rank())
+
+        def save(trained: nn.Module, steps: int) -> None:
+            if output is not None and isinstance(trained, UniPixie):
+                save_unipixie(output, trained, facts={"steps": steps})
+
+        velocity = flow and config.network.predicts == "velocity"
+        return train_network(
+            network, sampler, MatterLoss(config.lean, velocity), config.options,
+            forward=matter_forward if flow else regress,  # type: ignore[arg-type]
+            resume=resume, config=asdict(config), save=save, report=report, pause=pause,
+        )  # fmt: skip
+
+
+def make_matter_sampler(config: MatterConfig, ranges: Path, real: Path | None) -> MatterSampler:
+    """Build the stores of shapes and load the names; each process draws its own."""
+    rng = np.random.default_rng((config.seed, rank()))
+    names = Names(RangeTable.load(ranges), config.device)
+    shapes = shapes_of(make_objects(config.objects, rng), config)
+    known = real_shapes(load_real(real), config) if real and config.real else None
+    return MatterSampler(names, shapes, known, config, config.seed + _APART * rank())
+
+
+def shapes_of(objects: Objects, config: MatterConfig) -> Shapes:
+    """Procedural objects on the device."""
+    label = procedural_labels(objects, cells=config.network.cells, device=config.device)
+    kind = torch.tensor(objects.kinds, device=config.device)
+    colour = torch.full((*kind.shape, 3), torch.nan, device=config.device)
+    return Shapes(label, kind, torch.full_like(kind, -1), colour)
+
+
+def real_shapes(objects: list[RealObject], config: MatterConfig) -> Shapes:
+    """Real objects on the device, with the rows that the names of their slots tell."""
+    from ....fem.scene.materials import load_table
+
+    number = {row.name: i for i, row in enumerate(load_table())}
+    label = torch.tensor(np.stack([o.label for o in objects]), device=config.device)
+    row = torch.full((len(objects), MAX_PARTS), -1)
+    colour = torch.full((len(objects), MAX_PARTS, 3), torch.nan)
+    for i, o in enumerate(objects):
+        row[i, : len(o.slots)] = torch.tensor([number[m.name] if m else -1 for m in o.materials()])
+        colour[i, : len(o.slots)] = torch.tensor(o.colours, dtype=torch.float32)
+    kind = torch.full_like(row, -1)
+    columns = (kind.to(config.device), row.to(config.device), colour.to(config.device))
+    return Shapes(coarsened(label, config.network.cells), *columns)

@@ -1,0 +1,179 @@
+"""What the network finds of an asset: its likeliest matter, the range of that, and samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..asset import UpAxis
+from ..predictor import Appearance
+from ..voxels import PartVoxels
+from .cube import Cube
+
+if TYPE_CHECKING:
+    import torch
+
+    from .checkpoint import Loaded
+    from .network import UniPixie, Voxels
+
+WEIGHTS = Path(__file__).parents[1] / "weights" / "unipixie.safetensors"
+ANY = -1.0  # asks for a plausible matter instead of a place in the range
+CHUNK = 16_384  # tokens decoded at once: 8 MB an activation
+SAMPLE_STEPS = 4  # of the flow, where it is to keep its spread
+SHARED = 0.8  # of the variance of the noise that a part's tokens have in common, as in training
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of the parts and cells of an asset.
+
+    ``names`` (parts, 384) are embeddings of what the asset calls its parts and ``named`` (parts,)
+    whether that says anything; what is seen of the cells stands in for the names that do not.
+    """
+
+    names: Float[np.ndarray, "parts 384"]
+    named: Bool[np.ndarray, "parts"]
+    appearance: Appearance
+
+
+class Found:
+    """The network's answers for one asset; values are normalised log E, nu, log rho of tokens."""
+
+    def __init__(self, loaded: Loaded, cube: Cube, voxels: Voxels) -> None:
+        import torch
+
+        self.network, self.normalisation, self.calibration = loaded
+        self.cube, self.voxels = cube, voxels
+        with torch.inference_mode():
+            self.latents = self.network.encode(voxels)
+
+    @cached_property
+    def likeliest(self) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
+        """Mean of what is plausible, and the likeliest class, of every token."""
+        # At the flow's start an x1-prediction knows no noise: it is the mean of all ends.
+        return self._decode(ANY, self._noise(None), steps=1)
+
+    @cached_property
+    def ends(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Soft and stiff end of the range of every token, E in order."""
+        noise, margin = self._noise(None), np.array([self.calibration.margin, 0, 0])
+        # At the flow's start: there training sought the ends of what is uncertain.
+        soft, stiff = (self._decode(alpha, noise, steps=1)[0] for alpha in (0.0, 1.0))
+        low, high = np.minimum(soft, stiff) - margin, np.maximum(soft, stiff) + margin
+        return low.clip(-1, 1), high.clip(-1, 1)
+
+    def at(self, alpha: float) -> Float[np.ndarray, "n 3"]:
+        """Values at a place of the range; E never falls as ``alpha`` rises."""
+        soft, stiff = self.ends
+        return soft + alpha * (stiff - soft)
+
+    def sample(self, seed: int) -> Float[np.ndarray, "n 3"]:
+        """One plausible matter: coherent within a part."""
+        drawn = self._decode(ANY, self._noise(seed), steps=SAMPLE_STEPS)[0]
+        mean = self.likeliest[0]
+        return (mean + self.calibration.spread * (drawn - mean)).clip(-1, 1)
+
+    def _noise(self, seed: int | None) -> torch.Tensor:
+        """Where the flow begins, (1, n, 3): zero, the middle of the noise, without a seed."""
+        import torch
+
+        from .flow import NOISE
+
+        count = len(self.cube.part)
+        if seed is None:
+            return torch.zeros(1, count, 3)
+        dice = torch.Generator().manual_seed(seed)
+        shared = torch.randn(int(self.cube.part.max()) + 1, 3, generator=dice)
+        own = torch.randn(count, 3, generator=dice)
+        mixed = SHARED**0.5 * shared[self.cube.part] + (1 - SHARED) ** 0.5 * own
+        return NOISE * mixed[None]
+
+    def _decode(
+        self, alpha: float, noise: torch.Tensor, *, steps: int = 0
+    ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
+        """Values and classes of all tokens, some at a time: each sees the latents alone."""
+        import torch
+
+        values, classes = [], []
+        given = torch.tensor([alpha])
+        with torch.inference_mode():
+            for begin in range(0, noise.shape[1], CHUNK):
+                some = slice(begin, begin + CHUNK)
+                voxels = self.voxels._replace(
+                    place=self.voxels.place[:, some], own=self.voxels.own[:, some]
+                )
+                found, logits = self.network.sample_matter(
+                    self.latents, voxels, given, noise[:, some], steps=steps
+                )
+                values.append(found[0].numpy())
+                classes.append(logits[0].argmax(-1).numpy())
+        return np.concatenate(values).clip(-1, 1), np.concatenate(classes)
+
+
+def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known) -> Voxels:
+    """Bring what is known of an asset onto the cube, as the network reads it."""
+    import torch
+
+    from .network import Voxels
+
+    own = torch.from_numpy(_learned(network, cube, parts, evidence).astype(np.float32))
+    grid = torch.zeros(cube.cells**3, own.shape[1])
+    share = torch.from_numpy(cube.share.astype(np.float32))[:, None]
+    grid.index_add_(0, torch.from_numpy(cube.at), own * share)
+    side = (cube.cells,) * 3
+    place = torch.from_numpy(cube.place.astype(np.float32))
+    return Voxels(grid.T.reshape(1, -1, *side), place[None], own[None])
+
+
+def _learned(
+    network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known
+) -> Float[np.ndarray, "n features"]:
+    """What the network learns of every token."""
+    import torch
+
+    from .evidence import FEATURE, known_of
+
+    inside, seen = parts.occupied, evidence.appearance
+    label = parts.part[inside]
+    colours = np.zeros((len(label), 3)) if seen.colours is None else seen.colours[inside]
+    features = seen.features
+    if features is None or features.shape[-1] != FEATURE:
+        features = None
+    found = []
+    with torch.inference_mode():
+        for begin in range(0, len(label), CHUNK):
+            some = label[begin : begin + CHUNK]
+            vectors, known = evidence.names[some], evidence.named[some]
+            if features is not None:
+                lifted = features[inside][begin : begin + CHUNK]
+                vectors, known = np.where(known[:, None], vectors, lifted), np.ones_like(known)
+            shown = np.full(len(some), seen.colours is not None)
+            arrays = (vectors, known, colours[begin : begin + CHUNK], shown)
+            feature, flag, colour, lit = (torch.from_numpy(np.asarray(a)) for a in arrays)
+            found.append(network.project(known_of(feature.float(), flag, colour.float(), lit)))
+    return cube.tokens(torch.cat(found).numpy())
+
+
+class UniPixieModel:
+    """The shipped network, or that of ``weights``."""
+
+    def __init__(self, *, weights: Path | None = None) -> None:
+        self._weights = weights or WEIGHTS
+
+    @cached_property
+    def loaded(self) -> Loaded:
+        """The network and what its numbers mean, read on the first inference."""
+        from .checkpoint import load_unipixie
+
+        return load_unipixie(self._weights)
+
+    def find(self, parts: PartVoxels, evidence: Known, *, up: UpAxis = "z") -> Found:
+        """Return what the network finds of an asset with ``up`` pointing up."""
+        network = self.loaded.network
+        cube = Cube.of(parts, up, cells=network.config.cells)
+        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))

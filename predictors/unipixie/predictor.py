@@ -1,0 +1,134 @@
+"""The UniPixie predictor: what words leave open, from what is seen, anywhere from soft to stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from ...fem.scene.materials import FIELDS, MaterialTable, MaterialValue, load_table
+from ..asset import UpAxis
+from ..encoders.protocol import TextEncoder
+from ..field import MaterialField, Ranges
+from ..hearing.binding import NamedPart
+from ..hearing.hints import own_name
+from ..hearing.vocabulary import vocabulary_of
+from ..language.binding import bind
+from ..language.clauses import Sentence
+from ..lookup.lookup import Lookup, lookup_of
+from ..prediction import PartChoice, Prediction, field_of
+from ..predictor import Appearance
+from ..voxels import PartVoxels
+from .inference import Found, Known, UniPixieModel
+
+
+class UniPixiePredictor:
+    """Predicts with the shipped weights, or those of ``weights``."""
+
+    name: ClassVar[str] = "unipixie"
+    takes_alpha: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        *,
+        weights: Path | None = None,
+        table: MaterialTable | None = None,
+        encoder: TextEncoder | None = None,
+    ) -> None:
+        self.table = table or load_table()
+        self.model = UniPixieModel(weights=weights)
+        self._encoder = encoder
+        self.lookup = (
+            Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
+        )
+
+    @cached_property
+    def encoder(self) -> TextEncoder:
+        """The text encoder that the network was trained with."""
+        from ..encoders.minilm import MiniLM
+
+        return self._encoder or MiniLM()
+
+    def predict(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
+        choices: Sequence[PartChoice] | None = None,
+        appearance: Callable[[], Appearance] | None = None,
+        up: UpAxis = "z",
+        alpha: float | None = None,
+    ) -> Prediction:
+        """Return what words settle, and for all other parts what the network finds.
+
+        See ``Predictor``. Without ``alpha`` a part gets the mean of what is plausible; with it, a
+        place between the soft and the stiff end of its range.
+        """
+        if choices is None:
+            choices = self.lookup.settle(
+                parts.part_labels, bind(sentence, parts.part_labels), alpha=alpha,
+                volumes=parts.volumes,
+            ).choices  # fmt: skip
+        found = self.find(parts, appearance() if appearance else Appearance(), up=up)
+        there = set(np.unique(parts.part).tolist())
+        left_open = [i for i, c in enumerate(choices) if not c.settled and i in there]
+        decided = list(choices)
+        for i in left_open:
+            decided[i] = self._choose(choices[i], found, i, alpha)
+        made = Prediction.of(parts, decided, sentence, alpha=alpha)
+        return replace(made, field=_field(parts, decided, found, left_open, alpha))
+
+    def find(self, parts: PartVoxels, appearance: Appearance, *, up: UpAxis = "z") -> Found:
+        """Return all that the network finds of an asset: likeliest, range, samples, classes."""
+        vocabulary = vocabulary_of(self.table)
+        said = [own_name(NamedPart.of(words, vocabulary, 0.0)) for words in parts.part_labels]
+        names = self.encoder.text([words or "object" for words in said])
+        evidence = Known(names, np.array([bool(words) for words in said]), appearance)
+        return self.model.find(parts, evidence, up=up)
+
+    def _choose(
+        self, words: PartChoice, found: Found, part: int, alpha: float | None
+    ) -> PartChoice:
+        """Choose the mean of the network's values over a part, and the row nearest to it."""
+        mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), part)
+        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+        rows = [row for row in self.table if not row.grade]
+        values = np.array([found.normalisation.normalise(*row.value()) for row in rows])
+        row = rows[int(np.square(values - mean).sum(axis=1).argmin())]
+        soft, stiff = (_of_part(found, end, part)[0] for end in found.ends)
+        share = 0.5 if alpha is None and stiff <= soft else alpha
+        if share is None:
+            share = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
+        why = "network: what it looks like and is called"
+        return PartChoice(
+            words.part, row, value, words.weight, share, why, settled=False, network="UniPixie",
+            guessed=True, understood=words.understood,
+        )  # fmt: skip
+
+
+def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
+    """Mean (3,) of values of tokens over the tokens of a part."""
+    return values[found.cube.part == part].mean(axis=0)
+
+
+def _field(
+    parts: PartVoxels,
+    choices: Sequence[PartChoice],
+    found: Found,
+    left_open: Sequence[int],
+    alpha: float | None,
+) -> MaterialField:
+    """Return the choices' values, with the network's ranges where it decided."""
+    field = field_of(parts, choices, alpha=alpha)
+    if field.ranges is None:
+        return field
+    ranges = [np.array(values) for values in field.ranges]
+    for part in left_open:
+        ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
+        for axis in range(len(FIELDS)):
+            ranges[axis][parts.part == part] = [float(end[axis]) for end in ends]
+    return replace(field, ranges=Ranges(*ranges))

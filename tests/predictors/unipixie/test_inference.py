@@ -1,0 +1,81 @@
+"""What is found of an asset: ordered from soft to stiff, coherent, whatever the portions."""
+
+import numpy as np
+import pytest
+import torch
+from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.predictor import Appearance
+from autophyx_tet.predictors.unipixie import inference
+from autophyx_tet.predictors.unipixie.checkpoint import (
+    Loaded,
+    RangeCalibration,
+    load_unipixie,
+    save_unipixie,
+)
+from autophyx_tet.predictors.unipixie.config import CPU
+from autophyx_tet.predictors.unipixie.cube import Cube
+from autophyx_tet.predictors.unipixie.inference import Found, Known, voxels_on
+from autophyx_tet.predictors.unipixie.network import UniPixie
+from autophyx_tet.predictors.voxels import PartVoxels
+
+
+@pytest.fixture(scope="module")
+def network():
+    torch.manual_seed(0)
+    made = UniPixie(CPU, ("mpm",))
+    for parameter in made.parameters():
+        if not parameter.any():
+            torch.nn.init.normal_(parameter, std=0.1)
+    return made.eval()
+
+
+@pytest.fixture(scope="module")
+def parts():
+    part = np.full((12, 10, 20), -1)
+    part[1:11, 1:9, 1:6] = 0
+    part[4:8, 3:7, 6:19] = 1
+    return PartVoxels(Grid(np.zeros(3), 0.05, part.shape), part, ("seat", "leg"))
+
+
+def found_of(network, parts, seed=0):
+    random = np.random.default_rng(seed)
+    names = random.normal(size=(2, 384)).astype(np.float32)
+    names /= np.linalg.norm(names, axis=1, keepdims=True)
+    seen = Appearance(colours=random.random((*parts.part.shape, 3)).astype(np.float32))
+    evidence = Known(names, np.array([True, False]), seen)
+    cube = Cube.of(parts, "z", cells=CPU.cells)
+    loaded = Loaded(network, DEFAULT, RangeCalibration())
+    return Found(loaded, cube, voxels_on(network, cube, parts, evidence))
+
+
+def test_e_never_falls_as_alpha_rises(network, parts):
+    """In every token, also of a network that has learned nothing."""
+    found = found_of(network, parts)
+    ladder = np.stack([found.at(alpha)[:, 0] for alpha in np.linspace(0, 1, 11)])
+    assert (np.diff(ladder, axis=0) >= 0).all()
+    np.testing.assert_array_equal(ladder[[0, -1]], [end[:, 0] for end in found.ends])
+
+
+def test_portions_change_nothing(network, parts, monkeypatch):
+    """Tokens do not see each other: decoded in portions of 7 they are the same to round-off."""
+    whole = found_of(network, parts).ends[0]
+    monkeypatch.setattr(inference, "CHUNK", 7)
+    np.testing.assert_allclose(found_of(network, parts).ends[0], whole, atol=2e-6)
+
+
+def test_a_seed_is_a_sample(network, parts):
+    """The same seed gives the same matter, another one another."""
+    found = found_of(network, parts)
+    np.testing.assert_array_equal(found.sample(3), found.sample(3))
+    assert np.abs(found.sample(3) - found.sample(4)).max() > 1e-3
+
+
+def test_a_file_gives_the_network_back(network, parts, tmp_path):
+    """Weights are kept in half precision: answers agree to its round-off."""
+    save_unipixie(tmp_path / "w.safetensors", network)
+    read, normalisation, calibration = load_unipixie(tmp_path / "w.safetensors")
+    assert (normalisation, calibration) == (DEFAULT, RangeCalibration())
+    np.testing.assert_allclose(
+        found_of(read, parts).likeliest[0], found_of(network, parts).likeliest[0], atol=5e-3
+    )
