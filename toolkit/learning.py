@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 TEXT, TRAINING, VALIDATION = "text.safetensors", "real.safetensors", "validation.safetensors"
-WEIGHTS = "film.safetensors"
+RANGES = "ranges.safetensors"
+WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
@@ -72,6 +73,18 @@ def build_dataset(
         "clauses": len(table.texts),
         "real_objects": len(training),
     }
+
+
+def build_ranges(output: Path, *, seed: int = 0, device: str = "cpu") -> dict[str, Any]:
+    """Write the names of things and the ranges of what they may be made of: for ``unipixie``."""
+    from ..predictors.datasets.ranges import build_range_table
+    from ..predictors.encoders.minilm import MiniLM
+
+    check_folder(output)
+    output.mkdir(parents=True, exist_ok=True)
+    table = build_range_table(MiniLM(device=device).text, seed=seed)
+    table.save(output / RANGES)
+    return {"files": [output / RANGES], "names": len(table.kind), "rows": len(table.low)}
 
 
 def _furniture(sources: Sequence[sweethome3d.Source]) -> Iterator[tuple[RealObject, Asset]]:
@@ -141,10 +154,19 @@ def train(
     begin with.
     """
     from ..predictors.training.film.recipe import train_film
+    from ..predictors.training.unipixie.config import PRESETS as RANGE_PRESETS
+    from ..predictors.training.unipixie.recipe import train_matter
 
-    options = _config(config)
     check_folder(output)
     real = data / TRAINING
+    if str(config) in RANGE_PRESETS:
+        weights, ranges = output / RANGE_WEIGHTS, data / RANGES
+        trained = train_matter(
+            RANGE_PRESETS[str(config)], ranges=ranges, real=real if real.is_file() else None,
+            resume=output, output=weights,
+        )  # fmt: skip
+        return {"files": [weights], "steps": trained.steps, "history": trained.history}
+    options = _config(config)
     if not real.is_file():
         real = None
         options = replace(options, mixture=replace(options.mixture, real=0.0))

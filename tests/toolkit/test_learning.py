@@ -1,10 +1,16 @@
 """The verbs about learning: data and training, each from its file to its file."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import tyro
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.encoders import minilm
+from autophyx_tet.predictors.training.unipixie import config
+from autophyx_tet.predictors.unipixie.checkpoint import load_unipixie
 from autophyx_tet.toolkit.cli.learning import COMMANDS
-from autophyx_tet.toolkit.learning import build_dataset, show_dataset, train
+from autophyx_tet.toolkit.learning import build_dataset, build_ranges, show_dataset, train
 
 CONFIG = """
 cells = 16
@@ -61,3 +67,28 @@ def test_build_and_train(tmp_path):
     assert trained["steps"] == 4
     again = train(tmp_path / "run.toml", data=tmp_path / "data", output=tmp_path / "run")
     assert again["history"] == trained["history"]
+
+
+@pytest.mark.slow
+def test_ranges_and_their_network(tmp_path, monkeypatch):
+    """`dataset ranges` and `train unipixie-cpu` (shortened) give weights; done is done."""
+    monkeypatch.setattr(minilm, "MiniLM", _Letters)
+    made = build_ranges(tmp_path / "data")
+    assert made["names"] > 9000
+    short = replace(config.CPU, steps=4, every=2, objects=3, batch=2)
+    monkeypatch.setitem(config.PRESETS, "unipixie-cpu", short)
+    trained = train("unipixie-cpu", data=tmp_path / "data", output=tmp_path / "run")
+    assert trained["steps"] == 4
+    assert load_unipixie(tmp_path / "run" / "unipixie.safetensors").network.config == short.network
+    again = train("unipixie-cpu", data=tmp_path / "data", output=tmp_path / "run")
+    assert again["history"] == trained["history"]
+
+
+class _Letters:
+    """Vectors of texts without a model."""
+
+    def __init__(self, *, device: str) -> None:
+        self.device = device
+
+    def text(self, sentences):
+        return np.random.default_rng(0).normal(size=(len(sentences), 384))

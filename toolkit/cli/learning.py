@@ -16,13 +16,14 @@ from .progress import progress
 class DatasetCommand:
     """Build the training data, or draw samples of it.
 
-    Examples: autophyx-tet dataset build -o data; autophyx-tet dataset show -o samples.png
+    Examples: autophyx-tet dataset build -o data; autophyx-tet dataset ranges -o data;
+    autophyx-tet dataset show -o samples.png
     """
 
-    action: tyro.conf.Positional[Literal["build", "show"]]
-    """What to do."""
+    action: tyro.conf.Positional[Literal["build", "ranges", "show"]]
+    """What to do: clauses and objects, names with their ranges (for unipixie), or a picture."""
     output: Output
-    """Folder of the data (build), or .png of six samples (show)."""
+    """Folder of the data (build, ranges), or .png of six samples (show)."""
     per_part: int = 300
     """Clauses for every kind of part; the shipped network heard 3,600."""
     device: str = "cpu"
@@ -35,8 +36,10 @@ class DatasetCommand:
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
-        from ..learning import build_dataset, show_dataset
+        from ..learning import build_dataset, build_ranges, show_dataset
 
+        if self.action == "ranges":
+            return build_ranges(self.output, seed=self.seed, device=self.device)
         if self.action == "show":
             return show_dataset(self.output, seed=self.seed)
         return build_dataset(
@@ -52,13 +55,14 @@ class DatasetCommand:
 class TrainCommand:
     """Train the voxel network; the same command goes on where it was interrupted.
 
-    Example: autophyx-tet train cpu --data data -o run
+    Examples: autophyx-tet train cpu --data data -o run;
+    autophyx-tet train unipixie-cpu --data data -o run
     """
 
     config: tyro.conf.Positional[str]
-    """TOML file of a training run, `cpu` for one that takes a minute, or a shipped preset."""
+    """TOML file of a training run of FiLM, or a preset: cpu and unipixie-cpu take a minute."""
     output: Output
-    """Folder of the state and of film.safetensors."""
+    """Folder of the state and of the weights."""
     data: Path = Path("data")
     """Folder that `dataset build` wrote."""
     start: Path | None = None
@@ -83,7 +87,7 @@ class EvaluateCommand:
     split: str = "procedural"
     """procedural, validation (real furniture), or a folder of objects with texts and values."""
     predictors: tuple[str, ...] = ()
-    """Rows of the table: film, film-names, film-nofeatures, constant, table-mean, pixie ..."""
+    """Rows of the table: film, film-names, film-nofeatures, unipixie, constant, table-mean ..."""
     data: Path | None = None
     """Folder that `dataset build` wrote; without it the validation objects are fetched."""
     weights: Path | None = None

@@ -11,7 +11,6 @@ from ...datasets.shapes import EMPTY
 from ...unipixie.evidence import Projector
 from ...unipixie.network import Voxels
 
-ANY = -1.0  # alpha that asks for a plausible matter instead of a place in the range
 JITTER = 0.1  # of what is learned of a voxel: no two voxels of a part look alike
 
 

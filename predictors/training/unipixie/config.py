@@ -73,7 +73,12 @@ class MatterConfig:
         return TrainerOptions(**{name: getattr(self, name) for name in names})
 
 
+# The shipped weights are of two stages, the first with other noise: see their card.
+_SHIPPED = MatterConfig(
+    batch=192, rate=1.2e-3, evidence=EvidenceShares(any=0.4, at_start=0.35), steps=10_000
+)
 CPU = MatterConfig(
     batch=8, steps=60, rate=3e-3, warm_up=5, objects=48, voxels=64, decay=0.9, device="cpu",
     bfloat16=False, every=20, real=0.0, network=CPU_NETWORK,
 )  # fmt: skip
+PRESETS = {"unipixie": _SHIPPED, "unipixie-cpu": CPU}

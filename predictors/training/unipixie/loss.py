@@ -17,9 +17,10 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...unipixie.flow import on_the_way
+from ...unipixie.inference import ANY
 from ...unipixie.network import UniPixie
 from ..trainer import Losses
-from .batch import ANY, MatterBatch, voxels_of
+from .batch import MatterBatch, voxels_of
 
 CLASS_WEIGHT = 0.05  # of the cross-entropy: begins at the size of the squared error
 CONSISTENCY = 1e-4  # lambda_KL of Table S4

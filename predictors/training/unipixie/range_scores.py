@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from ...datasets.shapes import MAX_PARTS
-from ...unipixie.inference import SAMPLE_STEPS
+from ...unipixie.inference import ANY, SAMPLE_STEPS
 from ...unipixie.network import UniPixie
-from .batch import ANY, MatterBatch, voxels_of
+from .batch import MatterBatch, voxels_of
 from .regression import RegressionUNet, regress
 from .sampler import MatterSampler
 

@@ -13,12 +13,12 @@ from torch import Tensor
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ...unipixie.evidence import known_of
 from ...unipixie.flow import NOISE
+from ...unipixie.inference import ANY, SHARED
 from ..film.augmentation import shrunk, turned
-from .batch import ANY, MatterBatch
+from .batch import MatterBatch
 from .config import EvidenceShares, MatterConfig
 from .names_on_device import Names, rgb_of_lab
 
-_SHARED = 0.8  # of the variance of the noise that a part's voxels have in common
 _STRANGE_LIGHT = 0.12  # deviation of all colours of an object in [0, 1]
 
 
@@ -100,7 +100,7 @@ class MatterSampler:
         shape = (n, MAX_PARTS + count, 3)
         drawn = torch.randn(shape, generator=generator, device=self.device)
         shared = _there(drawn[:, :MAX_PARTS], part)
-        return NOISE * (_SHARED**0.5 * shared + (1 - _SHARED) ** 0.5 * drawn[:, MAX_PARTS:])
+        return NOISE * (SHARED**0.5 * shared + (1 - SHARED) ** 0.5 * drawn[:, MAX_PARTS:])
 
     def _names(self, item: Shapes) -> Tensor:
         """Name of every part (n, 6), -1 where its matter is not known."""

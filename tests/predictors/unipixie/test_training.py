@@ -8,13 +8,14 @@ import torch
 from autophyx_tet.predictors.datasets.objects import make_objects
 from autophyx_tet.predictors.datasets.ranges import build_range_table
 from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.training.unipixie.batch import ANY, spread_parts, voxel_places
+from autophyx_tet.predictors.training.unipixie.batch import spread_parts, voxel_places
 from autophyx_tet.predictors.training.unipixie.config import CPU, EvidenceShares
 from autophyx_tet.predictors.training.unipixie.loss import MatterLoss, MatterOutput
 from autophyx_tet.predictors.training.unipixie.names_on_device import Names
 from autophyx_tet.predictors.training.unipixie.recipe import shapes_of, train_matter
 from autophyx_tet.predictors.training.unipixie.sampler import MatterSampler
 from autophyx_tet.predictors.unipixie.flow import NOISE
+from autophyx_tet.predictors.unipixie.inference import ANY
 
 
 def random_vectors(texts):
