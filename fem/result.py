@@ -236,6 +236,8 @@ class MotionResult:
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
     particles
         The particles, where the motion is theirs.
+    kept_apart
+        Whether all faces of the body were kept out of each other, not of obstacles alone.
     notes, solution
         What the method assumed; and what solved it, as pairs of a name and words.
     """
@@ -246,6 +248,7 @@ class MotionResult:
     order: int = 1
     locking_share: float = 0.0
     particles: ParticleRun | None = None
+    kept_apart: bool = False
     notes: tuple[str, ...] = ()
     solution: tuple[tuple[str, str], ...] = ()
 

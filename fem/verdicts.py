@@ -155,13 +155,14 @@ def locking(result: StaticResult | MotionResult) -> Check:
 
 
 def no_penetration(motion: MotionResult) -> Check:
-    """Whether the body kept its distance from every obstacle, and from itself."""
+    """Whether the body kept its distance from every obstacle, and from itself where that was so."""
     gap = motion.smallest_gap
     passed = gap > 0
+    what = "an obstacle or itself" if motion.kept_apart else "an obstacle"
     nearest = f"the smallest distance is {gap:.2g} m" if np.isfinite(gap) else "it meets nothing"
     return Check(
         "no penetration", passed, gap, 0.0,
-        f"It {'never goes into' if passed else 'goes into'} an obstacle or itself: {nearest}.",
+        f"It {'never goes into' if passed else 'goes into'} {what}: {nearest}.",
     )  # fmt: skip
 
 

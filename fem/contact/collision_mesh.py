@@ -92,15 +92,22 @@ def collision_surface(
     surface.mesh.can_collide = ipc.make_vertex_patches_filter(patch) & ipc.make_sparse_filter(
         dict.fromkeys(walls, False), True
     )
-    notes = ()
+    walled = sorted({int(piece[i]) for pair in walls for i in pair} - {*joint})
+    if not (joint or walled):
+        return surface
+    known, notes = piece_names(mesh), []
     if joint:
-        known = piece_names(mesh)
-        names = [known[k] for k in joint]
-        notes = (
-            f"{' and '.join(names)} overlap or touch at the start: "
-            "they are not kept apart, nor kept from themselves",
+        notes.append(
+            f"{' and '.join(known[k] for k in joint)} overlap or touch at the start: "
+            "they are not kept apart, nor kept from themselves"
         )
-    return surface._replace(notes=notes)
+    if walled:
+        notes.append(
+            f"{' and '.join(known[k] for k in walled)}: faces nearer than "
+            f"{WALL * thickness * unit:.2g} m to each other at the start are taken as the two "
+            "sides of a wall and not kept apart"
+        )
+    return surface._replace(notes=tuple(notes))
 
 
 def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:

@@ -270,8 +270,9 @@ class DynamicMethod:
             if progress is not None:
                 progress(frame, frames)
         locking = locking_share(scene.mesh) if order == 1 else 0.0
-        notes = body.contact.notes
-        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locking, notes=notes)
+        notes, points = body.contact.notes, len(scene.mesh.points)
+        kept = {"kept_apart": scene.self_contact and not notes, "notes": notes}
+        return MotionResult(tuple(states), dt, points, order, locking, **kept)
 
 
 METHOD = DynamicMethod()

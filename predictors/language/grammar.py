@@ -157,10 +157,9 @@ def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
     head.unknown = " ".join(x.text for x in other.lexemes if x.words)
 
 
-def _negated(_: Cascade, head: Draft, other: Draft) -> None:
+def _negated(cascade: Cascade, head: Draft, other: Draft) -> None:
     other.rule_out()
-    head.add(other)
-    _names(_, head, other)
+    _more(cascade, head, other)
 
 
 def _coat(_: Cascade, head: Draft, other: Draft) -> None:

@@ -15,6 +15,9 @@ from .quantities import number
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times
 _HARDNESS = re.compile(r"(?:hardness\W*(?:of )?)?([AD])?-?([1-9]\d)([AD])?")
+_NUMBER = re.compile(r"\d[\d.]*")
+_YEAR = re.compile(r"(?:19|20)\d\d")
+_CLASS = re.compile(r"\d\d?\.\d")  # of bolts: "8.8"
 _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
 _COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
 
@@ -120,6 +123,54 @@ def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             value = Quantity("nu", number(lexeme.text), lexeme.text)
         out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
     return out
+
+
+def lone_grades(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Take numbers for grades of a metal only where nothing says that they are another number.
+
+    Where the metal stands beside them they are its grades; alone they are told as a guess. A year
+    after "in", a number after "model" and a property class without a fastener are plain numbers.
+    """
+    out: list[Lexeme] = []
+    for i, lexeme in enumerate(lexemes):
+        if lexeme.role == "material" and _NUMBER.fullmatch(lexeme.text):
+            metal, beside = lexeme.value, lexemes[max(i - 3, 0) : i + 4]
+            last = lexemes[i - 1].text.lower() if i else ""
+            if not _is_grade(lexeme, last, lexemes[i + 1 : i + 2], beside):
+                note = f"{lexeme.text!r} after {last!r} is taken for no grade of a metal"
+                told = last in (*words()["lone"]["labels"], *words()["lone"]["dates"])
+                lexeme = replace(lexeme, role="digits", value=None, note=note if told else "")
+            elif not _is_called(lexeme, lexemes[max(i - 2, 0) : i + 3]):
+                note = f"{lexeme.text!r} without its metal is taken as a grade: {metal.name}"
+                lexeme = replace(lexeme, note=note)
+        out.append(lexeme)
+    return out
+
+
+def _is_grade(
+    lexeme: Lexeme, last: str, after: Sequence[Lexeme], beside: Sequence[Lexeme]
+) -> bool:
+    """Whether a number may be a grade, by the words before it and around it."""
+    lone = words()["lone"]
+    if last in lone["labels"]:
+        return False
+    if last in lone["dates"] and _YEAR.fullmatch(lexeme.text):
+        return any(_is_metal(x) for x in after)
+    fastener = any({*x.words} & {*lone["fasteners"]} for x in beside)
+    return not _CLASS.fullmatch(lexeme.text) or fastener or _is_called(lexeme, beside)
+
+
+def _is_called(lexeme: Lexeme, near: Sequence[Lexeme]) -> bool:
+    """Whether a metal, or that it is a grade, is said beside a number."""
+    lone = words()["lone"]
+    says = {*lone["grades"]} | ({*lone["fasteners"]} if _CLASS.fullmatch(lexeme.text) else set())
+    others = [x for x in near if x is not lexeme and not _NUMBER.fullmatch(x.text)]
+    return any(_is_metal(x) or {x.text.lower(), *x.words} & says for x in others)
+
+
+def _is_metal(lexeme: Lexeme) -> bool:
+    row = lexeme.value if lexeme.role == "material" else None
+    return isinstance(row, Material) and row.category == "metal"
 
 
 def _is_rubbery(lexeme: Lexeme) -> bool:

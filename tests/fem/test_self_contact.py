@@ -9,8 +9,10 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.components import point_components
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.obstacles import Plane, gripper
+from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.dynamics import METHOD, Dynamics
+from autophyx_tet.fem.verdicts import no_penetration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -195,3 +197,24 @@ def test_a_thin_sheet_is_no_contact_with_itself():
     state = body.step(1e-2)
     assert np.abs(state.u - state.u[0]).max() < 1e-9
     assert state.barrier == 0
+    (note,) = body.contact.notes
+    assert "two sides of a wall" in note
+
+
+def test_a_body_without_thin_walls_has_no_note():
+    mesh = with_uniform(box_mesh((1, 1, 1e-2), (8, 8, 1)), E=1e9, nu=0.3, rho=1e3)
+    assert not Dynamics(mesh, gravity_vector=G).contact.notes
+
+
+def test_only_what_was_kept_apart_is_said_to_be():
+    """A body that overlaps, one with thin walls and one not looked at may go into themselves."""
+    cube, sheet = box_mesh((1, 1, 1), (1, 1, 1)), box_mesh((1, 1, 2e-4), (1, 1, 1))
+    across = merged(cube, box_mesh((1, 1, 1), (1, 1, 1), lo=(0.3, 0.4, 0.5)))
+    for mesh, looked_at, kept in (
+        (cube, True, True), (cube, False, False), (sheet, True, False), (across, True, False),
+    ):  # fmt: skip
+        body = with_uniform(mesh, E=1e5, nu=0.3, rho=1e3)
+        scene = Scene(mesh=body, self_contact=looked_at, duration=1e-2, frames=1)
+        motion = METHOD.solve(scene, order=1)
+        assert motion.kept_apart == kept
+        assert ("or itself" in no_penetration(motion).sentence) == kept

@@ -1,10 +1,12 @@
 """Two bodies and obstacles in one scene: from the command line, a file and Python."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.fem.contact.collision_mesh import ipc_toolkit
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.toolkit.cli.main import main
@@ -23,6 +25,7 @@ def cube_msh(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_body_falls_on_another(cube_msh, tmp_path, capsys):
     """Command line, file and Python are one; forces of pieces are told by name, and opposite."""
     call = ["simulate", str(cube_msh), "--scenario", "drop", "--drop-height", "0.001"]
@@ -38,6 +41,7 @@ def test_a_body_falls_on_another(cube_msh, tmp_path, capsys):
     assert document["motion"]["max_own_pressure"] > 9.81 / 0.01  # of the area where they meet
     words = [verdict["sentence"] for verdict in document["motion"]["verdicts"]]
     assert any("body 2 on body" in said for said in words)
+    assert any("an obstacle or itself" in said for said in words)
     (tmp_path / "two.toml").write_text(f'[body]\n"{cube_msh}" = [0.01, 0, 0.101]\n')
     known = {"scenario": "drop", "drop_height": 0.001, "order": 1}
     by_file = simulate(cube_msh, scene=tmp_path / "two.toml", **known)
@@ -47,6 +51,7 @@ def test_a_body_falls_on_another(cube_msh, tmp_path, capsys):
     assert by_name.numbers["piece_forces"][0]["largest"] == pytest.approx(first["largest"])
 
 
+@pytest.mark.slow
 def test_an_obstacle_stops_a_fall(cube_msh, tmp_path, capsys):
     """A ball under the cube's middle, in words: the cube meets it before the ground."""
     ball = "sphere:0.05,0.05,-0.03,0.02"
@@ -55,6 +60,7 @@ def test_an_obstacle_stops_a_fall(cube_msh, tmp_path, capsys):
     by_file = simulate(cube_msh, scene=tmp_path / "ball.toml", **known)
     by_name = simulate(cube_msh, obstacle=[ball], **known)
     np.testing.assert_array_equal(by_file.displacement, by_name.displacement)
+    assert not any("itself" in verdict.sentence for verdict in by_name.verdicts())  # not looked at
     _, force = by_name.numbers["max_obstacle_forces"]
     assert force > 9.81
     assert len(by_name.numbers["max_obstacle_pressures"]) == 2
@@ -83,3 +89,14 @@ def test_wrong_bodies_and_obstacles_are_one_line(cube_msh, tmp_path, capsys):
         simulate(cube_msh, scenario="drop", obstacle=["ball:0,0,0,1"])
     with pytest.raises(InputError, match="inside an obstacle"):
         simulate(cube_msh, scenario="drop", obstacle=["sphere:0.05,0.05,0,0.02"])
+
+
+def test_a_missing_toolkit_of_contacts_is_one_line(cube_msh, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ipctk", None)
+    ipc_toolkit.cache_clear()
+    call = ["simulate", str(cube_msh), "--scenario", "drop", "-o", str(tmp_path / "x.vtu")]
+    assert main(call) == 3
+    (line,) = [x for x in capsys.readouterr().err.splitlines() if "ipctk" in x]
+    assert "pip install ipctk" in line
+    assert "--no-self-contact" in line
+    assert not (tmp_path / "x.vtu").exists()

@@ -143,6 +143,7 @@ def test_a_run_that_fails_exits_with_6_and_leaves_its_log(bar, tmp_path, capsys,
         (["--grid", "8", "--damping", "-1"], 2, "--damping -1: wanted a rate >= 0"),
         (["--grid", "0"], 2, "--grid 0: wanted at least 4 cells"),
         (["--grid", "8", "--tear-share", "0"], 3, "share"),
+        (["--preset", "physgaussian", "--grid", "8"], 2, "physgaussian has its own --grid"),
         (["--grid", "100000"], 3, "nodes: wanted at most 30,000,000"),
     ],
 )

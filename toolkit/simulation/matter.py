@@ -47,6 +47,8 @@ def particle_method(
 
     if options.grid < 4:
         raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
+    if options.preset:
+        _check_preset(options)
     if not (np.isfinite(options.damping) and options.damping >= 0):
         raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
     own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
@@ -56,6 +58,13 @@ def particle_method(
         threads=options.threads,
         announce=announce,
     )
+
+
+def _check_preset(options: SimulateOptions) -> None:
+    """Say which number a preset would leave out in silence."""
+    for name in ("grid", "stiff", "damping"):
+        if getattr(options, name) != getattr(SimulateOptions, name):
+            raise UsageError(f"--preset {options.preset} has its own --{name}: leave out one of them")
 
 
 def cells_wanted(options: SimulateOptions) -> int:

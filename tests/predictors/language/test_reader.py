@@ -182,7 +182,7 @@ def test_designations_of_standards_name_their_family(agree, table):
         ("S460ML", "metal"), ("CuZn37", "metal"), ("EN-GJS-600-3", "metal"), ("PP-H", "plastic"),
         ("C35/45", "glass-ceramic"), ("SCM440", "metal"), ("UNS S31603", "metal"),
         ("QT500-7", "metal"), ("2.1090", "metal"), ("3.4365", "metal"), ("X 20 Cr 13", "metal"),
-        ("10.9", "metal"), ("EN AC-AlSi12", "metal"), ("20CrMnTi", "metal"), ("Cu", "metal"),
+        ("class 10.9", "metal"), ("EN AC-AlSi12", "metal"), ("20CrMnTi", "metal"), ("Cu", "metal"),
     ]:  # fmt: skip
         (said,) = parse(f"plate {text}", table, ["plate"]).clauses
         assert said.material, text

@@ -72,3 +72,35 @@ def test_what_no_clause_takes_is_unread(table):
         ("the seat is oak, zorbly", "zorbly"),
     ]:
         assert word in parse(text, table, ["seat"]).unread, text
+
+
+def test_a_number_is_a_grade_where_it_may_be_one(clauses_of, table):
+    """A year, a part number and a ratio are none; without its metal a grade is told as a guess."""
+    for text in (
+        "the lid was designed in 2017",
+        "a lid from 2014",
+        "the lid, model 304",
+        "lid: part number 7050",
+        "the lid is rated 8.8",
+    ):
+        assert all(c.material is None for c in parse(text, table, ["lid"]).clauses), text
+    assert any("'2017'" in note for note in parse("made in 2017", table, ["lid"]).notes)
+    assert "8.8" in parse("the lid is rated 8.8", table, ["lid"]).unread
+    for text in ("lid 6061", "the lid is 304", "lid: 2017"):
+        (said,) = clauses_of(text, ["lid"])["lid"]
+        assert said.material, text
+        assert any("without its metal" in doubt for doubt in said.doubts), text
+    for text in ("lid: 6061 aluminium", "lid bolt: 8.8", "lid: steel, class 8.8", "lid type 304"):
+        for said in parse(text, table, ["lid", "lid bolt"]).clauses:
+            assert said.material, text
+            assert not said.doubts, text
+
+
+def test_what_is_out_is_excluded(clauses_of, table):
+    for text in ("the lid: steel is out, brass is in", "for the lid steel is out, brass is in"):
+        (said,) = clauses_of(text, ["lid"])["lid"]
+        assert said.material == "brass", text
+        assert any("steel" in row for row in said.excluded), text
+    assert all(c.material is None for c in parse("oak is gone", table, ["lid"]).clauses)
+    (said,) = clauses_of("the lid is out of oak", ["lid"])["lid"]
+    assert "oak" in said.material
