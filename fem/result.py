@@ -36,8 +36,8 @@ def locking_share(mesh: TetMesh) -> float:
 class DiscretisationError(NamedTuple):
     """Relative error of the largest displacement [1].
 
-    ``kind`` is 'P1/P2' (the answers of both orders compared) or 'stress recovery' (an estimate from
-    the jumps of stress between tets). ``recovery`` is that estimate of a quadratic answer.
+    ``kind`` is 'P1/P2' (both orders compared) or 'stress recovery' (by jumps of stress between
+    tets). ``recovery`` is that estimate of a quadratic answer.
     """
 
     value: float
@@ -228,16 +228,12 @@ class MotionResult:
     ----------
     frames
         States at equal intervals ``dt`` [s], the start first.
-    points
-        Number of mesh points: the first rows of every frame.
-    order
-        Order of the elements: 1 or 2; 0 where there are none.
+    points, order
+        Number of mesh points, the first rows of every frame; order of the elements, 0 without any.
     locking_share
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
-    particles
-        The particles, where the motion is theirs.
-    kept_apart
-        Whether all faces of the body were kept out of each other, not of obstacles alone.
+    particles, kept_apart
+        The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution
         What the method assumed; and what solved it, as pairs of a name and words.
     """

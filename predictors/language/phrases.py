@@ -147,9 +147,7 @@ def lone_grades(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return out
 
 
-def _is_grade(
-    lexeme: Lexeme, last: str, after: Sequence[Lexeme], beside: Sequence[Lexeme]
-) -> bool:
+def _is_grade(lexeme: Lexeme, last: str, after: Sequence[Lexeme], beside: Sequence[Lexeme]) -> bool:
     """Whether a number may be a grade, by the words before it and around it."""
     lone = words()["lone"]
     if last in lone["labels"]:

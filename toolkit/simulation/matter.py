@@ -64,7 +64,9 @@ def _check_preset(options: SimulateOptions) -> None:
     """Say which number a preset would leave out in silence."""
     for name in ("grid", "stiff", "damping"):
         if getattr(options, name) != getattr(SimulateOptions, name):
-            raise UsageError(f"--preset {options.preset} has its own --{name}: leave out one of them")
+            raise UsageError(
+                f"--preset {options.preset} has its own --{name}: leave one of them out"
+            )
 
 
 def cells_wanted(options: SimulateOptions) -> int:
