@@ -6,6 +6,7 @@ product of units that pint knows; where no symbol says what is measured, its dim
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -86,8 +87,13 @@ _BARE = {
 }
 
 
-_WORD = rf"((?i:{_any(_DATA['words'])}))"
-_WORDS = re.compile(rf"(?<![\w-]){_WORD}(?: point {_WORD})?(?![\w-])")
+_WORD = rf"(?i:{_any(_DATA['words'])})"
+_THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
+_WORDS = re.compile(
+    rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)(?: point ({_WORD}(?: {_WORD})*))?(?![\w-])"
+)
+_MINUS = re.compile(r"[=:]\s*[-−]$")
+_MOST = {"E": 2e12, "rho": 25e3}  # beyond, a comma before three digits is a decimal point
 _EUROPEAN = re.compile(r"(?<![\d.,])(?:0,\d|\d+,\d{1,2}(?![\d,]))")
 
 
@@ -118,8 +124,27 @@ def numerals(text: str) -> list[Numeral]:
 
 def _digits(match: re.Match) -> str:
     """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
-    whole, part = (_DATA["words"].get(match[k].lower(), "") if match[k] else "" for k in (1, 2))
-    return (f"{whole}.{part}" if part else str(whole)).rjust(len(match[0]))
+    whole = _counted(re.findall(_WORD, match[1]))
+    after = [_DATA["words"][word.lower()] for word in re.findall(_WORD, match[2] or "")]
+    if whole is None or any(digit > 9 for digit in after):
+        return match[0]
+    return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
+
+
+def _counted(said: list[str]) -> int | None:
+    """What words count, "two hundred and five" 205; None where they are no one number."""
+    total, run, below = 0, 0, 100
+    for word in said:
+        n = _DATA["words"][word.lower()]
+        if n >= 1000:
+            total, run, below = total + max(run, 1) * n, 0, 100
+        elif n == 100 and run < 100:
+            run, below = 100 * max(run, 1), 100
+        elif n < below:
+            run, below = run + n, 10 if n >= 20 else 0
+        else:
+            return None
+    return total + run
 
 
 def _blends(text: str) -> Iterator[Numeral]:
@@ -139,8 +164,8 @@ def _shores(text: str) -> Iterator[Numeral]:
         number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
-        value = Quantity(measure, float(number), match[0]) if int(number) <= 100 else None
-        note = "" if value else f"{match[0]!r}: the scale ends at 100"
+        value = Quantity(measure, float(number), match[0]) if 0 < int(number) <= 100 else None
+        note = "" if value else f"{match[0]!r}: the scale is from 1 to 100"
         yield Numeral(*match.span(), value, note)
 
 
@@ -152,6 +177,9 @@ def _measures(text: str) -> Iterator[Numeral]:
             if any(match.start() < end and start < match.end() for start, end in taken):
                 continue
             read = _read(match, cued=pattern is not _ALONE)
+            if read and read.value and _MINUS.search(text[: match.start("low")]):
+                note = f"'-{match[0].strip()}' is below zero and is not used"
+                read = read._replace(value=None, note=note)
             if read:
                 taken.append(match.span())
                 yield read
@@ -180,6 +208,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
         value, note = value * scale, f"{said!r} has no unit: {unit} is taken"
     if measure == "rho" and value < 10 and re.fullmatch(r"\d{1,3}\.\d{3}", group["low"]):
         value, note = 1e3 * value, f"{said!r}: its point is taken to part thousands"
+    if value > _MOST.get(measure, math.inf) and re.fullmatch(r"\d{1,3},\d{3}", group["low"]):
+        value, note = value / 1e3, f"{said!r}: its comma is taken as a decimal point"
     if measure == "infill" and dimension is None:
         value = value / 100 if group["share"] or value > 1 else value
     elif dimension != {"thickness": "size", "nu": None}.get(measure, measure) and not (

@@ -1,6 +1,7 @@
 """Numbers of a text: every notation gives one value in SI; what is no measure of ours is none."""
 
 import pytest
+from autophyx_tet.predictors.language.reader import parse
 
 
 def test_numbers_are_si(clauses_of):
@@ -97,3 +98,26 @@ def test_what_is_no_modulus_is_not_taken_for_one(clauses_of):
     ):  # fmt: skip
         for clause in clauses_of(f"the plate is steel, {said}", ["plate"])["plate"]:
             assert not clause.numbers, said
+
+
+def test_numbers_in_words_are_whole(table):
+    """Tens, hundreds and thousands belong to one number; what is no number is not used."""
+    for said, value in [
+        ("twenty five MPa", 25e6), ("twenty-five MPa", 25e6), ("three hundred MPa", 300e6),
+        ("two thousand MPa", 2e9), ("one hundred and sixteen GPa", 116e9),
+        ("two point seven five GPa", 2.75e9), ("Two Hundred GPa", 200e9),
+    ]:  # fmt: skip
+        (found,) = (c for c in parse(f"lid: {said}", table, ["lid"]).clauses if c.numbers)
+        assert [q.value for q in found.numbers] == [pytest.approx(value)], said
+        assert found.subject.names == (("lid",),), said
+    assert not any(c.numbers for c in parse("lid: two five MPa", table, ["lid"]).clauses)
+
+
+def test_numbers_that_cannot_be_are_told(table):
+    for said, why in [("E = -5 GPa", "below zero"), ("shore 0", "from 1 to 100")]:
+        read = parse(f"lid: {said}", table, ["lid"])
+        assert not any(c.numbers for c in read.clauses), said
+        assert any(why in note for note in read.notes), said
+    (lid,) = parse("lid: E 210 GPa, nu 0,3, density 7.850 g/cm3", table, ["lid"]).clauses
+    assert lid.numbers[-1].value == pytest.approx(7850)
+    assert any("decimal point" in doubt for doubt in lid.doubts)
