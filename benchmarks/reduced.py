@@ -5,7 +5,7 @@
 Every body sags under its weight and is then let go with a push ("wobble": all frames, in the norm
 of mass). Full body: linear elements, neo-Hookean, BDF2, 1/60 s. Times are CPU seconds of one
 thread. The bonsai is that of ``make demo`` with softened moduli (.3-200 MPa), so that it bends; the
-real pieces keep theirs, under 9.81 m/s^2 at the angle that their scenario has.
+real pieces keep theirs, without grain, under 9.81 m/s^2 downwards.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def bonsai() -> Body:
 
 
 def real(name: str) -> Body:
-    """A piece as it stands, pushed sideways so fast that it moves a third of what it sags."""
+    """A piece as it stands, without the grain of wood, pushed sideways at 1 mm/s."""
     mesh = read_mesh(real_mesh(name, cache_folder()))
     mesh = mesh.with_material(replace(mesh.material, tensor=None))
     sidecar = json.loads(real_mesh(name, cache_folder()).with_suffix(".msh.json").read_text())

@@ -25,7 +25,7 @@ from .reduction import CELLS, accuracy_warnings, reduce_body
 from .skinning import HANDLES
 from .step import ReducedDynamics
 
-# Modes whose derivatives a motion has: with 3 a bonsai's swings were 7.4 % off, with 5 1.4 %.
+# Modes whose derivatives a motion has: with 3 a bonsai's swings were 7.4 % off, with 5 1.3 %.
 BENT_IN_MOTION = 5
 
 

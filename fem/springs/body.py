@@ -26,7 +26,7 @@ from .vibration import network_frequencies
 
 # A network has nu = 1/4: what is further from it than this is said.
 NEAR_NU = 0.05
-# Bending needs so many anchors of thickness: at four a slab rings at .63 of what it should.
+# Bending needs so many anchors of thickness: at 3.7 a slab of nu 1/4 rings at .94 of its tone.
 LAYERS = 6.0
 # Where a part is fewer anchors thick than this, hinges are looked for: vibrations that are slower
 # than this share of the slowest wave's across the body.

@@ -15,6 +15,8 @@ from .vibration import network_frequencies
 
 # Where neighbours beyond the nearest sixteen count nothing, and where all do: the ends of eta.
 SOFTEST, STIFFEST = 20.0, -20.0
+# A network that should ring so many times faster has pieces that turn freely: no k mends that.
+LOOSE = 1e3
 # Gauss-Newton on log k: difference, longest step, shortest step, and most steps. It ends where the
 # square of the error would fall by less than a share.
 DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 0.5, 1e-5, 12, 1e-4
@@ -51,10 +53,19 @@ class SpringFit:
 
 
 def scale_to_frequency(network: SpringNetwork, wanted: float, *, eta: float = 0.0) -> float:
-    """Scale of k [1] that gives the network the first frequency ``wanted`` [Hz]: no motion."""
+    """Scale of k [1] that gives the network the first frequency ``wanted`` [Hz]: no motion.
+
+    ``InputError`` where no scale does: pieces of the network turn freely.
+    """
     if not wanted > 0:
         raise InputError(f"a first frequency of {wanted:g} Hz: wanted > 0")
-    return float((wanted / network_frequencies(network, network.stiffness(eta))[0]) ** 2)
+    found = float(network_frequencies(network, network.stiffness(eta))[0])
+    if not LOOSE * found > wanted:
+        raise InputError(
+            f"the springs' first frequency is {found:.2g} Hz, {wanted:.2g} Hz is wanted: pieces "
+            "turn freely, wanted more anchors"
+        )
+    return (wanted / found) ** 2
 
 
 def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
@@ -103,9 +114,9 @@ def fit_to_motion(
     Raises
     ------
     InputError
-        Where nothing moves, or the shapes do not fit.
+        Where nothing moves, the shapes do not fit, or pieces of the network turn freely.
     ConvergenceError
-        Where the scale does not settle.
+        Where the scale does not settle, or a motion's steps are unstable.
     """
     mesh, base = body.scene.mesh, body.network.stiffness(eta)
     target = np.asarray(wanted, dtype=float)[1:]

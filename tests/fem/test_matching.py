@@ -1,12 +1,25 @@
 """Moduli fitted to motions: twins get their numbers back, and what cannot be told is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.matching import ObservedMotion, fit_motion, moduli_forces
+from autophyx_tet.fem.errors import ConvergenceError, InputError
+from autophyx_tet.fem.matching import (
+    NU_HIGH,
+    ObservedMotion,
+    fit_motion,
+    fit_warnings,
+    moduli_forces,
+)
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.model import Subspace
+from autophyx_tet.fem.reduced.reduction import reduce_body
 from autophyx_tet.fem.reduced.step import ReducedDynamics
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 
 from .reduced.bodies import linear, two_part_bar, whole
@@ -46,6 +59,36 @@ def test_a_twin_s_nu_comes_back_too(model):
     assert abs(found.correlation) <= 1
 
 
+@pytest.mark.slow
+def test_a_full_body_s_scale_comes_back():
+    """Of docs/reduced.md: 30 frames of a full bar, from a third of its E: to .2 %, with nu 1 %."""
+    mesh = box_mesh((1.0, 0.12, 0.12), (24, 4, 4))
+    E = np.where(mesh.centroids[:, 0] < 0.5, 1e6, 1e5)
+    flat = np.full_like(E, 0.35), np.full_like(E, 1000.0)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+    weight, push = np.array([0, 0, -1.0]), np.where(held.fixed, 0.0, [0, 0.35, 0])
+    known = {"gravity_vector": weight, "supports": held, "order": 1, "self_contact": False}
+    full = Dynamics(
+        mesh.with_material(ElementMaterial(E, *flat)), velocity=push, scheme=Scheme.BDF2, **known
+    )
+    frames = [np.zeros_like(mesh.points), *(full.step(DT).u for _ in range(30))]
+    soft = mesh.with_material(ElementMaterial(E / 3, *flat))
+    model = reduce_body(soft, held, gravity_vector=weight, bent=5)
+    observed = ObservedMotion(
+        displacement=np.stack(frames),
+        dt=DT,
+        load=model.weight(weight),
+        velocity=model.coordinates(push),
+    )
+    assert fit_motion(model, observed).scale == pytest.approx(3, rel=2e-3)
+    # The cells that are drawn move nu by .005, and E the other way.
+    found = fit_motion(model, observed, with_nu=True)
+    assert found.scale == pytest.approx(3, rel=1e-2)
+    assert found.nu == pytest.approx(0.35, abs=1e-2)
+    assert fit_warnings(found) == ()
+    assert "not to be trusted" in fit_warnings(replace(found, error=0.02))[0]
+
+
 def test_forces_of_the_moduli_are_derivatives(model):
     """By log E and nu, against central differences."""
     q = 0.01 * np.random.default_rng(0).normal(size=model.dofs)
@@ -75,6 +118,20 @@ def test_what_lies_outside_the_span_is_told(model):
     assert found.scale == pytest.approx(2.0, rel=1e-4)
     assert found.outside == pytest.approx(np.sqrt(0.5), rel=0.05)
     assert found.error == pytest.approx(found.outside, rel=1e-3)
+
+
+def test_nu_beyond_its_limit_is_told(model):
+    """Of a nu that the fit may not reach it takes the nearest one, and says so."""
+    found = fit_motion(model, twin(model, scale=1.0, nu=0.4975, frames=6), with_nu=True)
+    assert found.nu == NU_HIGH
+    assert "ended at its limit of 0.495" in fit_warnings(found)[0]
+    assert fit_warnings(fit_motion(model, twin(model, scale=1.2, nu=0.3, frames=3))) == ()
+
+
+def test_a_fit_that_does_not_settle_is_refused(model, monkeypatch):
+    monkeypatch.setattr("autophyx_tet.fem.matching.MOST", 2)
+    with pytest.raises(ConvergenceError, match="does not settle"):
+        fit_motion(model, twin(model, scale=0.2, nu=0.3, frames=3))
 
 
 def test_a_motion_of_another_mesh_is_refused(model):

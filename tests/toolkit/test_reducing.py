@@ -82,7 +82,12 @@ def test_what_cannot_be_done_is_said(bar, tmp_path):
         simulate(bar, scenario="modal", solver="lbs")
     with pytest.raises(UsageError, match="order and device"):
         simulate(bar, solver="lbs", order=2)
-    with pytest.raises(UsageError, match="wanted lbs or spring"):
-        match(bar, tmp_path / "m.pvd", solver="mpm")
+    for solver in ("fem", "mpm"):  # none is chosen in silence, not even by default
+        with pytest.raises(UsageError, match=f"of --solver {solver}: wanted --solver lbs or"):
+            match(bar, tmp_path / "m.pvd", solver=solver)
+    with pytest.raises(UsageError, match="what a match writes"):
+        match(bar, tmp_path / "m.pvd", solver="lbs", parameters=tmp_path / "p.npz")
+    with pytest.raises(UsageError, match="reduce --solver spring"):
+        reduce(bar, solver="spring")
     with pytest.raises(InputError, match=r"\.npz"):
         reduce(bar, output=tmp_path / "model.json")

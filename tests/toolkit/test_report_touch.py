@@ -1,5 +1,7 @@
 """The body to pull: the page steps it as the solver does, and it follows hand and finger."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from autophyx_tet.fem import ElementMaterial, Supports, box_mesh
@@ -8,8 +10,11 @@ from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.reduction import on_cells
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step
+from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.report import pages
 from autophyx_tet.toolkit.report.content import Case, ReportContent
+from autophyx_tet.toolkit.report.pages import simulation_page
 from autophyx_tet.toolkit.report.report import write_report
 from autophyx_tet.toolkit.report.touch import FINGER, shown, touch_of
 
@@ -213,6 +218,15 @@ def test_magnification_and_pace_are_those_that_show_it(touch):
     assert stiff.magnification * stiff.moved / diagonal == pytest.approx(0.1, rel=0.6)
     assert f"magnified {stiff.magnification:,.0f} times" in stiff.words
     assert stiff.slowness > 10
+
+
+@pytest.mark.slow
+def test_what_the_body_to_pull_is_not_is_said(touch, monkeypatch, caplog):
+    """A model that is not what it says is a warning here too, not only where it moves."""
+    poor = replace(touch.model, accuracy=touch.model.accuracy._replace(frequency=1.2))
+    monkeypatch.setattr(pages, "touch_of", lambda scene: shown(poor))
+    simulation_page("post", simulate(standing().mesh), Sidecar(up="z"), touch=True)
+    assert "of the body to pull, the reduced body's lowest frequency is 1.200" in caplog.text
 
 
 def test_what_cannot_be_pulled_is_refused():

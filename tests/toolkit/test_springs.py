@@ -63,6 +63,8 @@ def test_match_finds_the_stiffness_of_a_motion(bar, tmp_path, capsys):
     fit = load_springs(tmp_path / "p.npz")
     assert fit.scale == pytest.approx(1.5, rel=0.01)
     again = simulate(bar, **poke, parameters=tmp_path / "p.npz")
+    with pytest.raises(UsageError, match="were fitted with 120"):
+        simulate(bar, **poke, parameters=tmp_path / "p.npz", anchors=300)
     early = (again.animation.displacement - moved.animation.displacement)[:15]
     assert np.abs(early).max() < 0.02 * np.abs(moved.animation.displacement[:15]).max()
 

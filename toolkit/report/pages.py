@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from ...fem.errors import UsageError
+from ...fem.reduced.reduction import accuracy_warnings
 from ...fem.scene.materials import Span
 from ...predictors.asset import UpAxis
 from ..io.document import plain, versions
@@ -141,12 +142,15 @@ def _case(
 
 
 def _touched(case: Case, simulation: Simulation) -> Case:
-    """The case with its body to pull; why there is none is said on the terminal."""
+    """The case with its body to pull; on the terminal why there is none, or what it is not."""
     try:
-        return replace(case, touch=touch_of(simulation.scene))
+        touch = touch_of(simulation.scene)
     except UsageError as error:
         log.warning("--touch: the page has no body to pull: %s", error)
         return case
+    for warning in accuracy_warnings(touch.model):
+        log.warning("--touch: of the body to pull, %s", warning)
+    return replace(case, touch=touch)
 
 
 def _part_row(row: dict[str, Any]) -> PartRow:

@@ -54,9 +54,9 @@ class Match:
         fit = self.fit
         nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
         return (
-            f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%}){nu}; error {fit.error:.2%}, before "
-            f"{fit.unfitted_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the full "
-            f"body's; {fit.scheme.value}"
+            f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%} if the misfit is noise){nu}; error "
+            f"{fit.error:.2%}, before {fit.unfitted_error:.2%}; first frequency "
+            f"{fit.frequency_ratio:.3f} of the full body's; {fit.scheme.value}"
         )
 
     def document(self) -> dict[str, Any]:

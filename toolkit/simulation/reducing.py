@@ -12,9 +12,9 @@ import numpy as np
 from ...converters.reduced_archive import save_fit, save_reduced
 from ...converters.spring_archive import save_springs
 from ...fem.errors import InputError, UsageError
-from ...fem.matching import ObservedMotion, fit_motion
+from ...fem.matching import ObservedMotion, fit_motion, fit_warnings
 from ...fem.reduced.method import stated_forces
-from ...fem.reduced.reduction import measured
+from ...fem.reduced.reduction import accuracy_warnings, measured
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
 from ...fem.solve.schemes import Scheme
@@ -42,7 +42,10 @@ def reduce(
 
     Options may be ``given`` by name, as for ``simulate``; ``output`` is the .npz of the model.
     """
-    options = replace(changed_options(options or SimulateOptions(), given), solver="lbs")
+    options = changed_options(options or SimulateOptions(), given)
+    if options.solver not in ("fem", "lbs"):
+        raise UsageError(f"reduce --solver {options.solver}: a reduced model is for --solver lbs")
+    options = replace(options, solver="lbs")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -69,19 +72,22 @@ def match(
 ) -> Match | SpringMatch:
     """Fit the scale of E, and nu on request, of a reduced body to a motion of the same scene.
 
-    Of springs (``solver="spring"``) it is the scale of their stiffness.
+    Of springs it is the scale of their stiffness: ``solver`` is "lbs" or "spring".
 
     ``motion`` is a .pvd with displacements on the points of ``mesh``, as ``simulate`` writes. It is
     fitted by implicit Euler and by BDF2, one step a frame, and the nearer of the two is kept.
     ``output`` is the .npz of the parameters.
     """
     options = changed_options(options or SimulateOptions(), given)
-    if options.solver not in ("fem", "lbs", "spring"):
-        raise UsageError(f"match --solver {options.solver}: wanted lbs or spring")
+    if options.solver not in ("lbs", "spring"):
+        raise UsageError(
+            f"match has nothing to fit of --solver {options.solver}: wanted --solver lbs or spring"
+        )
+    if options.parameters is not None:
+        raise UsageError("match --parameters: it is what a match writes")
     springs = options.solver == "spring"
     if springs and with_nu:
         raise UsageError("match --with-nu: springs have nu = 1/4")
-    options = options if springs else replace(options, solver="lbs")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -111,8 +117,9 @@ def match(
     fit = min(fits, key=lambda fit: fit.error)
     if output is not None:
         save_fit(output, fit)
-    seconds = time.perf_counter() - started
-    return Match(fit=fit, seconds=seconds, files=files, assumed=scene.warnings)
+    told = {"files": files, "seconds": time.perf_counter() - started}
+    warnings = (*scene.warnings, *accuracy_warnings(model), *fit_warnings(fit))
+    return Match(fit=fit, assumed=warnings, **told)
 
 
 def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | None) -> Scene:

@@ -85,5 +85,12 @@ def spring_method(
         network = {"anchors": options.anchors, "neighbours": options.neighbours, "eta": options.eta}
         return SpringMethod(**network, announce=announce)
     fit = load_springs(options.parameters)
+    for name in ("anchors", "neighbours", "eta"):
+        asked, fitted = getattr(options, name), getattr(fit, name)
+        if asked not in (fitted, getattr(SimulateOptions, name)):
+            raise UsageError(
+                f"--{name} {asked:g}: --parameters were fitted with {fitted:g}, and hold for it "
+                "alone; leave it out"
+            )
     network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
     return SpringMethod(**network, scale=fit.scale, announce=announce)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ...fem.errors import UsageError
 from ...fem.scene.scene import Scene
 from ...fem.solve.discretisation_error import motion_order
 from ...fem.solve.modal import natural_modes
@@ -19,8 +18,6 @@ def fitted_springs(
 
     The frequency that it is compared with is that of the elements which motions are made with.
     """
-    if options.parameters is not None:
-        raise UsageError("match --parameters: it is what a match writes")
     body = spring_body(scene, options.anchors, options.neighbours)
     order = motion_order(scene.mesh)
     modes = natural_modes(scene.mesh, 1, supports=scene.supports, order=order)

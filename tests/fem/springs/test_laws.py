@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import ElementMaterial, Supports, box_mesh
-from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.errors import ConvergenceError, InputError
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.springs.anchors import Anchors, sample_anchors
@@ -72,8 +72,8 @@ def test_springs_have_no_net_force_and_no_net_torque():
     net = network_of(cube(), 300, 16)
     x0 = net.anchors.x
     turned = x0 @ random_rotation(3).T + 0.02 * np.random.default_rng(0).normal(size=x0.shape)
-    motion = SpringMotion(network=net, stiffness=net.stiffness(), velocity=turned - x0)
-    motion.advance(1.0, steps=1)  # the springs are at rest: it arrives where it is sent
+    motion = SpringMotion(network=net, stiffness=net.stiffness(), velocity=1e3 * (turned - x0))
+    motion.advance(1e-3, steps=1)  # the springs are at rest: it arrives where it is sent
     assert motion.x == pytest.approx(turned, abs=1e-12)
     force = net.anchors.mass[:, None] * motion.a
     torque = np.cross(motion.x, force)
@@ -131,7 +131,7 @@ def test_the_mass_of_every_part_is_that_of_its_tets():
 
 @pytest.mark.parametrize("dashpot", [0.0, 0.02])
 def test_the_longest_step_is_the_longest(dashpot):
-    """At .99 of it small motions stay bounded; at 1.01 their energy grows tenfold.
+    """At .99 of it small motions stay bounded; at 1.01 they grow without bound, and that is said.
 
     The steps with dashpots keep damping modes: bounded there, their own limit is not sharp.
     """
@@ -140,16 +140,16 @@ def test_the_longest_step_is_the_longest(dashpot):
     wild = 1e-9 * np.random.default_rng(0).normal(size=net.anchors.x.shape)
     given = {"network": net, "stiffness": stiffness, "velocity": wild}
     limit = SpringMotion(**given, dashpot=dashpot * stiffness).longest_step
-    energy = {}
-    for share, steps in ((0.99, 2000), (1.01, 40)):
-        motion = SpringMotion(**given, dashpot=dashpot * stiffness)
-        motion.advance(steps * share * limit, steps=steps)
-        energy[share] = float(net.anchors.mass @ (motion.v**2).sum(axis=1))
-    start = float(net.anchors.mass @ (wild**2).sum(axis=1))
+    motion = SpringMotion(**given, dashpot=dashpot * stiffness)
+    motion.advance(2000 * 0.99 * limit, steps=2000)
+    energy, start = (float(net.anchors.mass @ (v**2).sum(axis=1)) for v in (motion.v, wild))
     # Near the limit a mode's energy at the half steps is up to 1 / (1 - .99^2) of the true one.
-    assert energy[0.99] < start / (1 - 0.99**2)
+    assert energy < start / (1 - 0.99**2)
     if not dashpot:
-        assert energy[1.01] > 10 * start
+        motion = SpringMotion(**given)
+        with pytest.raises(ConvergenceError, match="steps are unstable"):
+            motion.advance(60 * 1.01 * limit, steps=60)
+        assert np.abs(motion.x - net.anchors.x).max() < 1.0  # long before it overflows
 
 
 def test_the_highest_frequency_is_that_of_the_matrix():
