@@ -101,6 +101,13 @@ def test_what_is_out_is_excluded(clauses_of, table):
         (said,) = clauses_of(text, ["lid"])["lid"]
         assert said.material == "brass", text
         assert any("steel" in row for row in said.excluded), text
-    assert all(c.material is None for c in parse("oak is gone", table, ["lid"]).clauses)
+    for text in ("oak is gone", "oak is forbidden", "avoid oak", "the lid is rid of oak"):
+        assert all(c.material is None for c in parse(text, table, ["lid"]).clauses), text
     (said,) = clauses_of("the lid is out of oak", ["lid"])["lid"]
     assert "oak" in said.material
+
+
+def test_a_level_as_of_something_is_of_its_part(clauses_of):
+    for text in ("the lid is as stiff as steel", "the lid is stiff as steel"):
+        (said,) = clauses_of(text, ["lid", "seat"])["lid"]
+        assert said.stiffness == 5, text
