@@ -193,8 +193,13 @@ def relative_error(
 
 def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     """What to say where a model is not as good as it should be."""
-    ratio, sag, _, cell_sag = model.accuracy
+    ratio, sag, cell_ratio, cell_sag = model.accuracy
     found = []
+    if model.kind is Subspace.VECTOR and np.isfinite(cell_ratio) and np.isnan(cell_sag):
+        found.append(
+            f"{len(model.cells)} cells were chosen by the frequency alone: nothing loads the body, "
+            "or no rest under its load was found"
+        )
     if abs(ratio - 1) > FREQUENCY_LIMIT:
         found.append(f"the reduced body's lowest frequency is {ratio:.3f} times the full one's")
     if sag > SAG_LIMIT:

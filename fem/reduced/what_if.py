@@ -112,7 +112,14 @@ def what_if_error(
     """Solve ``count`` runs, the one that moves farthest among them, by the full body too.
 
     ``forces`` [N] at the points are what the loads of the runs were pulled back from.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no run has a rest, or the full body finds none.
     """
+    if not np.isfinite(found.largest).any():
+        raise ConvergenceError(f"none of {len(found.largest)} runs has a rest: wanted less load")
     farthest = int(np.nanargmax(found.largest))
     others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
     drawn = np.random.default_rng(seed).permutation(others)[: count - 1]

@@ -48,6 +48,14 @@ def test_too_few_cells_are_told():
     assert accuracy_warnings(model)
 
 
+def test_cells_whose_sag_was_not_compared_are_told():
+    """Without a load there is no sag: what the cells were chosen by is said, not left out."""
+    mesh = two_part_bar()
+    model = reduce_body(mesh, clamped(mesh), gravity_vector=(0, 0, 0), most_cells=60)
+    assert np.isnan(model.accuracy.cell_sag)
+    assert any("by the frequency alone" in warning for warning in accuracy_warnings(model))
+
+
 def test_nonnegative_weights_are_lawson_and_hanson_s():
     """The minimiser over x >= 0 is unique: another code finds the same, from any start."""
     rng = np.random.default_rng(0)

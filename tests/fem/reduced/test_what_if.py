@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.errors import ConvergenceError, InputError
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.what_if import what_if, what_if_error
+from autophyx_tet.fem.reduced.what_if import WhatIf, what_if, what_if_error
 
 from .bodies import clamped, linear, two_part_bar, whole
 
@@ -39,6 +39,13 @@ def test_runs_are_the_full_body_s(model):
     assert len(error.runs) == 3
     assert error.rest.max() < 0.02
     assert np.abs(error.frequency).max() < 0.02
+
+
+def test_runs_without_a_rest_have_no_error(model):
+    none = WhatIf(np.full((3, model.dofs), np.nan), np.full(3, np.nan), np.ones(3))
+    given = {"scales": np.ones((3, 2)), "forces": np.zeros((3, len(MESH.points), 3))}
+    with pytest.raises(ConvergenceError, match="none of 3 runs"):
+        what_if_error(model, none, MESH, clamped(MESH), **given)
 
 
 def test_scales_of_other_parts_are_refused(model):
