@@ -185,6 +185,20 @@ def test_a_step_that_cannot_be_solved_is_made_of_smaller_ones(visit):
 
 
 @pytest.mark.browser
+def test_a_pull_without_a_step_is_told(visit):
+    """A hand beyond all numbers: the body keeps its place, and the reader is told that it stands."""
+    visit.page.evaluate(
+        """() => {
+            const touch = touches[0], top = touch.points.length / 3 - 1;
+            touch.grab({ corners: [top, top, top], weights: [1, 0, 0], place: [0, 0, 0.3] });
+            touch.body.grip.target = [NaN, 0, 0];
+        }"""
+    )
+    until(visit, "touches[0].readout.textContent.includes('it was stopped')")
+    assert visit.page.evaluate("touches[0].body.q.every(Number.isFinite)")
+
+
+@pytest.mark.browser
 def test_a_finger_pulls_it_on_a_phone(chromium, page):
     """Touch events, and the page is as wide as the screen."""
     options = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}

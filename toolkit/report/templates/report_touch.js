@@ -79,6 +79,7 @@ class Touch {
     this.dt = FRAME / packed.slowness;
     this.drawn = Float32Array.from(this.points);
     this.times = [];
+    this.stopped = false; // whether the last step failed
     this.pointers = new Map();
     this.measure();
     this.orbit = new Orbit(this.middle, this.size / 2, ORDER[up]);
@@ -157,7 +158,7 @@ class Touch {
       owed = Math.min(owed + (now - last) / 1000, 2 * FRAME);
       last = now;
       const started = performance.now();
-      for (; owed >= FRAME * 0.999; owed -= FRAME) this.body.step(this.dt);
+      for (; owed >= FRAME * 0.999; owed -= FRAME) this.stopped = !this.body.step(this.dt);
       this.skin();
       this.show();
       this.tell();
@@ -178,7 +179,8 @@ class Touch {
     const { grip } = this.body;
     if (!grip) { this.readout.textContent = ""; return; }
     const u = this.body.displacement(grip.rows), force = grip.stiffness * Math.hypot(...minus(grip.target, u));
-    this.readout.textContent = `pulled with ${words(force, { unit: "N" })}, moved ${words(Math.hypot(...u), MAPS.moved)}`;
+    const stopped = this.stopped ? "; too hard a pull for the page: no step was found, it was stopped" : "";
+    this.readout.textContent = `pulled with ${words(force, { unit: "N" })}, moved ${words(Math.hypot(...u), MAPS.moved)}${stopped}`;
   }
   // Nearest face under a ray: its corners with the weights of the place, and the place.
   pick({ eye, way }) {
