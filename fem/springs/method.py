@@ -61,15 +61,18 @@ class SpringMethod:
         device: str = "cpu",
         progress: FrameProgress | None = None,
     ) -> MotionResult:
-        """Follow the scene for its duration; ``law`` and ``order`` are for elements.
+        """Follow the scene for its duration.
 
         Raises
         ------
         UsageError
-            Where an obstacle is no plane, or the run would take hours.
+            Where an obstacle is no plane, the run would take hours, or a ``law`` or an ``order`` is
+            asked for: these are for elements.
         ConvergenceError
             Where the steps turn out unstable.
         """
+        if law is not None or order is not None:
+            raise UsageError("springs have no elements and no law: leave law and order out")
         body = spring_body(scene, self.anchors, self.neighbours, seed=self.seed)
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames

@@ -186,7 +186,7 @@ def test_a_step_that_cannot_be_solved_is_made_of_smaller_ones(visit):
 
 @pytest.mark.browser
 def test_a_pull_without_a_step_is_told(visit):
-    """A hand beyond all numbers: the body keeps its place, and the reader is told that it stands."""
+    """A hand beyond all numbers: the body keeps its place, and the reader is told."""
     visit.page.evaluate(
         """() => {
             const touch = touches[0], top = touch.points.length / 3 - 1;
