@@ -150,7 +150,7 @@ class SimulateOptions:
     handles: int = 10
     """Handles of --basis skinning."""
     parameters: Path | None = None
-    """Moduli that `match` fitted, .npz, for a reduced body."""
+    """What `match` fitted, .npz, for the same --solver: moduli of a reduced body, or springs."""
     anchors: int = 2048
     """Anchors of a spring network: masses in the body that springs join."""
     neighbours: int = 32

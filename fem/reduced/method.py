@@ -110,6 +110,8 @@ class ReducedMethod:
             handles=self.handles,
             most_cells=self.most_cells,
         )
+        if model.kind is Subspace.VECTOR and self.handles != HANDLES:
+            raise UsageError("fields of vectors have no handles: leave them out, or take skinning")
         nu = None if self.nu is None else np.full_like(model.nu, self.nu)
         return model.with_moduli(self.scale * model.E, nu)
 

@@ -80,6 +80,12 @@ def test_reduce_writes_a_model_and_match_its_moduli(bar, tmp_path, capsys):
 def test_what_cannot_be_done_is_said(bar, tmp_path):
     with pytest.raises(UsageError, match="followed in time"):
         simulate(bar, scenario="modal", solver="lbs")
+    with pytest.raises(UsageError, match="--parameters: wanted --solver lbs or spring, not fem"):
+        simulate(bar, parameters=tmp_path / "p.npz")
+    with pytest.raises(UsageError, match="--handles: wanted --solver lbs, not spring"):
+        simulate(bar, solver="spring", handles=4)
+    with pytest.raises(UsageError, match="have no handles"):
+        reduce(bar, handles=16)
     with pytest.raises(UsageError, match="order and device"):
         simulate(bar, solver="lbs", order=2)
     for solver in ("fem", "mpm"):  # none is chosen in silence, not even by default

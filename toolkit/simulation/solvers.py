@@ -22,10 +22,22 @@ REFUSED = {
     ("lbs", "modal"): "a reduced body is followed in time",
     ("lbs", "tear"): "a reduced body does not tear",
 }
+# Options that only some solvers have: with another they would be left out in silence.
+OWNED = {
+    **dict.fromkeys(("anchors", "neighbours", "eta"), ("spring",)),
+    **dict.fromkeys(("basis", "handles"), ("lbs",)),
+    "parameters": ("lbs", "spring"),
+}
 
 
 def method_name(options: SimulateOptions, scenario: Scenario) -> str:
     """Name of the method of ``--solver`` for ``scenario``; ``UsageError`` where it cannot."""
+    for name, solvers in OWNED.items():
+        asked = getattr(options, name) != getattr(SimulateOptions, name)
+        if asked and options.solver not in solvers:
+            raise UsageError(
+                f"--{name}: wanted --solver {' or '.join(solvers)}, not {options.solver}"
+            )
     if options.solver == "fem":
         return scenario.method
     why = REFUSED.get((options.solver, options.scenario))
