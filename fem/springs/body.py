@@ -205,7 +205,7 @@ def _notes(mesh: TetMesh, network: SpringNetwork) -> tuple[str, ...]:
     for name, layers in zip(mesh.region_names, network.anchors.layers, strict=True):
         if layers < LAYERS:
             notes.append(
-                f"{name}: about {layers:.1f} anchors thick, bends wrongly below {LAYERS:g}: "
+                f"{name}: about {layers:.1f} anchors thick, may bend wrongly below {LAYERS:g}: "
                 "more --anchors"
             )
     if network.anchors.layers.min() < HINGES and _turns_freely(mesh, network):
