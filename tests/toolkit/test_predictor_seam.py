@@ -68,7 +68,8 @@ def test_a_predictor_is_one_class_and_one_registration(toy):
 
 
 def test_unknown_predictors_are_named_in_one_line():
-    with pytest.raises(UsageError, match="unknown predictor 'flim': known are film, retrieval"):
+    known = "unknown predictor 'flim': known are film, unipixie, retrieval"
+    with pytest.raises(UsageError, match=known):
         apx.assign(two_regions(), "oak", options=AssignOptions(predictor="flim", cells=8))
 
 

@@ -63,7 +63,7 @@ def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     assert answer["max_contact_force"] > mesh.mass * 9.81
     frames = list(read_pvd(tmp_path / "drop.pvd"))
     assert len(frames) == answer["frames"] == len(result.animation.times)
-    assert [verdict.mark for verdict in result.verdicts()] == ["good", "good"]
+    assert [verdict.mark for verdict in result.verdicts()] == ["good"] * 3
 
 
 def test_squeeze_closes_by_the_share():
@@ -138,7 +138,7 @@ def test_a_scenario_and_a_method_of_somebody_else(column, tmp_path):
         page = tmp_path / "lean.html"
         result = simulate(column, output=tmp_path / "lean.pvd", report=page, options=options)
         assert result.displacement[:, 0] == pytest.approx(np.full(len(column.points), 0.25))
-        assert [verdict.mark for verdict in result.verdicts()] == ["good", "good"]
+        assert [verdict.mark for verdict in result.verdicts()] == ["good"] * 3
         assert len(list(read_pvd(tmp_path / "lean.pvd"))) == 2
         assert result.title == "Leaning"
         assert "lean" in page.read_text(encoding="utf-8")
