@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fem.scene.materials import FIELDS, MaterialTable, MaterialValue
 from ..asset import UpAxis
@@ -20,7 +18,7 @@ from ..hearing.hints import hear
 from ..language.binding import bind
 from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup, lookup_of
-from ..normalisation import Normalisation
+from ..lookup.nearest import nearest_row
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..predictor import Appearance
@@ -137,17 +135,11 @@ class FilmPredictor:
             )
         mean = found.values[cells].mean(axis=0)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
-        away = _row_values(self.table, found.normalisation) - mean
-        row = self.table.rows[int(np.square(away).sum(axis=1).argmin())]
+        row = nearest_row(self.table, found.normalisation, mean)
         return PartChoice(
             words.part, row, value, share, 0.5, why, settled=False, binding=binding,
             network="FiLM", understood=words.understood,
         )  # fmt: skip
-
-
-@lru_cache(maxsize=4)
-def _row_values(table: MaterialTable, normalisation: Normalisation) -> Float[np.ndarray, "rows 3"]:
-    return np.array([normalisation.normalise(*row.value()) for row in table])
 
 
 def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Inference) -> MaterialField:

@@ -25,7 +25,6 @@ WEIGHTS = Path(__file__).parents[1] / "weights" / "unipixie.safetensors"
 ANY = -1.0  # asks for a plausible matter instead of a place in the range
 CHUNK = 16_384  # tokens decoded at once: 8 MB an activation
 SAMPLE_STEPS = 4  # of the flow, where it is to keep its spread
-SHARED = 0.8  # of the variance of the noise that a part's tokens have in common, as in training
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ class Found:
         """Where the flow begins, (1, n, 3): zero, the middle of the noise, without a seed."""
         import torch
 
-        from .flow import NOISE
+        from .flow import coherent_noise
 
         count = len(self.cube.part)
         if seed is None:
@@ -90,8 +89,7 @@ class Found:
         dice = torch.Generator().manual_seed(seed)
         shared = torch.randn(int(self.cube.part.max()) + 1, 3, generator=dice)
         own = torch.randn(count, 3, generator=dice)
-        mixed = SHARED**0.5 * shared[self.cube.part] + (1 - SHARED) ** 0.5 * own
-        return NOISE * mixed[None]
+        return coherent_noise(shared[self.cube.part], own)[None]
 
     def _decode(
         self, alpha: float, noise: torch.Tensor, *, steps: int = 0
@@ -141,17 +139,17 @@ def _learned(
     inside, seen = parts.occupied, evidence.appearance
     label = parts.part[inside]
     colours = np.zeros((len(label), 3)) if seen.colours is None else seen.colours[inside]
-    features = seen.features
-    if features is None or features.shape[-1] != FEATURE:
-        features = None
+    lifted = None
+    if seen.features is not None and seen.features.shape[-1] == FEATURE:
+        lifted = seen.features[inside]
     found = []
     with torch.inference_mode():
         for begin in range(0, len(label), CHUNK):
             some = label[begin : begin + CHUNK]
             vectors, known = evidence.names[some], evidence.named[some]
-            if features is not None:
-                lifted = features[inside][begin : begin + CHUNK]
-                vectors, known = np.where(known[:, None], vectors, lifted), np.ones_like(known)
+            if lifted is not None:
+                vectors = np.where(known[:, None], vectors, lifted[begin : begin + CHUNK])
+                known = np.ones_like(known)
             shown = np.full(len(some), seen.colours is not None)
             arrays = (vectors, known, colours[begin : begin + CHUNK], shown)
             feature, flag, colour, lit = (torch.from_numpy(np.asarray(a)) for a in arrays)

@@ -20,7 +20,8 @@ from ..hearing.vocabulary import vocabulary_of
 from ..language.binding import bind
 from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup, lookup_of
-from ..prediction import PartChoice, Prediction, field_of
+from ..lookup.nearest import nearest_row
+from ..prediction import PartChoice, Prediction
 from ..predictor import Appearance
 from ..voxels import PartVoxels
 from .inference import Found, Known, UniPixieModel
@@ -80,7 +81,7 @@ class UniPixiePredictor:
         for i in left_open:
             decided[i] = self._choose(choices[i], found, i, alpha)
         made = Prediction.of(parts, decided, sentence, alpha=alpha)
-        return replace(made, field=_field(parts, decided, found, left_open, alpha))
+        return replace(made, field=_with_ranges(made.field, found, left_open))
 
     def find(self, parts: PartVoxels, appearance: Appearance, *, up: UpAxis = "z") -> Found:
         """Return all that the network finds of an asset: likeliest, range, samples, classes."""
@@ -96,9 +97,7 @@ class UniPixiePredictor:
         """Choose the mean of the network's values over a part, and the row nearest to it."""
         mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), part)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
-        rows = [row for row in self.table if not row.grade]
-        values = np.array([found.normalisation.normalise(*row.value()) for row in rows])
-        row = rows[int(np.square(values - mean).sum(axis=1).argmin())]
+        row = nearest_row(self.table, found.normalisation, mean, grades=False)
         soft, stiff = (_of_part(found, end, part)[0] for end in found.ends)
         share = 0.5 if alpha is None and stiff <= soft else alpha
         if share is None:
@@ -115,20 +114,13 @@ def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
     return values[found.cube.part == part].mean(axis=0)
 
 
-def _field(
-    parts: PartVoxels,
-    choices: Sequence[PartChoice],
-    found: Found,
-    left_open: Sequence[int],
-    alpha: float | None,
-) -> MaterialField:
-    """Return the choices' values, with the network's ranges where it decided."""
-    field = field_of(parts, choices, alpha=alpha)
-    if field.ranges is None:
+def _with_ranges(field: MaterialField, found: Found, left_open: Sequence[int]) -> MaterialField:
+    """Return the field with the network's ranges in the parts where it decided."""
+    if field.ranges is None or field.part is None:
         return field
     ranges = [np.array(values) for values in field.ranges]
     for part in left_open:
         ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
         for axis in range(len(FIELDS)):
-            ranges[axis][parts.part == part] = [float(end[axis]) for end in ends]
+            ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
     return replace(field, ranges=Ranges(*ranges))

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ...unipixie.evidence import known_of
-from ...unipixie.flow import NOISE
-from ...unipixie.inference import ANY, SHARED
+from ...unipixie.flow import coherent_noise
+from ...unipixie.inference import ANY
 from ..film.augmentation import shrunk, turned
 from .batch import MatterBatch
 from .config import EvidenceShares, MatterConfig
@@ -100,7 +100,7 @@ class MatterSampler:
         shape = (n, MAX_PARTS + count, 3)
         drawn = torch.randn(shape, generator=generator, device=self.device)
         shared = _there(drawn[:, :MAX_PARTS], part)
-        return NOISE * (SHARED**0.5 * shared + (1 - SHARED) ** 0.5 * drawn[:, MAX_PARTS:])
+        return coherent_noise(shared, drawn[:, MAX_PARTS:])
 
     def _names(self, item: Shapes) -> Tensor:
         """Name of every part (n, 6), -1 where its matter is not known."""
