@@ -24,8 +24,8 @@ RIM = 0.17  # of a frame, left out on each side
 C0 = 0.28209479177387814  # of the harmonic of degree 0
 
 
-def splats(asset, path: Path) -> Path:
-    """Small round splats all over the parts of an asset, in their colours."""
+def splats(asset, path: Path, *, total: int = COUNT) -> Path:
+    """About ``total`` small round splats all over the parts of an asset, in their colours."""
     import trimesh
     from autophyx_tet.converters.points.point_file import write_points
     from autophyx_tet.converters.points.splats.gaussians import standard_columns
@@ -34,7 +34,7 @@ def splats(asset, path: Path) -> Path:
 
     area, points, colours = sum(part.mesh.area for part in asset.parts), [], []
     for part in asset.parts:
-        count = round(COUNT * part.mesh.area / area)
+        count = round(total * part.mesh.area / area)
         x, faces = trimesh.sample.sample_surface(part.mesh, count, seed=0)[:2]
         weights = trimesh.triangles.points_to_barycentric(part.mesh.triangles[faces], x)
         colours.append(skin_of(part.mesh)(faces, weights.astype(np.float32))[:, :3])

@@ -112,6 +112,12 @@ def test_the_version_is_told(capsys):
     assert capsys.readouterr().out == f"autophyx-tet {autophyx_tet.__version__}\n"
 
 
+def test_the_package_is_a_program():
+    command = [sys.executable, "-m", "autophyx_tet", "materials", "blarg"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == run_cli("materials", "blarg").returncode != 0
+
+
 def test_completion_knows_the_verbs():
     for shell in ("bash", "zsh"):
         script = run_cli("--tyro-print-completion", shell).stdout
