@@ -28,12 +28,18 @@ FLOORS = {
     "toolkit": (
         "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",
         "report", "simulation", "features", "appearance", "image_features", "pipeline",
-        "transfer", "learning", "listing", "doctor", "estimate", "batch", "cli",
+        "transfer", "datasets", "learning", "listing", "doctor", "estimate", "batch", "cli",
     ),
 }  # fmt: skip
 # Rooms that only training and evaluation enter: what a user runs needs neither data nor trainer.
 LEARNING = ("predictors.datasets", "predictors.training")
-LEARNERS = (*LEARNING, "predictors.evaluation", "toolkit.learning", "toolkit.image_features")
+LEARNERS = (
+    *LEARNING,
+    "predictors.evaluation",
+    "toolkit.learning",
+    "toolkit.datasets",
+    "toolkit.image_features",
+)
 MOST_FILES, MOST_LINES, LONGEST = 14, 300, 60
 FOLDERS = sorted({init.parent for room in FLOORS for init in (ROOT / room).rglob("__init__.py")})
 CODE = [path for folder in FOLDERS for path in sorted(folder.glob("*.py"))]

@@ -10,6 +10,7 @@ import logging
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float16
 
 from ..fem.errors import AutophyxError
 from ..predictors.asset import Asset, upright
@@ -60,3 +61,14 @@ def _on_cube(features: VoxelFeatures, asset: Asset, voxels: RealObject, half: in
     places = upright(features.grid.to_world(features.cells), asset.up)
     _, nearest = KDTree(places).query(lo + (cells + 0.5) * size * h)
     return ImageFeatures(cells, features.values[nearest].astype(np.float16))
+
+
+def slot_features(seen: ImageFeatures, voxels: RealObject) -> Float16[np.ndarray, "slots dim"]:
+    """Mean unit feature of every slot of an object; zero of one that no cell holds."""
+    half = CELLS // 2
+    eighths = voxels.label.reshape(half, 2, half, 2, half, 2).transpose(0, 2, 4, 1, 3, 5)
+    held = eighths[tuple(seen.cells.T)].reshape(len(seen.cells), 8)
+    share = np.stack([(held == slot).mean(axis=1) for slot in range(len(voxels.slots))])
+    sums = share @ seen.values.astype(np.float32)
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    return (sums / np.where(length > 0, length, 1)).astype(np.float16)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float16, UInt8
 
 from ...fem.errors import InputError
 from ...fem.scene.materials import Material, load_table
@@ -39,6 +40,8 @@ class RealObject:
         Names of the slots as the file has them.
     colours
         Mean colour of each slot in [0, 1].
+    features
+        Mean unit vector of what an image encoder saw of each slot, None if it did not look.
     """
 
     name: str
@@ -46,6 +49,7 @@ class RealObject:
     label: UInt8[np.ndarray, "cells cells cells"]
     slots: tuple[str, ...]
     colours: Float[np.ndarray, "slots 3"]
+    features: Float16[np.ndarray, "slots dim"] | None = None
 
     def materials(self) -> list[Material | None]:
         """Row of the table for each slot, where its name tells."""
@@ -135,14 +139,17 @@ def save_real(path: Path, objects: Iterable[RealObject]) -> None:
             "source": o.source,
             "slots": o.slots,
             "colours": o.colours.round(3).tolist(),
+            "looked": o.features is not None,
         }
         for o in objects
     ]
+    looked = [o.features for o in objects if o.features is not None]
     save_file(
         {
             "values": np.concatenate([value for value, _ in runs]),
             "lengths": np.concatenate([length for _, length in runs]),
             "counts": np.array([len(value) for value, _ in runs], dtype=np.int32),
+            **({"features": np.concatenate(looked)} if looked else {}),
         },
         path,
         metadata={"objects": json.dumps(described)},
@@ -157,6 +164,7 @@ def load_real(path: Path) -> list[RealObject]:
         with safe_open(path, framework="np") as file:
             described = json.loads(file.metadata()["objects"])
             values, lengths, counts = (file.get_tensor(k) for k in ("values", "lengths", "counts"))
+            seen = iter(file.get_tensor("features") if "features" in file.keys() else ())
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a file of voxelised objects: {error}") from error
     ends = np.cumsum(counts)
@@ -167,6 +175,7 @@ def load_real(path: Path) -> list[RealObject]:
             np.repeat(values[end - n : end], lengths[end - n : end]).reshape((CELLS,) * 3),
             tuple(data["slots"]),
             np.array(data["colours"], dtype=np.float64).reshape(-1, 3),
+            np.array(list(islice(seen, len(data["slots"])))) if data.get("looked") else None,
         )
         for data, n, end in zip(described, counts, ends, strict=True)
     ]

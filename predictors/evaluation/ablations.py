@@ -154,11 +154,13 @@ def with_vision(scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder)
     cosine[cells] = example.features.values.astype(np.float32) @ words.T
     inside = np.zeros(half, dtype=bool)
     inside[cells] = True
+    features = torch.zeros(1, example.features.values.shape[1], *half)
+    features[0, :, *cells] = torch.from_numpy(example.features.values.astype(np.float32).T)
     evidence = torch.zeros(*scene.evidence.shape[:3], *half)
     evidence[0, 0, here] = torch.from_numpy(standard(cosine, inside))
     reliability = scene.reliability.clone()
     reliability[0, 0] = VISION
-    return scene._replace(evidence=evidence, reliability=reliability)
+    return scene._replace(evidence=evidence, reliability=reliability, features=features)
 
 
 def with_slot_names(

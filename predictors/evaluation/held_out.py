@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _DRAWS = 1009  # between the seeds of two draws: no other evaluation's seed by chance
 _PER_PART = 12  # clauses written for every kind of part
 
-Split = Literal["procedural", "validation"]
+Split = Literal["procedural", "validation", "merged"]
 
 
 class ImageFeatures(NamedTuple):
@@ -53,6 +53,7 @@ class HeldOutSet:
         "procedural": new shapes, held-out frames, wordings and part/material pairs, no names.
         "validation": ``real`` objects of a source that training never saw, texts about kinds of
         matter and the default template.
+        "merged": those of at least two kinds of matter, in one piece; each kind is spoken of.
     objects, cells, seed
         How many objects, on how fine a grid, drawn how.
     texts
@@ -69,6 +70,15 @@ class HeldOutSet:
     real: Sequence[RealObject] = ()
     features: Sequence[ImageFeatures | None] = ()
 
+    @property
+    def _furniture(self) -> bool:
+        """Whether the objects are ``real``."""
+        return self.split != "procedural"
+
+    @property
+    def _merged(self) -> bool:
+        return self.split == "merged"
+
     def text_table(self) -> TextTable:
         """Clauses of frames, wordings and pairs that training never sees, embedded."""
         return build_text_table(
@@ -84,9 +94,10 @@ class HeldOutSet:
         Each ``draw`` says something else of them; ``names``: those of the parts are given.
         """
         for index, batch in enumerate(self._batches(text, draw, names)):
-            if not batch.valued.any():
+            matters = len(batch.clause[batch.bound].unique())
+            if not batch.valued.any() or (self._merged and matters < 2):
                 continue
-            slots = self.real[index].slots if names and self.split == "validation" else ()
+            slots = self.real[index].slots if names and self._furniture else ()
             features = self.features[index] if self.features else None
             yield index, HeldOutObject(batch, clause_texts(batch, text), slots, features)
 
@@ -99,9 +110,10 @@ class HeldOutSet:
         from ..training.sentences import Sentences
         from ..training.stores import Store
 
-        real = self.split == "validation"
+        real, all_said = self._furniture, self._merged
         mixture = Mixture(
-            composite=0, relabelled=0, real=0, no_text=0.1, mention=0.7, whole=0.1,
+            composite=0, relabelled=0, real=0, no_text=0.0 if all_said else 0.1,
+            mention=1.0 if all_said else 0.7, whole=0.0 if all_said else 0.1,
             object_name=0.5 if real else 0.0, names=float(names), vision=0.0, no_hints=0.0,
             augment=0.0,
         )  # fmt: skip
@@ -116,7 +128,7 @@ class HeldOutSet:
         """Return the voxels of the objects."""
         from ..training.stores import procedural_store, real_store
 
-        if self.split == "validation":
+        if self._furniture:
             real = list(self.real[: self.objects])
             return real_store(real, text, cells=self.cells, device="cpu")
         made = make_objects(self.objects, np.random.default_rng(self.seed + 1))

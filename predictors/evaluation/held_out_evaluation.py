@@ -76,12 +76,14 @@ def _score(predict: VoxelPredictor, example: HeldOutObject, sag: SagRender | Non
     edge = boundary_voxels(batch.scene.part[0].numpy()) & valued
     mean = wrong.mean(axis=0)
     sides = [float(mean[m].mean()) if m.any() else np.nan for m in (edge, valued & ~edge)]
-    right = np.nan
+    right, largest = np.nan, np.nan
     if logits is not None and batch.bound.any():
-        right = float((logits.argmax(1) == batch.clause)[batch.bound].float().mean())
+        bound = batch.clause[batch.bound]
+        right = float((logits.argmax(1)[batch.bound] == bound).float().mean())
+        largest = float(bound.bincount().max()) / len(bound)
     return Score(
         wrong[:, valued].mean(axis=1), sides[0], sides[1], right, int(batch.mentioned[0]), seconds,
-        None if sag is None else _similarity(sag, example, values[0].numpy()),
+        None if sag is None else _similarity(sag, example, values[0].numpy()), largest,
     )  # fmt: skip
 
 

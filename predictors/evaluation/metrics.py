@@ -22,7 +22,8 @@ class Row:
     """One line of the table; errors are mean squared errors of values normalised to [-1, 1].
 
     ``interval`` is the 95 % bootstrap interval of ``mse_mean`` over the objects; ``boundary_ratio``
-    the error of voxels that touch another part over that of the others. ``difference`` is
+    the error of voxels that touch another part over that of the others. ``largest_clause`` is what
+    ``clause_accuracy`` would be if all of an object were of its largest matter. ``difference`` is
     ``mse_mean`` less that of ``best_baseline``, the best of the run, over the objects of both.
     ``psnr`` [dB] and ``ssim`` compare the pictures of the first ``rendered`` objects under load.
     """
@@ -48,6 +49,8 @@ class Row:
     psnr_interval: Interval | None = None
     ssim: float | None = None
     ssim_interval: Interval | None = None
+    largest_clause: float | None = None
+    clause_margin_interval: Interval | None = None
 
     def to_dict(self) -> dict:
         """Plain data for JSON."""
@@ -57,7 +60,8 @@ class Row:
 class Score(NamedTuple):
     """Of one object: errors (3,), those at boundaries and inside, accuracy, clauses, seconds.
 
-    ``similarity`` compares its picture under load with the true one's, if that was asked.
+    ``similarity`` compares its picture under load with the true one's, if that was asked;
+    ``largest`` is the accuracy of one clause for all.
     """
 
     errors: np.ndarray
@@ -67,6 +71,7 @@ class Score(NamedTuple):
     clauses: int
     seconds: float
     similarity: ImageSimilarity | None = None
+    largest: float = np.nan
 
 
 def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
@@ -81,7 +86,9 @@ def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
     sides = np.array([(score.edge, score.inner) for score in scores])
     sides = sides[~np.isnan(sides).any(axis=1)]
     edge, inner = sides.mean(axis=0) if len(sides) else (np.nan, np.nan)
-    right = [score.right for score in scores if not np.isnan(score.right)]
+    bound = [texts for texts in objects if not all(np.isnan(score.right) for score in texts)]
+    right = np.array([np.nanmean([score.right for score in texts]) for texts in bound])
+    largest = np.array([np.nanmean([score.largest for score in texts]) for texts in bound])
     mse_E, mse_nu, mse_rho = errors.mean(axis=0).tolist()
     row = Row(
         predictor=name,
@@ -90,7 +97,9 @@ def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
         mse_nu=mse_nu,
         mse_rho=mse_rho,
         mse_mean=float(means.mean()),
-        clause_accuracy=float(np.mean(right)) if right else None,
+        clause_accuracy=float(right.mean()) if len(bound) else None,
+        largest_clause=float(largest.mean()) if len(bound) else None,
+        clause_margin_interval=_interval(right - largest) if len(bound) else None,
         boundary_ratio=float(edge / max(inner, 1e-9)),
         objects=len(means),
         texts=len(scores),

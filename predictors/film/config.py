@@ -25,7 +25,8 @@ class NetworkConfig:
     ``text_dim`` numbers are heard of a clause: ``sentence_dim`` of the sentence, the lexicon's
     channels, and again ``sentence_dim`` of its subject. Where the lexicon names a material, its
     value is ``told`` without a detour. ``fine_width`` 0 is the first of ``widths``; ``graded``
-    evidence counts in proportion to its reliability.
+    evidence counts in proportion to its reliability. ``features`` numbers are seen of a voxel by
+    an image encoder, 0 where the network has no eye for them.
     """
 
     widths: tuple[int, ...] = (16, 32, 64, 128, 208)
@@ -39,6 +40,7 @@ class NetworkConfig:
     graded: bool = False
     told: bool = False
     sentence_dim: int = 384
+    features: int = 0
 
     @property
     def step(self) -> int:
@@ -75,6 +77,9 @@ class VoxelScene(NamedTuple):
         Embeddings of the parts' own names (batch, P, D) and whether each is known (batch, P).
     part
         Index of the part of every voxel (batch, x, y, z), -1 outside; used with names alone.
+    features
+        Unit vectors (batch, F, x, y, z) of an image encoder, 0 where it saw nothing (for a network
+        with a fine stage, at half the resolution if you like); None without an encoder.
     """
 
     inputs: Tensor
@@ -87,6 +92,7 @@ class VoxelScene(NamedTuple):
     names: Tensor
     name_mask: Tensor
     part: Tensor
+    features: Tensor | None = None
 
 
 class Output(NamedTuple):
@@ -106,8 +112,14 @@ def halve(scene: VoxelScene) -> VoxelScene:
     evidence = scene.evidence.reshape(b, s * k, *scene.evidence.shape[3:])
     if evidence.shape[2:] == mask.shape[2:]:
         evidence = pool(evidence, mask.to(evidence.dtype))
+    features = scene.features
+    if features is not None and features.shape[2:] == mask.shape[2:]:
+        features = pool(features, mask.to(features.dtype))
     part = F.max_pool3d(scene.part.float()[:, None], 2)[:, 0].long()
     inputs = torch.cat([pool_mask(mask), pool(scene.inputs[:, 1:], mask)], dim=1)
     return scene._replace(
-        inputs=inputs, evidence=evidence.reshape(b, s, k, *evidence.shape[2:]), part=part
+        inputs=inputs,
+        evidence=evidence.reshape(b, s, k, *evidence.shape[2:]),
+        part=part,
+        features=features,
     )

@@ -169,14 +169,21 @@ class FilmModel:
             heard.names[first][None], np.array([known])[:, first],
             np.where(part < 0, -1, same[part])[None].astype(np.int64),
         )  # fmt: skip
-        return VoxelScene(*(torch.from_numpy(np.ascontiguousarray(array)) for array in numbers))
+        tensors = (torch.from_numpy(np.ascontiguousarray(array)) for array in numbers)
+        scene = VoxelScene(*tensors)
+        if appearance.features is None:
+            return scene
+        looks = np.moveaxis(frame.forward(appearance.features.astype(np.float32)), -1, 0)
+        return scene._replace(features=torch.from_numpy(looks[None]))
 
     def _run(self, scene: VoxelScene, frame: Frame, turns: int):
         """Values (turns, x, y, z, 3) and mean shares (x, y, z, clauses + 1) in the frame."""
         import torch
 
         out, shares = [], []
-        fields = ("inputs", "evidence", "part")
+        fields = [
+            f for f in ("inputs", "evidence", "part", "features") if getattr(scene, f) is not None
+        ]
         for turn in range(turns):
             turned = scene._replace(
                 **{f: torch.rot90(getattr(scene, f), turn, (-3, -2)) for f in fields}

@@ -45,6 +45,20 @@ class SlotEncoder(nn.Module):
         return self.net(torch.cat([self.listen(embedding), one_hot], dim=-1))
 
 
+class FeatureProjector(nn.Module):
+    """Features of an image encoder as channels beside the stem's; at the start it adds nothing."""
+
+    def __init__(self, features: int, channels: int) -> None:
+        super().__init__()
+        self.scale = features**0.5  # to unit variance
+        self.project = nn.Conv3d(features, channels, 1, bias=False)
+        nn.init.zeros_(self.project.weight)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Channels (batch, channels, x, y, z) of unit vectors (batch, features, x, y, z)."""
+        return self.project(features * self.scale)
+
+
 class FilmUNet(nn.Module):
     """The whole network; ``conditioning`` other than grounded are the rows of the ablation.
 
@@ -59,6 +73,9 @@ class FilmUNet(nn.Module):
         widths, slot = self.config.widths, self.config.slot_width
         extra = widths[0] if self.config.conditioning == "concat" else 0
         self.stem = nn.Conv3d(INPUTS + extra, widths[0], 3, padding=1)
+        self.eye = (
+            FeatureProjector(self.config.features, widths[0]) if self.config.features else None
+        )
         self.encode = nn.ModuleList(FilmBlock(c, slot) for c in widths)
         self.down = nn.ModuleList(nn.Conv3d(a, b, 2, stride=2) for a, b in pairwise(widths))
         self.up_query, self.query = self._decoder()
@@ -91,16 +108,19 @@ class FilmUNet(nn.Module):
         return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
 
     def _heard(self, scene: VoxelScene) -> VoxelScene:
-        """Return the scene with as much of the embeddings as the network was built to hear."""
-        dim = self.config.text_dim
+        """Return the scene with as much of it as the network was built to hear and to see."""
+        dim, features = self.config.text_dim, scene.features
+        if features is not None and features.shape[1] != self.config.features:
+            features = None
         fields = ("clauses", "object_name", "names")
-        return scene._replace(**{name: getattr(scene, name)[..., :dim] for name in fields})
+        heard = {name: getattr(scene, name)[..., :dim] for name in fields}
+        return scene._replace(**heard, features=features)
 
     def _coarse(self, scene: VoxelScene, slots: Tensor, masks: list[Tensor]) -> CoarseOutput:
         """Bind the clauses in a first pass, decode what they say in a second."""
         known = slots[:, scene.clauses.shape[1] :][:, :1]
         whole = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), known) for m in masks]
-        skips = self._encoder(scene.inputs, masks, whole)
+        skips = self._encoder(scene, masks, whole)
         queries = self._decode(self.up_query, self.query, skips, masks, whole)
         logits = self.binder(scene, queries, skips[-1], masks)
         levels = [slot_weights(scene, logits)]
@@ -127,8 +147,11 @@ class FilmUNet(nn.Module):
         null = named + self.slots(torch.zeros_like(scene.object_name)[:, None], 1) * (1 - known)
         return torch.cat([self.slots(scene.clauses, 0), null, self.slots(scene.names, 3)], dim=1)
 
-    def _encoder(self, x: Tensor, masks: list[Tensor], films) -> list[Tensor]:
-        x = self.stem(x) * masks[0].to(x.dtype)
+    def _encoder(self, scene: VoxelScene, masks: list[Tensor], films) -> list[Tensor]:
+        x = self.stem(scene.inputs)
+        if self.eye is not None and scene.features is not None:
+            x = x + self.eye(scene.features)
+        x = x * masks[0].to(x.dtype)
         skips = []
         for level, block in enumerate(self.encode):
             if level:
@@ -159,7 +182,7 @@ class FilmUNet(nn.Module):
             tiled = self.context(mean[:, 0])[..., None, None, None] * masks[0]
             inputs, films = torch.cat([inputs, tiled.to(inputs.dtype)], dim=1), None
         nothing = [None] * len(masks)
-        skips = self._encoder(inputs, masks, films or nothing)
+        skips = self._encoder(scene._replace(inputs=inputs), masks, films or nothing)
         if self.config.conditioning == "crossattn":
             queries = self._decode(self.up_query, self.query, skips, masks, nothing)
             silent = scene._replace(reliability=torch.zeros_like(scene.reliability))

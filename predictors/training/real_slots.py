@@ -11,7 +11,7 @@ from ..datasets.text_table import TextTable
 from ..hearing.kinds import KINDS
 from ..hearing.part_names import part_kinds
 from .sentences import Sentences
-from .stores import Store, slot_columns
+from .stores import Store, look_rows, slot_columns
 
 
 class RealSlots:
@@ -22,22 +22,23 @@ class RealSlots:
             a.reshape(-1, *a.shape[2:]) for a in slot_columns(objects, table.normalisation)
         )
         self._name = table.real_names[:, 1:].reshape(-1)
+        self._look = look_rows(objects).reshape(-1)
         self._of_kind = [np.flatnonzero(kinds == k) for k in range(len(KINDS))]
 
     def put_on(self, store: Store, matter: np.ndarray, rng: np.random.Generator) -> Store:
         """Give every part whose kind of ``matter`` (n, 6) is known a slot of that kind."""
         value, colour = store.value.cpu().numpy().copy(), store.colour.cpu().numpy().copy()
-        text = store.text.cpu().numpy().copy()
+        text, look = store.text.cpu().numpy().copy(), store.look.cpu().numpy().copy()
         for kind, slots in enumerate(self._of_kind):
             i, j = np.nonzero(matter == kind)
             if slots.size and i.size:
                 chosen = rng.choice(slots, size=i.size)
                 value[i, j], colour[i, j] = self._value[chosen], self._colour[chosen]
-                text[i, 1 + j] = self._name[chosen]
+                text[i, 1 + j], look[i, j] = self._name[chosen], self._look[chosen]
         # A kind without a slot is unknown matter.
         empty = [k for k, slots in enumerate(self._of_kind) if not slots.size]
         kinds = np.where(np.isin(matter, empty), -1, matter)
-        columns = (kinds, np.full(len(kinds), -1), value, colour, text)
+        columns = (kinds, np.full(len(kinds), -1), value, colour, text, look)
         return Store(store.label, *(torch.tensor(c, device=store.label.device) for c in columns))
 
 

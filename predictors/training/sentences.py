@@ -71,14 +71,23 @@ class Sentences:
         hinted = torch.rand(n, generator=generator, device=self.value.device) > UNHINTED
         return Clauses(self.embed(row, hinted), kind, self._value[row])
 
+    def sentence(self, row: Tensor) -> Tensor:
+        """Embeddings of rows (n, ...) as sentences alone, 0 for -1."""
+        return self.embed(row)[..., : sentence_dim(self.embedding.shape[-1])]
+
     def embed(self, row: Tensor, hinted: Tensor | None = None) -> Tensor:
         """Embeddings of rows (n, ...), 0 for -1; with hints and subject where ``hinted`` (n,)."""
         out = self.embedding[row.clamp(min=0)].float() * (row >= 0)[..., None]
         if hinted is not None:
             order = torch.arange(out.shape[-1], device=out.device)
-            sentence = order < (out.shape[-1] - len(CHANNELS)) // 2
+            sentence = order < sentence_dim(out.shape[-1])
             out = out * (sentence | hinted.reshape(-1, *(1,) * (out.ndim - 1)))
         return out
+
+
+def sentence_dim(dim: int) -> int:
+    """Return how many of a clause's ``dim`` numbers are its sentence: hints and subject follow."""
+    return (dim - len(CHANNELS)) // 2
 
 
 def settled_values(table: TextTable) -> tuple[np.ndarray, np.ndarray]:

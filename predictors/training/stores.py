@@ -24,7 +24,8 @@ class Store(NamedTuple):
 
     ``label`` (n, cells, cells, cells) uint8; ``kinds`` (n, 6): part kinds, or kinds of matter of
     real objects, -1 where unknown; ``category`` (n,); ``value`` (n, 6, 3) and ``colour`` (n, 6, 3)
-    of real slots, NaN elsewhere; ``text`` (n, 7): rows of the default template and the slot names.
+    of real slots, NaN elsewhere; ``text`` (n, 7): rows of the default template and the slot names;
+    ``look`` (n, 6): row of what an image encoder saw of real slots, -1 elsewhere.
     """
 
     label: Tensor
@@ -33,6 +34,7 @@ class Store(NamedTuple):
     value: Tensor
     colour: Tensor
     text: Tensor
+    look: Tensor
 
 
 def procedural_store(objects: Objects, *, cells: int, device: str) -> Store:
@@ -42,7 +44,8 @@ def procedural_store(objects: Objects, *, cells: int, device: str) -> Store:
     nan = torch.full((n, MAX_PARTS, 3), torch.nan, device=device)
     none = torch.full((n, 1 + MAX_PARTS), -1, device=device)
     kinds = torch.tensor(objects.kinds, device=device)
-    return Store(label, kinds, torch.tensor(objects.category, device=device), nan, nan, none)
+    category = torch.tensor(objects.category, device=device)
+    return Store(label, kinds, category, nan, nan, none, none[:, 1:])
 
 
 def procedural_labels(objects: Objects, *, cells: int, device: str) -> Tensor:
@@ -55,7 +58,8 @@ def real_store(objects: list[RealObject], table: TextTable, *, cells: int, devic
     """Bring real objects to ``cells``^3 voxels."""
     label = coarsened(torch.tensor(np.stack([o.label for o in objects]), device=device), cells)
     kinds, value, colour = slot_columns(objects, table.normalisation)
-    columns = (kinds, np.full(len(objects), -1), value, colour, table.real_names.astype(int))
+    names = table.real_names.astype(int)
+    columns = (kinds, np.full(len(objects), -1), value, colour, names, look_rows(objects))
     return Store(label, *(torch.tensor(column, device=device) for column in columns))
 
 
@@ -73,6 +77,16 @@ def slot_columns(
             if row is not None:
                 value[i, j] = normalisation.normalise(*row.value())
     return kinds, value, colour
+
+
+def look_rows(objects: list[RealObject]) -> np.ndarray:
+    """Row of each slot (n, 6) among the slots of all objects, -1 where nothing was looked at."""
+    out, start = np.full((len(objects), MAX_PARTS), -1), 0
+    for row, o in zip(out, objects, strict=True):
+        if o.features is not None:
+            row[: len(o.slots)] = np.arange(start, start + len(o.slots))
+        start += len(o.slots)
+    return out
 
 
 def coarsened(label: Tensor, cells: int) -> Tensor:

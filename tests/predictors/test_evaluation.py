@@ -7,6 +7,8 @@ import pytest
 import torch
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.datasets.real import CELLS, RealObject
+from autophyx_tet.predictors.datasets.shapes import EMPTY
 from autophyx_tet.predictors.evaluation import held_out
 from autophyx_tet.predictors.evaluation.ablations import (
     pooled_by_part,
@@ -103,6 +105,35 @@ def test_differences_are_paired():
     assert (film.rendered, film.psnr_interval) == (20, (30.0, 30.0))
     assert film.ssim == pytest.approx(film.mse_mean)
     assert against_best(rows[:1], scores, ("table-mean",))[0].best_baseline is None
+
+
+def test_one_clause_for_all_is_what_binding_is_measured_against():
+    """Right in .9 where the largest matter alone is right in .6: a margin of .3 on every object."""
+    errors, n = np.zeros(3), np.nan
+    texts = [
+        [Score(errors, n, n, right, 2, 0.0, largest=right - 0.3), Score(errors, n, n, n, 0, 0.0)]
+        for right in (0.8, 1.0)
+    ]
+    row = summary("film", "merged", texts)
+    assert (row.clause_accuracy, row.largest_clause) == (pytest.approx(0.9), pytest.approx(0.6))
+    assert row.clause_margin_interval == pytest.approx((0.3, 0.3))
+
+
+@pytest.mark.slow
+def test_merged_things_are_of_several_kinds_that_are_all_spoken_of(monkeypatch):
+    """Of a plank, and of a table of wood and steel, the table alone is scored; both are named."""
+    embed = lambda texts: np.random.default_rng(0).normal(size=(len(texts), 12)) / 4  # noqa: E731
+    monkeypatch.setattr(held_out, "HintedEncoder", lambda encoder: SimpleNamespace(text=embed))
+    label = np.full((CELLS,) * 3, EMPTY, dtype=np.uint8)
+    label[8:56, 8:56, 30:40] = 0
+    plank = RealObject("Plank", "test", label, ("wood",), np.full((1, 3), 0.5))
+    label = label.copy()
+    label[20:30, 20:30, 8:30] = 1
+    table = RealObject("Table", "test", label, ("wood", "steel"), np.full((2, 3), 0.5))
+    asked = HeldOutSet("merged", objects=2, cells=16, real=[plank, table])
+    ((index, example),) = asked.drawn(asked.text_table())
+    assert index == 1
+    assert sorted(bool(said) for said in example.said) == [False] * 5 + [True] * 2
 
 
 def test_a_part_is_of_one_matter():

@@ -10,7 +10,8 @@ from autophyx_tet.predictors.encoders import minilm
 from autophyx_tet.predictors.training.unipixie import config
 from autophyx_tet.predictors.unipixie.checkpoint import load_unipixie
 from autophyx_tet.toolkit.cli.learning import COMMANDS
-from autophyx_tet.toolkit.learning import build_dataset, build_ranges, show_dataset, train
+from autophyx_tet.toolkit.datasets import build_dataset, build_ranges, show_dataset
+from autophyx_tet.toolkit.learning import train
 
 CONFIG = """
 cells = 16

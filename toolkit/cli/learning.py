@@ -28,6 +28,8 @@ class DatasetCommand:
     """Clauses for every kind of part; the shipped network heard 3,600."""
     device: str = "cpu"
     """Where clauses are embedded: cpu or cuda."""
+    encoder: str | None = None
+    """Image encoder that looks at the furniture of training: its features go along (hours)."""
     no_real: tyro.conf.FlagCreatePairsOff[bool] = False
     """Leave real furniture out: nothing is downloaded."""
     seed: int = 0
@@ -36,18 +38,21 @@ class DatasetCommand:
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
-        from ..learning import build_dataset, build_ranges, show_dataset
+        from ..datasets import build_dataset, build_ranges, show_dataset
 
         if self.action == "ranges":
             return build_ranges(self.output, seed=self.seed, device=self.device)
         if self.action == "show":
             return show_dataset(self.output, seed=self.seed)
+        folder = FeatureOptions().memory
         return build_dataset(
             self.output,
             per_part=self.per_part,
             seed=self.seed,
             device=self.device,
             real=not self.no_real,
+            encoder=self.encoder,
+            memory=folder and folder / "evaluation",
         )
 
 
@@ -85,7 +90,7 @@ class EvaluateCommand:
     """
 
     split: str = "procedural"
-    """procedural, validation (real furniture), or a folder of objects with texts and values."""
+    """procedural, validation (furniture), merged (that in one piece), or a folder of objects."""
     predictors: tuple[str, ...] = ()
     """Rows of the table: film, film-names, film-nofeatures, unipixie, constant, table-mean ..."""
     data: Path | None = None

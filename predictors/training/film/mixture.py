@@ -21,6 +21,8 @@ class Mixture:
     vision: float = 0.5
     vision_without_shape: float = 0.85
     colour: float = 0.85
+    features: float = 0.0  # an image encoder's are seen
+    looked: float = 0.7  # of the features of real slots: what the encoder saw, not simulated
     strength: float = 4.0  # evidence is drawn with strengths from 0 to this
     no_hints: float = 0.15  # the lexicon is silent on a whole object
     augment: float = 1.0  # of the colours of real slots

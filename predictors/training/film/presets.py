@@ -48,6 +48,11 @@ SHIPPED = {
     ),
     "told": _TOLD,
     "last": replace(_TOLD, steps=1290, rate=2.2e-4, warm_up=30, compile=False, every=100, seed=33),
+    "seen": replace(
+        _TOLD, steps=4000, rate=5e-4, final_rate=1e-6, warm_up=100, seed=34,
+        network=replace(_NETWORK, features=384),
+        mixture=replace(_MIXTURE, features=0.5, real=0.14, dressed=0.45, names=0.15),
+    ),
 }  # fmt: skip
 CPU = TrainingConfig(
     cells=16, batch=16, steps=60, rate=3e-3, warm_up=5, text_batch=256, objects=64, composites=0,

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from ...datasets.objects import make_composites, make_objects
-from ...datasets.real import load_real
+from ...datasets.real import RealObject, load_real
 from ...datasets.text_table import load_text_table
 from ...film.checkpoint import load_matching, save_checkpoint
 from ...film.unet import FilmUNet
@@ -101,7 +101,7 @@ def make_sampler(config: TrainingConfig, text: Path, real: Path | None) -> Voxel
     cells, device = config.cells, config.device
     sentences = Sentences(table, device)
     shapes = procedural_store(make_objects(config.objects, rng), cells=cells, device=device)
-    composites = furniture = dressed = None
+    composites = furniture = dressed = looks = None
     if config.composites:
         made = make_composites(config.composites, rng)
         composites = procedural_store(made, cells=cells, device=device)
@@ -111,8 +111,22 @@ def make_sampler(config: TrainingConfig, text: Path, real: Path | None) -> Voxel
         dressed = shapes_with_real_slots(shapes, slots, sentences, seed=config.seed)
         furniture = real_store(objects, table, cells=cells, device=device)
         furniture = with_exchanged_slots(furniture, slots, rng)
+        looks = looks_of(objects, device) if config.mixture.features else None
     return VoxelSampler(
         sentences, shapes, composites, furniture, mixture=config.mixture,
         seed=config.seed + _APART * rank(), dressed=dressed, clauses=config.text_batch,
-        coarse_evidence=config.network.fine,
+        coarse_evidence=config.network.fine, looks=looks,
     )  # fmt: skip
+
+
+def looks_of(objects: list[RealObject], device: str) -> torch.Tensor | None:
+    """What an image encoder saw of all slots (rows, F), None where it looked at no object."""
+    dims = {o.features.shape[1] for o in objects if o.features is not None}
+    if not dims:
+        return None
+    (dim,) = dims
+    rows = [
+        np.zeros((len(o.slots), dim), np.float16) if o.features is None else o.features
+        for o in objects
+    ]
+    return torch.tensor(np.concatenate(rows), device=device)

@@ -20,7 +20,7 @@ from ..stores import Store, parts_that_exist, take
 from .augmentation import shrunk, turned
 from .batch import CLAUSES, WHOLE, TrainingBatch, by_part, exists_or_whole
 from .mixture import Mixture
-from .simulated_evidence import simulate_evidence
+from .simulated_evidence import simulate_evidence, simulate_features, spread_features
 
 
 class VoxelSampler:
@@ -40,6 +40,8 @@ class VoxelSampler:
         Evidence at half the resolution: all that a network with a fine stage reads.
     clauses
         How many clauses of a batch train alone, without an object.
+    looks
+        What an image encoder saw of real slots (rows, F): unit vectors that ``Store.look`` counts.
     """
 
     def __init__(
@@ -54,9 +56,10 @@ class VoxelSampler:
         dressed: Store | None = None,
         coarse_evidence: bool = False,
         clauses: int = 0,
+        looks: Tensor | None = None,
     ) -> None:
         self.sentences, self.mixture, self.dressed = sentences, mixture, dressed
-        self.coarse_evidence, self.clauses = coarse_evidence, clauses
+        self.coarse_evidence, self.clauses, self.looks = coarse_evidence, clauses, looks
         self.shapes, self.composites, self.real = shapes, composites, real
         self.device = shapes.label.device
         self.generator = torch.Generator(self.device).manual_seed(seed)
@@ -139,6 +142,7 @@ class VoxelSampler:
             self.sentences.embed(name_rows, hinted),
             name_rows >= 0,
             part,
+            self._features(item, kinds, is_real, seen_at) if self.mixture.features else None,
         )
         occupied = part >= 0
         target = by_part(value, part, 0.0).movedim(-1, 1)
@@ -269,3 +273,16 @@ class VoxelSampler:
         reliability = (strength / mix.strength + fuzz).clamp(0.05, 1) * given
         evidence = torch.stack(fields, dim=1) * given[:, :, None, None, None, None]
         return evidence, reliability
+
+    def _features(self, item: Store, kinds: Tensor, is_real: Tensor, part: Tensor) -> Tensor:
+        """What an image encoder sees (n, F, x, y, z): of real slots what it saw, else simulated."""
+        n, mix = len(part), self.mixture
+        made_up = self.sentences.pick(Role.NAME, kinds, self.generator)
+        rows = torch.where(is_real[:, None], item.text[:, 1:], made_up)
+        simulated = simulate_features(self.sentences.sentence(rows), self.generator)
+        if self.looks is not None:
+            looked = (item.look >= 0) & self._chance(n, mix.looked)[:, None]
+            seen = self.looks[item.look.clamp(min=0)]
+            simulated = torch.where(looked[..., None], seen.to(simulated.dtype), simulated)
+        shown = self._chance(n, mix.features)[:, None, None]
+        return spread_features(simulated * shown, part, self.generator)

@@ -1,4 +1,4 @@
-"""Simulated evidence that a clause speaks of a voxel, from useless to nearly perfect."""
+"""Simulated evidence that a clause speaks of a voxel, and features, from useless to perfect."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from torch.nn import functional as F
 
 from ...datasets.shapes import MAX_PARTS
 from .batch import WHOLE, by_part
+
+FUZZ = 0.5  # length of what differs between the unit features of two voxels of a part
 
 
 def simulate_evidence(
@@ -49,3 +51,31 @@ def standardise(evidence: Tensor, where: Tensor) -> Tensor:
     variance = (centred * centred).sum((1, 2, 3, 4), keepdim=True) / count
     scaled = centred / (variance + 1e-4).sqrt()  # 1e-4: evidence that is constant stays silent
     return scaled.bfloat16() if scaled.is_cuda else scaled
+
+
+def simulate_features(words: Tensor, generator: torch.Generator) -> Tensor:
+    """Unit features (n, P, F) of parts that are called ``words`` (n, P, F): exact to lost in noise.
+
+    One quality for an object; what is no word is noise, or words of another part of the batch.
+    """
+    n, p, dim = words.shape
+
+    def draw(*shape: int, normal: bool = False) -> Tensor:
+        make = torch.randn if normal else torch.rand
+        return make(shape, generator=generator, device=words.device)
+
+    other = words.reshape(n * p, dim)[(draw(n, p) * n * p).long()]
+    mixed = draw(n, p, 1)
+    wrong = mixed * other + (1 - mixed) * draw(n, p, dim, normal=True) / dim**0.5
+    quality = draw(n, 1, 1)
+    return F.normalize(quality * words + (1 - quality) * wrong, dim=-1)
+
+
+def spread_features(features: Tensor, part: Tensor, generator: torch.Generator) -> Tensor:
+    """Features of parts (n, P, F) on their voxels (n, F, x, y, z), no two voxels quite alike."""
+    kind = torch.bfloat16 if features.is_cuda else features.dtype
+    cube = by_part(features.to(kind), part, 0.0)
+    fuzz = torch.randn(cube.shape, generator=generator, device=cube.device, dtype=kind)
+    cube = F.normalize(cube + fuzz * (FUZZ / cube.shape[-1] ** 0.5), dim=-1)
+    seen = by_part(features.abs().amax(-1) > 0, part, False)
+    return torch.where(seen[..., None], cube, torch.zeros_like(cube)).movedim(-1, 1)
