@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 PAD = 4  # empty cells around, for the closing of holes
 _HALF = 0.5  # of a radiance field's median density, where it states no threshold
 _GAP = 3  # cells: holes of a shell up to twice this wide are bridged, if that encloses something
+_BAND = 2.0  # cells about a level in which distances are those to the triangles
 _ENCLOSED = 0.9  # of the largest volume that any bridging encloses is as good as all of it
 
 
@@ -31,13 +33,46 @@ def isosurface(
     density: Float[np.ndarray, "nx ny nz"], grid: Grid, *, level: float
 ) -> trimesh.Trimesh:
     """Outer surface [m] where the density falls below ``level``; holes inside are solid."""
+    return _cut(density, _solid(density >= level), grid, level)
+
+
+def shell_surface(
+    density: Float[np.ndarray, "nx ny nz"],
+    grid: Grid,
+    *,
+    level: float,
+    depth: Callable[[trimesh.Trimesh], float],
+) -> trimesh.Trimesh:
+    """Surface [m] that lies ``depth`` [m] of the outer one below it; what is enclosed is solid.
+
+    A level of the distance and not moved vertices: these would fold where a body is thin.
+    """
+    import igl
+    from scipy.ndimage import distance_transform_edt
+
+    solid = _solid(density >= level)
+    outer = _cut(density, solid, grid, level)
+    below = depth(outer)
+    away = np.asarray(distance_transform_edt(np.pad(solid, 1)))[1:-1, 1:-1, 1:-1] * grid.h
+    near = solid & (np.abs(away - below) < _BAND * grid.h)
+    triangles = np.ascontiguousarray(outer.vertices), np.ascontiguousarray(outer.faces)
+    away[near] = np.sqrt(igl.point_mesh_squared_distance(grid.centers()[near], *triangles)[0])
+    return _marched(away, grid, below) if below > 0 else outer
+
+
+def _cut(density: np.ndarray, solid: np.ndarray, grid: Grid, level: float) -> trimesh.Trimesh:
+    """Surface of the solid cells, where it is that of the dense ones as the density falls."""
+    values = np.where(solid, np.maximum(density, 1.5 * level), np.minimum(density, level))
+    values = np.where(density >= level, density, values)  # the cut itself stays between cells
+    return _marched(values, grid, level)
+
+
+def _marched(values: Float[np.ndarray, "nx ny nz"], grid: Grid, level: float) -> trimesh.Trimesh:
+    """Where the values pass ``level``, between the cells; closed at the border of the grid."""
     import igl
     import trimesh
 
-    solid = _solid(density >= level)
-    values = np.where(solid, np.maximum(density, 1.5 * level), np.minimum(density, level))
-    values = np.where(density >= level, density, values)  # the cut itself stays between cells
-    values = np.pad(values, 1)  # closed where the body touches the border
+    values = np.pad(values, 1)
     outer = Grid(grid.lo - grid.h, grid.h, (values.shape[0], values.shape[1], values.shape[2]))
     order = (2, 1, 0)  # the library counts x fastest
     points = outer.centers().transpose(*order, 3).reshape(-1, 3)
@@ -45,7 +80,7 @@ def isosurface(
     nx, ny, nz = values.shape
     vertices, faces = igl.marching_cubes(flat, points, nx, ny, nz, level)[:2]
     if np.size(faces) == 0:
-        raise NoVolumeError(f"no surface: the largest density is {density.max():g}, cut {level:g}")
+        raise NoVolumeError(f"no surface: the largest value is {values.max():g}, cut {level:g}")
     surface = trimesh.Trimesh(vertices, faces, process=True)
     if surface.volume < 0:
         surface.invert()

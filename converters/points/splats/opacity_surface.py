@@ -10,39 +10,61 @@ from jaxtyping import Float
 from ....fem.device import start_warp
 from ....fem.errors import NoVolumeError
 from ....predictors.grid import Grid
-from ...grids.isosurface import PAD, isosurface
+from ...grids.isosurface import PAD, shell_surface
 from ..table import PointTable
 from .gaussians import Gaussians, gaussians
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.spatial import KDTree
 
 REACH = 3.0  # standard deviations at which a Gaussian ends: opacity 1 % of its peak
 MAX_REACH = 8  # cells that a Gaussian covers at most on either side: bad fits are clamped
 _FAINT = 0.1  # opacity below which a splat is no part of a surface
 _CUT = 0.2  # of the density at the splats' own centres: low, since a shell has thin places
-_DEPTH = 2.5  # cells below the first cut in which the ridge of the shell is looked for
+_FINE = 0.75  # of what a splat covers: cells so large see a rod as thick as that
+_FEWEST, _MOST = 96, 192  # cells along the longest side
+_NEIGHBOURS, _ASKED = 4, 2_000  # the fourth nearest splat, of so many, tells how far they lie apart
 
 
-def splat_surface(table: PointTable, *, cells: int = 96) -> trimesh.Trimesh:
+def splat_surface(table: PointTable, *, cells: int | None = None) -> trimesh.Trimesh:
     """Closed surface [m] through the centres of the opaque splats, its inside solid.
 
     The opacity grid of a shell of splats is a ridge. It is cut on its outer side, its inside
-    filled, and the cut moved in by the median distance to the crest.
+    filled, and the cut moved in to where the splats lie below it: their own places, since in a
+    thin body the ridges of both sides are one. By default cells are as large as what a splat
+    covers.
     """
+    from scipy.spatial import KDTree
+
     splats = gaussians(table)
     keep = (splats.opacity > _FAINT) & np.isfinite(splats.means).all(axis=1)
     if not keep.any():
         raise NoVolumeError(f"none of {len(table)} splats has an opacity above {_FAINT}")
     splats = Gaussians(*(values[keep] for values in splats))
+    tree = KDTree(splats.means)
     bounds = np.stack([splats.means.min(axis=0), splats.means.max(axis=0)])
-    grid = Grid.around(bounds, cells=cells, pad=PAD)
+    grid = Grid.around(bounds, cells=cells or _cells(splats, tree), pad=PAD)
     density = opacity_grid(splats, grid)
     here = density[tuple(grid.cell_of(splats.means).T)]
-    surface = isosurface(density, grid, level=_CUT * float(np.median(here)))
-    normals = np.asarray(surface.vertex_normals)
-    surface.vertices = surface.vertices - _crest(density, grid, surface.vertices, normals) * normals
-    return surface
+
+    def depth(outer: trimesh.Trimesh) -> float:
+        """Median depth [m] below the outer surface at which the nearest splat lies."""
+        vertices, normals = np.asarray(outer.vertices), np.asarray(outer.vertex_normals)
+        below = vertices - splats.means[tree.query(vertices)[1]]
+        return float(np.median(np.einsum("ni,ni->n", below, normals)))
+
+    return shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+
+
+def _cells(splats: Gaussians, tree: KDTree) -> int:
+    """Cells along the longest side that are no smaller than splats, nor than the gaps between."""
+    some = splats.means[:: max(1, len(splats.means) // _ASKED)]
+    nearest = min(_NEIGHBOURS, len(splats.means) - 1)
+    apart = float(np.median(tree.query(some, k=nearest + 1)[0][:, -1]))
+    covered = max(apart, float(np.median(splats.sigmas.max(axis=1))))
+    longest = float(np.ptp(splats.means, axis=0).max())
+    return int(np.clip(longest / (_FINE * covered), _FEWEST, _MOST)) if covered else _FEWEST
 
 
 def opacity_grid(splats: Gaussians, grid: Grid) -> Float[np.ndarray, "nx ny nz"]:
@@ -88,13 +110,3 @@ def _rotation_matrices(q: np.ndarray) -> np.ndarray:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def _crest(density: np.ndarray, grid: Grid, vertices, normals) -> float:
-    """Median depth [m] below the surface at which the density is largest."""
-    from scipy.ndimage import map_coordinates
-
-    depths = np.linspace(0, _DEPTH, 26) * grid.h
-    along = vertices[:, None] - depths[:, None] * normals[:, None]
-    values = map_coordinates(density, np.moveaxis(grid.to_index(along), -1, 0), order=1)
-    return float(np.median(depths[values.argmax(axis=1)]))
