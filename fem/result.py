@@ -16,6 +16,7 @@ from .contact.self_contact import PieceForce, in_time
 from .deprecation import say_renamed
 from .discrete.space import Space
 from .discrete.strain import von_mises
+from .model_error import ModelError
 from .particle_run import ParticleRun
 from .scene.mesh import TetMesh, material_of
 
@@ -189,10 +190,8 @@ class Motion:
         Force of every obstacle on the body [N], shape (obstacles, 3).
     gap
         Smallest distance [m] from an obstacle, and from itself where it nearly touches.
-    piece_forces
-        Forces of separate pieces on each other.
-    pressures
-        Largest contact pressures [Pa], where they are known.
+    piece_forces, pressures
+        Forces of separate pieces on each other; largest contact pressures [Pa], where known.
     kinetic, elastic, potential, barrier
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
@@ -234,8 +233,9 @@ class MotionResult:
         Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
     particles, kept_apart
         The particles, where the motion is theirs; whether all faces kept out of each other.
-    notes, solution
-        What the method assumed; and what solved it, as pairs of a name and words.
+    notes, solution, model_error
+        What was assumed; what solved it, as pairs of a name and words; how far a motion in few
+        coordinates is from the full body's, where that was estimated.
     """
 
     frames: tuple[Motion, ...]
@@ -247,6 +247,7 @@ class MotionResult:
     kept_apart: bool = False
     notes: tuple[str, ...] = ()
     solution: tuple[tuple[str, str], ...] = ()
+    model_error: ModelError | None = None
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .intervals import Interval
+from .model_error import MOTION_LIMIT
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
@@ -163,6 +164,20 @@ def no_penetration(motion: MotionResult) -> Check:
     return Check(
         "no penetration", passed, gap, 0.0,
         f"It {'never goes into' if passed else 'goes into'} {what}: {nearest}.",
+    )  # fmt: skip
+
+
+def follows(motion: MotionResult) -> tuple[Check, ...]:
+    """Whether few coordinates move as the full body would; nothing where that is not known."""
+    if (error := motion.model_error) is None:
+        return ()
+    passed = error.share <= MOTION_LIMIT
+    return (
+        Check(
+            "reduced model", passed, error.share, MOTION_LIMIT,
+            f"Its few coordinates {'follow' if passed else 'do not follow'} the full body: off by "
+            f"{error.words} (limit {percent(MOTION_LIMIT)}).",
+        ),
     )  # fmt: skip
 
 

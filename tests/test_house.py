@@ -10,8 +10,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = {
     "fem": (
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
-        "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "result", "solve",
-        "mpm", "reduced", "springs", "matching", "scenarios", "grain", "safety",
+        "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "model_error",
+        "result", "solve", "mpm", "reduced", "springs", "matching", "scenarios", "grain", "safety",
         "intervals", "verdicts",
     ),
     "predictors": (

@@ -88,7 +88,7 @@ def solve_system(
     if not matrix.values.device.is_cuda:
         plan = planned_elimination(matrix, edges)
         if plan.entries <= MOST_ENTRIES:
-            patience = _worth(plan, matrix)
+            patience = iterations_worth(plan, matrix)
             if patience <= USUAL:
                 return solve_direct(matrix, b, plan, tolerance)
     system = scale(matrix)
@@ -115,11 +115,11 @@ def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | 
     if edges is None or not len(edges) or matrix.values.device.is_cuda:
         return None
     plan = planned_elimination(corner_pattern(edges, matrix.nodes))
-    affordable = plan.entries <= MOST_ENTRIES and _worth(plan, matrix) <= USUAL
+    affordable = plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
     return edges if affordable else None
 
 
-def _worth(plan: Elimination, matrix: BlockMatrix) -> int:
+def iterations_worth(plan: Elimination, matrix: BlockMatrix) -> int:
     """Iterations of two-level CG that take as long as the factor."""
     factor = plan.operations / FACTOR_RATE + plan.entries / FACTOR_ENTRIES
     return int(factor * CG_RATE / len(matrix.columns))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -12,21 +12,27 @@ from ..contact.barrier import Contact
 from ..device import one_thread
 from ..discrete.assembly import discretise
 from ..discrete.forces import load_vector
+from ..discrete.mass import lumped_mass
 from ..discrete.space import make_space
 from ..errors import UsageError
 from ..laws.law import Law
-from ..result import MotionResult, locking_share
+from ..model_error import MOTION_LIMIT, ModelError
+from ..result import Motion, MotionResult, locking_share
 from ..scene.scene import Scene
-from ..solve.method import FrameProgress
+from ..solve.method import FrameProgress, halving_notes
 from ..solve.schemes import Scheme
 from ..validation import checked_count, checked_positive
+from .error import motion_error
 from .model import ReducedModel, Subspace
 from .reduction import CELLS, accuracy_warnings, reduce_body
+from .rest import reduced_frequencies
 from .skinning import HANDLES
 from .step import ReducedDynamics
 
 # Modes whose derivatives a motion has: with 3 a bonsai's swings were 7.4 % off, with 5 1.3 %.
 BENT_IN_MOTION = 5
+# The motion that a model is measured by: so many of its slowest periods, in so many steps each.
+PERIODS, PER_PERIOD = 2, 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,20 +88,29 @@ class ReducedMethod:
         model = self.model_of(scene)
         if self.announce is not None:
             self.announce(model_in_words(model))
-        body = reduced_dynamics(scene, model, law=law or Law.NEO_HOOKEAN, scheme=scheme)
-        states = [body.state]
+        law = law or Law.NEO_HOOKEAN
+        body = reduced_dynamics(scene, model, law=law, scheme=scheme)
+        states, halved = [body.state], 0
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
+            halved += body.last_dt != dt
             if progress is not None:
                 progress(frame, frames)
+        error = scene_error(scene, states, law=law, scheme=scheme)
         return MotionResult(
             tuple(states),
             dt,
             len(scene.mesh.points),
             1,
             locking_share(scene.mesh),
-            notes=(*accuracy_warnings(model), *_dents(scene, model)),
+            notes=(
+                *accuracy_warnings(model),
+                *error_notes(error),
+                *halving_notes(halved, frames),
+                *_dents(scene, model),
+            ),
             solution=(("reduced model", model_in_words(model)),),
+            model_error=error,
         )
 
     def model_of(self, scene: Scene) -> ReducedModel:
@@ -133,6 +148,43 @@ def reduced_dynamics(
             law=law,
             scheme=scheme,
         )
+
+
+def scene_error(
+    scene: Scene, states: Sequence[Motion], *, law: str, scheme: Scheme = Scheme.BDF2
+) -> ModelError | None:
+    """How far a reduced motion of ``scene`` is from the full body's; see ``motion_error``."""
+    mass = lumped_mass(scene.mesh, make_space(scene.mesh, 1))
+    return motion_error(
+        scene.mesh,
+        scene.supports,
+        states,
+        load=mass[:, None] * np.asarray(scene.gravity_vector) + stated_forces(scene),
+        velocity=np.broadcast_to(np.asarray(scene.velocity, dtype=float), states[0].u.shape),
+        law=law,
+        scheme=scheme,
+    )
+
+
+def error_notes(error: ModelError | None) -> tuple[str, ...]:
+    """Say that a motion is not the full body's, or that this was not measured."""
+    if error is None:
+        return ("how far the motion is from the full body's is not known: the mesh is too large",)
+    if not error.share <= MOTION_LIMIT:
+        return (f"the reduced motion is not the full body's: off by {error.words}",)
+    return ()
+
+
+def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
+    """The same model with the error of a motion: the held body let go in the scene."""
+    body = reduced_dynamics(replace(scene, obstacles=()), model, law=Law.NEO_HOOKEAN)
+    if not body.load.any() and not body.now.v.any():
+        return model
+    period = 1 / float(reduced_frequencies(body.elasticity)[0])
+    states = [body.state, *(body.step(period / PER_PERIOD) for _ in range(PERIODS * PER_PERIOD))]
+    error = scene_error(scene, states, law=Law.NEO_HOOKEAN)
+    share = np.nan if error is None else error.share
+    return replace(model, accuracy=model.accuracy._replace(motion=share))
 
 
 def stated_forces(scene: Scene) -> Float[np.ndarray, "points 3"]:

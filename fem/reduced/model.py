@@ -28,13 +28,15 @@ class Accuracy(NamedTuple):
 
     ``frequency`` is its lowest natural frequency [Hz] over that of the full body, ``sag`` the
     relative error [1] of its displacement under its own weight, in the norm of mass; by cubature
-    alone, against all tets, ``cell_frequency`` and ``cell_sag``. NaN: not measured.
+    alone, against all tets, ``cell_frequency`` and ``cell_sag``. ``motion`` is the error [1] of a
+    motion, estimated. NaN: not measured.
     """
 
     frequency: float = np.nan
     sag: float = np.nan
     cell_frequency: float = np.nan
     cell_sag: float = np.nan
+    motion: float = np.nan
 
     @property
     def cell_error(self) -> float:

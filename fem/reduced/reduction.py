@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from ..device import single_threaded
 from ..errors import ConvergenceError
+from ..model_error import MOTION_LIMIT
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
 from ..solve.nonlinear import solve_nonlinear
@@ -193,7 +194,7 @@ def relative_error(
 
 def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     """What to say where a model is not as good as it should be."""
-    ratio, sag, cell_ratio, cell_sag = model.accuracy
+    ratio, sag, cell_ratio, cell_sag, motion = model.accuracy
     found = []
     if model.kind is Subspace.VECTOR and np.isfinite(cell_ratio) and np.isnan(cell_sag):
         found.append(
@@ -206,6 +207,8 @@ def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
         found.append(f"the reduced body sags otherwise than the full one, by {sag:.1%}")
     if cell_sag > SAG_LIMIT:
         found.append(f"{len(model.cells)} cells sag otherwise than all tets, by {cell_sag:.1%}")
+    if motion > MOTION_LIMIT:
+        found.append(f"the reduced body moves otherwise than the full one, by about {motion:.1%}")
     return tuple(found)
 
 

@@ -29,7 +29,7 @@ from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count, checked_positive, checked_rows, checked_vector
 from .discretisation_error import motion_order
-from .method import FrameProgress
+from .method import FrameProgress, halving_notes
 from .newton import minimise
 from .potential import Incremental
 from .schemes import Forecast, Kinematics, Scheme, Step
@@ -264,15 +264,16 @@ class DynamicMethod:
         dt = checked_positive("duration", scene.duration, "s") / frames
         order = order or motion_order(scene.mesh)
         body = _body_of(scene, law or Law.NEO_HOOKEAN, order, device, scheme)
-        states = [body.state]
+        states, halved = [body.state], 0
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
+            halved += body.last_step is not None and body.last_step.dt != dt
             if progress is not None:
                 progress(frame, frames)
-        locking = locking_share(scene.mesh) if order == 1 else 0.0
-        notes, points = body.contact.notes, len(scene.mesh.points)
-        kept = {"kept_apart": scene.self_contact and not notes, "notes": notes}
-        return MotionResult(tuple(states), dt, points, order, locking, **kept)
+        locks = locking_share(scene.mesh) if order == 1 else 0.0
+        notes, smaller = body.contact.notes, halving_notes(halved, frames)
+        kept = {"kept_apart": scene.self_contact and not notes, "notes": notes + smaller}
+        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locks, **kept)
 
 
 METHOD = DynamicMethod()

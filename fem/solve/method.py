@@ -42,6 +42,13 @@ class Method(Protocol):
         ...
 
 
+def halving_notes(halved: int, frames: int) -> tuple[str, ...]:
+    """Say that steps were made of smaller ones: a motion damps less then, and differs."""
+    if not halved:
+        return ()
+    return (f"{halved} of {frames} steps did not converge and were made of smaller ones",)
+
+
 METHODS: Registry[Method] = Registry(
     "method",
     __package__ or "",

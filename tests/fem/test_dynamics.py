@@ -213,3 +213,17 @@ def test_obstacle_distances(seed):
 def test_start_inside_is_named():
     with pytest.raises(InputError, match="inside an obstacle"):
         Dynamics(shaken_box(), obstacles=[Plane((0, 0, 0.5))])
+
+
+def test_a_thin_plate_takes_whole_steps():
+    """A cantilever of aspect 1000, of steel: its first step is solved, not made of smaller ones.
+
+    CG with the two-level cycle gave up on such a body, and halved steps follow another path.
+    """
+    mesh = box_mesh((1.0, 0.5, 0.001), (36, 18, 2))
+    mesh = with_uniform(mesh, E=2e11, nu=0.3, rho=7800.0)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+    body = Dynamics(mesh, supports=held, gravity_vector=[0, 0, -9.81], order=1, self_contact=False)
+    body.step(1 / 60)
+    assert body.last_step is not None
+    assert body.last_step.dt == 1 / 60

@@ -49,6 +49,7 @@ class Moving(Simulation):
             "energy": [f.energy for f in frames],
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
+            "model_error": self.motion.model_error,
             **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
 
@@ -105,10 +106,10 @@ class Moving(Simulation):
 
     def verdicts(self) -> list[Verdict]:
         """Nothing went through an obstacle; who presses whom; the elements suit the material."""
-        from ...fem.verdicts import contact_forces, in_the_grid, locking, no_penetration
+        from ...fem.verdicts import contact_forces, follows, in_the_grid, locking, no_penetration
 
         if self.motion.particles is not None:
             return [Verdict.of(in_the_grid(self.motion.particles))]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
-        return [*map(Verdict.of, (*met, *suits))]
+        return [*map(Verdict.of, (*met, *suits, *follows(self.motion)))]

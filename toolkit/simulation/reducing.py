@@ -13,7 +13,7 @@ from ...converters.reduced_archive import save_fit, save_reduced
 from ...converters.spring_archive import save_springs
 from ...fem.errors import InputError, UsageError
 from ...fem.matching import ObservedMotion, fit_motion, fit_warnings
-from ...fem.reduced.method import stated_forces
+from ...fem.reduced.method import stated_forces, with_motion_error
 from ...fem.reduced.reduction import accuracy_warnings, measured
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
@@ -53,6 +53,7 @@ def reduce(
     model = reduced_method(options).model_of(scene)
     if scene.supports is not None and np.any(scene.gravity_vector):
         model = measured(model, scene.mesh, scene.held, scene.gravity_vector)
+        model = with_motion_error(model, scene)
     if output is not None:
         save_reduced(output, model)
     files = () if output is None else (output,)
