@@ -1,7 +1,8 @@
 """How the network of ranges does on procedural objects, and the calibration that ships with it.
 
 ``python benchmarks/unipixie.py`` prints, for seen and unseen categories and for evidence from exact
-words to noise: errors at alpha 0, .5 and 1, classes, order, how often ranges and intervals hold.
+words to noise: errors at alpha 0, .5 and 1, classes, order, how often ranges and intervals hold as
+at run time, with the calibration of the weights, and what it would have to be (margin, spread).
 ``--write`` fits margin and spread on objects of one seed and puts them into the weights; the table
 is of objects of another.
 """
@@ -51,22 +52,27 @@ def main() -> None:
     names, loaded = Names(table, "cpu"), load_unipixie(given.weights)
     config = MatterConfig(device="cpu", voxels=VOXELS, network=loaded.network.config)
 
-    def scored(split: str, evidence: str, seed: int) -> RangeScores:
+    def scored(split: str, evidence: str, seed: int, calibration: RangeCalibration) -> RangeScores:
         categories = list(HELD_OUT) if split == "unseen" else None
         objects = make_objects(given.objects, np.random.default_rng(seed), names=categories)
         drawn = replace(config, evidence=EVIDENCE[evidence])
         sampler = MatterSampler(names, shapes_of(objects, drawn), None, drawn, seed)
-        return range_scores(loaded.network, sampler, objects=given.objects)
+        return range_scores(loaded.network, sampler, objects=given.objects, calibration=calibration)
 
+    calibration = loaded.calibration
     if given.write:
-        fitted = scored("seen", "mixed", FITTED)
+        fitted = scored("seen", "mixed", FITTED, RangeCalibration())
         calibration = RangeCalibration(round(fitted.margin, 3), round(max(fitted.spread, 1.0), 2))
         normalisation = loaded.normalisation
         save_unipixie(
             given.weights, loaded.network, normalisation=normalisation, calibration=calibration
         )
         print(f"written: {calibration}")
-    rows = {f"{s} {e}": scored(s, e, TESTED) for s in ("seen", "unseen") for e in EVIDENCE}
+    rows = {
+        f"{split} {evidence}": scored(split, evidence, TESTED, calibration)
+        for split in ("seen", "unseen")
+        for evidence in EVIDENCE
+    }
     if given.json:
         print(json.dumps({name: asdict(row) for name, row in rows.items()}))
         return

@@ -21,6 +21,7 @@ from .native.child import Progress
 if TYPE_CHECKING:
     from ..predictors.encoders import Encoder
     from ..predictors.evaluation.held_out import HeldOutSet, ImageFeatures
+    from ..predictors.evaluation.paper_tables import Table
     from ..predictors.training.film.config import TrainingConfig
 
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
@@ -28,6 +29,7 @@ WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
 FURNITURE = ("validation", "merged")
+_UNTIL = 10**9  # steps: time ends the run
 
 
 def train(
@@ -152,6 +154,33 @@ def _evaluate_folder(
         "masses": {name: errors._asdict() for name, errors in masses.items()},
         "papers": {"mse": PAPER, "mass": PAPER_MASS},
     }
+
+
+def evaluate_table(
+    table: Table,
+    *,
+    data: Path,
+    minutes: float | None = None,
+    device: str = "cpu",
+    objects: int = 96,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Train the rows of one of UniPixie's tables alike and score them; the paper's stand beside.
+
+    On a CPU the networks are those of the preset ``unipixie-cpu``: the way is the same, the
+    figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
+    """
+    from ..predictors.evaluation.paper_tables import PAPER_TABLES, paper_table
+    from ..predictors.training.unipixie.config import PRESETS
+
+    base = replace(PRESETS["unipixie-cpu" if device == "cpu" else "unipixie"], device=device)
+    real, began = data / TRAINING, time.monotonic()
+    rows = paper_table(
+        table, base if minutes is None else replace(base, minutes=minutes, steps=_UNTIL),
+        ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
+        progress=(lambda row: progress(row, time.monotonic() - began)) if progress else None,
+    )  # fmt: skip
+    return {"rows": [row._asdict() for row in rows], "papers": PAPER_TABLES[table]}
 
 
 def with_furniture(

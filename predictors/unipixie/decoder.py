@@ -18,24 +18,35 @@ TIMES = 16  # frequencies of the time, from 2^0 pi to 2^8 pi
 TIME_OCTAVES = 8
 
 
-class Condition(nn.Module):
-    """One vector of the flow's time, of alpha and of the mean latent."""
+class TimeWaves(nn.Module):
+    """Sines and cosines (batch, 2 * TIMES) of times (batch,) in [0, 1]."""
 
     scale: Tensor
 
-    def __init__(self, width: int, thin: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
         powers = torch.linspace(0, TIME_OCTAVES, TIMES, device="cpu")
         self.register_buffer("scale", 2**powers * math.pi, persistent=False)
+
+    def forward(self, time: Tensor) -> Tensor:
+        """Return (batch, 2 * TIMES)."""
+        phase = time[:, None] * self.scale
+        return torch.cat([phase.sin(), phase.cos()], -1)
+
+
+class Condition(nn.Module):
+    """One vector of the flow's time, of alpha and of the mean latent."""
+
+    def __init__(self, width: int, thin: int) -> None:
+        super().__init__()
+        self.waves = TimeWaves()
         self.time = nn.Sequential(nn.Linear(2 * TIMES, thin), nn.SiLU(), nn.Linear(thin, width))
         self.alpha = nn.Sequential(nn.Linear(1, thin), nn.SiLU(), nn.Linear(thin, width))
         self.fuse = nn.Sequential(nn.Linear(3 * width, thin), nn.SiLU(), nn.Linear(thin, width))
 
     def forward(self, time: Tensor, alpha: Tensor, latents: Tensor) -> Tensor:
         """Return (batch, width) of ``time`` and ``alpha`` (batch,)."""
-        phase = time[:, None] * self.scale
-        waves = torch.cat([phase.sin(), phase.cos()], -1)
-        known = [self.time(waves), self.alpha(alpha[:, None]), latents.mean(1)]
+        known = [self.time(self.waves(time)), self.alpha(alpha[:, None]), latents.mean(1)]
         return self.fuse(torch.cat(known, -1))
 
 

@@ -107,6 +107,12 @@ class EvaluateCommand:
     """How often something is said of each object; its score is the mean."""
     encoder: str | None = None
     """Encoder of images that looks at the furniture first: embedded, or openclip."""
+    table: Literal["S6", "S7"] | None = None
+    """Instead: train the rows of this table of UniPixie on --data and score them."""
+    minutes: float | None = None
+    """Time of training of each row of --table; by default the preset's steps."""
+    device: str = "cpu"
+    """Where the rows of --table are trained: cpu (tiny networks) or cuda."""
     renders: int = 0
     """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
     cache: Path | None = None
@@ -117,8 +123,18 @@ class EvaluateCommand:
 
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
-        from ..learning import evaluate
+        from ..learning import evaluate, evaluate_table
 
+        if self.table:
+            with progress(quiet=self.common.quiet) as tell:
+                return evaluate_table(
+                    self.table,
+                    data=self.data or Path("data"),
+                    minutes=self.minutes,
+                    device=self.device,
+                    objects=self.objects,
+                    progress=tell,
+                )
         folder = FeatureOptions(cache=self.cache, no_cache=self.no_cache).memory
         with progress(quiet=self.common.quiet) as tell:
             return evaluate(

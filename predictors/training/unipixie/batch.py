@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ...datasets.shapes import EMPTY
+from ...datasets.shapes import EMPTY, MAX_PARTS
 from ...unipixie.evidence import Projector
 from ...unipixie.network import Voxels
 
@@ -59,3 +59,11 @@ def voxel_places(voxel: Tensor, cells: int) -> Tensor:
     """Places (..., 3) in [-1, 1] of flat voxel numbers (...) of a cube, x the slowest."""
     axes = (voxel // cells**2, voxel // cells % cells, voxel % cells)
     return (torch.stack(axes, -1) + 0.5) / cells * 2 - 1
+
+
+def part_means(values: Tensor, batch: MatterBatch) -> Tensor:
+    """Means (n, 6) of values (n, K) over the voxels of each part, NaN where it has none."""
+    weight = batch.counts.float()
+    zero = values.new_zeros(len(values), MAX_PARTS)
+    total = zero.scatter_add(1, batch.part, values * weight)
+    return total / zero.scatter_add(1, batch.part, weight)

@@ -10,7 +10,7 @@ from ...unipixie.config import SHIPPED as SHIPPED_NETWORK
 from ...unipixie.config import UniPixieConfig
 from ..options import TrainerOptions
 
-Model = Literal["flow", "regression"]
+Model = Literal["flow", "regression", "diffusion"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class EvidenceShares:
 
 @dataclass(frozen=True)
 class MatterConfig:
-    """A run. ``model`` is the network, or the U-Net that it is compared with.
+    """A run. ``model`` is the network, or one of the U-Nets that it is compared with.
 
     ``midpoint`` trains on alpha .5 alone, as Pixie is; ``lean`` is how far the ends of a range lean
     outwards where it is uncertain (0: not at all, 1: to the outermost).

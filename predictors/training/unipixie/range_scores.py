@@ -13,10 +13,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ...datasets.shapes import MAX_PARTS
+from ...unipixie.checkpoint import RangeCalibration
 from ...unipixie.inference import ANY, SAMPLE_STEPS
 from ...unipixie.network import UniPixie
-from .batch import MatterBatch, voxels_of
+from .batch import MatterBatch, part_means, voxels_of
+from .diffusion import DiffusionUNet, sample_diffusion
 from .regression import RegressionUNet, regress
 from .sampler import MatterSampler
 
@@ -27,6 +28,7 @@ INTERVAL = (0.1, 0.9)
 WANTED = 0.8  # share of the truth that the interval is to hold
 HELD = 0.95  # share of the truth that a range is to hold
 OBJECTS_AT_ONCE = 16
+UNCALIBRATED = RangeCalibration()
 
 # For alpha, or for ``ANY`` and where the flow starts: values (n, K, 3) and logits (n, K, 8).
 Answers = Callable[[float, Tensor], tuple[Tensor, Tensor]]
@@ -40,7 +42,8 @@ class RangeScores:
     class; ``monotone`` share of voxels whose E never falls as alpha rises; ``covered`` share of
     parts whose true E lies between the ends, and ``margin`` by how much (normalised log E) the ends
     must move for 95 % of them; ``in_interval`` share of parts in the 80 % interval of samples, and
-    ``spread`` by what factor they must lie further apart for 80 %.
+    ``spread`` by what factor they must lie further apart for 80 %. Shares are with the calibration
+    that was given, margin and spread without.
     """
 
     mse: dict[float, tuple[float, float, float]]
@@ -75,6 +78,8 @@ def answers_of(
 
     A flow takes ``steps`` to a sample, and one from the noise's middle to a place in the range.
     """
+    if isinstance(network, DiffusionUNet):
+        return _denoised(network, batch)
     if isinstance(network, RegressionUNet):
         return lambda alpha, _: regress(network, batch._replace(alpha=batch.alpha * 0 + alpha))[:2]
     voxels = voxels_of(network.project, batch)
@@ -89,6 +94,21 @@ def answers_of(
     return answer
 
 
+def _denoised(network: DiffusionUNet, batch: MatterBatch) -> Answers:
+    """Answers of the diffusion, each from noise of its own: it has no middle to start from."""
+    grid = voxels_of(network.project, batch).grid
+    index = batch.voxel[..., None]
+
+    def answer(alpha: float, start: Tensor) -> tuple[Tensor, Tensor]:
+        noise = torch.randn(len(grid), start.shape[-1], *grid.shape[2:], device=grid.device)
+        field = sample_diffusion(network, grid, batch.alpha * 0 + alpha, noise)
+        flat = (cube.flatten(2).movedim(1, -1) for cube in field)
+        values, logits = (f.gather(1, index.expand(-1, -1, f.shape[-1])) for f in flat)
+        return values, logits
+
+    return answer
+
+
 @torch.no_grad()
 def range_scores(
     network: UniPixie | RegressionUNet,
@@ -97,8 +117,9 @@ def range_scores(
     objects: int = 96,
     seed: int = 5,
     samples: int = SAMPLES,
+    calibration: RangeCalibration = UNCALIBRATED,
 ) -> RangeScores:
-    """Score a network on ``objects`` objects of a sampler."""
+    """Score a network on ``objects`` objects of a sampler, ``samples`` drawn for an interval."""
     found = [
         _answered(network, sampler, min(OBJECTS_AT_ONCE, objects - begin), seed + begin, samples)
         for begin in range(0, objects, OBJECTS_AT_ONCE)
@@ -121,9 +142,9 @@ def range_scores(
         mse,
         right[counts].float().mean().item(),
         rising.float().mean().item(),
-        (outside <= 0).float().mean().item(),
+        (outside <= calibration.margin).float().mean().item(),
         outside.quantile(HELD).clamp(min=0).item(),
-        (factor <= 1).float().mean().item(),
+        (factor <= calibration.spread).float().mean().item(),
         factor.quantile(WANTED).item(),
     )
 
@@ -159,11 +180,3 @@ def _drawn(sampler: MatterSampler, count: int, alpha: float, seed: int) -> Matte
     sampler.generator.manual_seed(seed)
     item = sampler.some(count)
     return sampler.compose(item, torch.full((count,), alpha, device=item.label.device))
-
-
-def part_means(values: Tensor, batch: MatterBatch) -> Tensor:
-    """Means (n, 6) of values (n, K) over the voxels of each part, NaN where it has none."""
-    weight = batch.counts.float()
-    zero = values.new_zeros(len(values), MAX_PARTS)
-    total = zero.scatter_add(1, batch.part, values * weight)
-    return total / zero.scatter_add(1, batch.part, weight)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
 
 from ...datasets.objects import Objects, make_objects
 from ...datasets.ranges import RangeTable
@@ -18,12 +19,19 @@ from ...unipixie.network import UniPixie
 from ..processes import joined, rank
 from ..stores import coarsened, procedural_labels
 from ..trainer import Report, Trained, train_network
-from .config import MatterConfig
+from .config import MatterConfig, Model
+from .diffusion import DiffusionUNet, denoise
 from .loss import MatterLoss, matter_forward
 from .names_on_device import Names
 from .regression import RegressionUNet, regress
 from .sampler import MatterSampler, Shapes
 
+_FORWARD: dict[Model, Callable[[Any, Any], Any]] = {
+    "flow": matter_forward,
+    "regression": regress,
+    "diffusion": denoise,
+}
+MatterNetwork = UniPixie | RegressionUNet
 _APART = 7919  # between the seeds of two processes
 
 
@@ -36,7 +44,7 @@ def train_matter(
     output: Path | None = None,
     report: Report | None = None,
     pause: float | None = None,
-) -> Trained[nn.Module]:
+) -> Trained[MatterNetwork]:
     """Train the encoder and the head of the material point method, or what they are compared with.
 
     Parameters
@@ -54,20 +62,28 @@ def train_matter(
         torch.manual_seed(config.seed + rank())
         sampler = make_matter_sampler(config, ranges, real)
         torch.manual_seed(config.seed)  # the same first weights in every process
-        flow = config.model == "flow"
-        network = UniPixie(config.network, ("mpm",)) if flow else RegressionUNet(config.network)
+        network = new_matter_network(config)
         torch.manual_seed(config.seed + rank())
 
-        def save(trained: nn.Module, steps: int) -> None:
+        def save(trained: MatterNetwork, steps: int) -> None:
             if output is not None and isinstance(trained, UniPixie):
                 save_unipixie(output, trained, facts={"steps": steps})
 
+        flow = config.model == "flow"
         velocity = flow and config.network.predicts == "velocity"
+        # Only the flow has a start, at which it leans.
+        loss = MatterLoss(config.lean if config.model != "diffusion" else 0.0, velocity)
         return train_network(
-            network, sampler, MatterLoss(config.lean, velocity), config.options,
-            forward=matter_forward if flow else regress,  # type: ignore[arg-type]
+            network, sampler, loss, config.options, forward=_FORWARD[config.model],
             resume=resume, config=asdict(config), save=save, report=report, pause=pause,
         )  # fmt: skip
+
+
+def new_matter_network(config: MatterConfig) -> MatterNetwork:
+    """Return the network of a run with its first weights."""
+    if config.model == "flow":
+        return UniPixie(config.network, ("mpm",))
+    return (RegressionUNet if config.model == "regression" else DiffusionUNet)(config.network)
 
 
 def make_matter_sampler(config: MatterConfig, ranges: Path, real: Path | None) -> MatterSampler:

@@ -59,7 +59,11 @@ class RegressionUNet(nn.Module):
 
     def forward(self, grid: Tensor, alpha: Tensor) -> Tensor:
         """Return (batch, 3 + 8, x, y, z) of features (batch, features, x, y, z)."""
-        steer, x, passed = self.alpha(alpha[:, None]), self.enter(grid), []
+        return self.unet(grid, self.alpha(alpha[:, None]))
+
+    def unet(self, given: Tensor, steer: Tensor) -> Tensor:
+        """Return (batch, 3 + 8, x, y, z) of what enters, scaled and shifted as ``steer`` says."""
+        x, passed = self.enter(given), []
         for level, block in enumerate(self.falling):
             x = block(self.down[level - 1](x) if level else x, steer)
             passed.append(x)

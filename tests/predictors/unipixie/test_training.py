@@ -8,6 +8,7 @@ import torch
 from autophyx_tet.predictors.datasets.objects import make_objects
 from autophyx_tet.predictors.datasets.ranges import build_range_table
 from autophyx_tet.predictors.datasets.shapes import EMPTY
+from autophyx_tet.predictors.evaluation.paper_tables import ROWS, SPLITS, paper_table
 from autophyx_tet.predictors.training.unipixie.batch import spread_parts, voxel_places
 from autophyx_tet.predictors.training.unipixie.config import CPU, EvidenceShares
 from autophyx_tet.predictors.training.unipixie.loss import MatterLoss, MatterOutput
@@ -122,7 +123,7 @@ def test_ends_lean_outwards(alpha, names, shapes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["flow", "regression"])
+@pytest.mark.parametrize("model", ["flow", "regression", "diffusion"])
 def test_a_short_training_learns(model, tmp_path):
     """On the CPU in seconds: the error of the last steps is half of that of the first."""
     build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
@@ -131,3 +132,18 @@ def test_a_short_training_learns(model, tmp_path):
     trained = train_matter(config, ranges=tmp_path / "ranges.safetensors")
     errors = [line["mse"] for line in trained.history]
     assert np.mean(errors[-5:]) < np.mean(errors[:5]) / 2, errors
+
+
+@pytest.mark.slow
+def test_a_table_of_the_paper_trains_its_rows(tmp_path):
+    """Rows differ in one thing, and each is scored where training was and where it was not."""
+    build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
+    base = replace(CPU, steps=2, every=2, objects=3)
+    told: list[str] = []
+    rows = paper_table(
+        "S6", base, ranges=tmp_path / "ranges.safetensors", objects=4, progress=told.append
+    )
+    assert told == list(ROWS["S6"])
+    assert [(row.row, row.split) for row in rows] == [(t, s) for t in told for s in SPLITS]
+    assert all(row.steps == 2 and min(row.soft + row.stiff) > 0 for row in rows)
+    assert rows[0].middle != rows[2].middle
