@@ -1,9 +1,11 @@
-"""What predictors learn from: `dataset build`, `dataset ranges` and `dataset show`."""
+"""What predictors learn from: `dataset build`, `dataset ranges`, `show` and `audit`."""
 
 from __future__ import annotations
 
+import json
 import logging
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +18,7 @@ from ..predictors.datasets.real import CELLS, RealObject, save_real, voxelise
 from ..predictors.encoders import speaking_encoder
 from .io import sweethome3d
 from .io.outputs import check_file, check_folder
+from .native.child import Progress
 
 if TYPE_CHECKING:
     from ..predictors.asset import Asset
@@ -155,3 +158,54 @@ def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
         corners = np.repeat(colours[:, None], 3, axis=1)
         panels.append(Panel((ColouredSurface(shell.points, shell.faces, corners),), title))
     render_png(output, panels)
+
+
+def audit_ranges(
+    output: Path,
+    *,
+    objects: int = 100,
+    seed: int = 0,
+    actor: str | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Audit the ranges of objects, or go on with what a person edited in ``output``.
+
+    Parameters
+    ----------
+    output
+        Folder of the logs, one an object, of the table and of the queue for review.
+    objects, seed
+        How many, drawn how.
+    actor
+        ``http://HOST/v1#MODEL`` of a language model that proposes; None: the table does.
+    resume
+        Whether to go on with the logs that are there instead of drawing objects.
+    progress
+        Called with the stage and the seconds so far.
+    """
+    from ..predictors.chat import ChatEndpoint
+    from ..predictors.datasets.audit import auditing
+    from ..predictors.datasets.audit.actor import propose_by_table
+    from ..predictors.datasets.audit.endpoint import EndpointActor
+
+    check_folder(output)
+    output.mkdir(parents=True, exist_ok=True)
+    began = time.monotonic()
+
+    def tell(stage: str) -> None:
+        if progress is not None:
+            progress(stage, time.monotonic() - began)
+
+    if resume:
+        logs = auditing.resume(output, tell=tell)
+    else:
+        proposer = EndpointActor(ChatEndpoint.at(actor)) if actor else propose_by_table
+        logs = auditing.audit(
+            output, objects=objects, seed=seed, actor=proposer, actor_name=actor or "table",
+            tell=tell,
+        )  # fmt: skip
+    document = auditing.audit_document(logs)
+    table = output / "audit.json"
+    table.write_text(json.dumps(document, indent=1) + "\n")
+    return {"files": [table, output / auditing.QUEUE, output], **document}

@@ -55,11 +55,13 @@ def treated(
     budget: float = BUDGET,
     gravity: float = 9.81,
     courant: float = COURANT,
+    reach: float = REACH,
 ) -> Treatment:
     """Decide what becomes of particles stiffer than ``budget`` substeps a second allow.
 
     ``held`` are particles at what holds the body: stiff bodies among them stand still, free ones
-    move as rigid ones. ``gravity`` [m/s^2] says whether softening would be seen.
+    move as rigid ones. ``gravity`` [m/s^2] says whether softening would be seen. Particles within
+    ``reach`` [spacings] of each other are of one rigid body.
     """
     dt = 1 / budget
     most = np.asarray(largest_modulus(particles.nu, particles.rho, spacing, dt, courant=courant))
@@ -71,7 +73,7 @@ def treated(
     if stiff == Stiff.CAP:
         return _capped(found, hard, parts, gravity)
     labels = np.full(len(hard), -1)
-    labels[hard] = rigid_labels(particles.x[hard], REACH * spacing)
+    labels[hard] = rigid_labels(particles.x[hard], reach * spacing)
     standing = np.isin(labels, np.unique(labels[hard & held])) & hard
     if stiff == Stiff.STATIONARY:
         standing = hard

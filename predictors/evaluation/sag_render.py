@@ -10,17 +10,16 @@ larger than it was computed, but small displacements are assumed: bodies far too
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ...fem.scene.box import box_mesh
 from ...fem.scene.material import ElementMaterial
-from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
 from ...fem.solve.statics import solve_static
 from ..asset import Asset, Part
 from ..images.cameras import hemisphere
 from ..images.views import render_views
 from ..normalisation import DEFAULT
+from ..voxels import TETS_PER_CELL, blocks, voxel_mesh
 from .ssim import ImageSimilarity, image_similarity
 
 CELLS = 32  # elements along a side, at most
@@ -28,7 +27,6 @@ SLOPE = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)  # sag and bend alike, the groun
 SAG = 0.1  # largest displacement of the true body, of its longest side
 LARGEST = 0.5  # and the largest that is drawn
 VIEWS, PIXELS = 3, 128
-_PER_CELL = 6  # tets
 _HUES = np.random.default_rng(3).uniform(0.25, 0.95, (64, 3))  # of the parts
 
 Values = Float[np.ndarray, "x y z 3"]
@@ -46,10 +44,10 @@ class SagRender:
     """
 
     def __init__(self, part: Int[np.ndarray, "x y z"], truth: Values) -> None:
-        self._inside = _blocks(part >= 0)
+        self._inside = blocks(part >= 0, CELLS)
         self._occupied = np.asarray(self._inside.any(axis=3))
         self._mesh = voxel_mesh(self._occupied)
-        self._colours = _HUES[_blocks(part + 1).max(axis=3)[self._occupied] % len(_HUES)]
+        self._colours = _HUES[blocks(part + 1, CELLS).max(axis=3)[self._occupied] % len(_HUES)]
         self._supports, _ = find_supports(self._mesh, 2)
         self._cameras = hemisphere(self._mesh.bounds, count=VIEWS, pixels=PIXELS)
         moved = self._moved(truth)
@@ -65,9 +63,9 @@ class SagRender:
 
     def _moved(self, values: Values) -> Float[np.ndarray, "points 3"]:
         """Displacement under 1 m/s^2 along the slope."""
-        total = np.einsum("abdnc,abdn->abdc", _blocks(values), self._inside)[self._occupied]
+        total = np.einsum("abdnc,abdn->abdc", blocks(values, CELLS), self._inside)[self._occupied]
         at = total / self._inside.sum(axis=3)[self._occupied][:, None]
-        material = ElementMaterial(*(np.repeat(v, _PER_CELL) for v in DEFAULT.physical(at)))
+        material = ElementMaterial(*(np.repeat(v, TETS_PER_CELL) for v in DEFAULT.physical(at)))
         body = self._mesh.with_material(material)
         return solve_static(body, self._supports, gravity_vector=SLOPE, order=1).displacement
 
@@ -80,30 +78,7 @@ class SagRender:
         boundary = self._mesh.boundary
         surface = trimesh.Trimesh(
             self._mesh.points + shift, boundary.faces, process=False,
-            face_colors=self._colours[boundary.tet // _PER_CELL],
+            face_colors=self._colours[boundary.tet // TETS_PER_CELL],
         )  # fmt: skip
         views = render_views(Asset("body", (Part("body", surface),)), self._cameras)
         return views.images()[..., :3]
-
-
-def voxel_mesh(occupied: Bool[np.ndarray, "x y z"]) -> TetMesh:
-    """Six tets in every occupied cell, in C order; the grid's longest side is 1 m."""
-    shape = np.array(occupied.shape)
-    box = box_mesh((shape / shape.max()).tolist(), occupied.shape)
-    tets = box.tets[np.repeat(occupied.ravel(), _PER_CELL)]
-    used, corner = np.unique(tets, return_inverse=True)
-    return TetMesh.oriented(box.points[used], corner.reshape(-1, 4))
-
-
-def _blocks(values: np.ndarray) -> np.ndarray:
-    """Voxels (x, y, z, ...) by element (a, b, d, voxels, ...), at most ``CELLS`` a side.
-
-    Zeros, which are outside, fill what is missing to whole blocks.
-    """
-    size = -(-max(values.shape[:3]) // CELLS)
-    rest_of = values.shape[3:]
-    pad = [(0, -n % size) for n in values.shape[:3]] + [(0, 0)] * len(rest_of)
-    values = np.pad(values, pad)
-    a, b, d = (n // size for n in values.shape[:3])
-    split = values.reshape(a, size, b, size, d, size, *rest_of)
-    return np.moveaxis(split, (1, 3, 5), (3, 4, 5)).reshape(a, b, d, size**3, *rest_of)

@@ -4,8 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.evaluation.sag_render import SagRender, voxel_mesh
+from autophyx_tet.predictors.evaluation.sag_render import SagRender
 from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.voxels import voxel_mesh
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 PART = np.full((8, 8, 12), -1)

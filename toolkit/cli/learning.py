@@ -14,16 +14,23 @@ from .progress import progress
 
 @dataclass(frozen=True)
 class DatasetCommand:
-    """Build the training data, or draw samples of it.
+    """Build the training data, draw samples of it, or audit its ranges by simulation.
 
     Examples: autophyx-tet dataset build -o data; autophyx-tet dataset ranges -o data;
-    autophyx-tet dataset show -o samples.png
+    autophyx-tet dataset show -o samples.png; autophyx-tet dataset audit -o audit
     """
 
-    action: tyro.conf.Positional[Literal["build", "ranges", "show"]]
-    """What to do: clauses and objects, names with their ranges (for unipixie), or a picture."""
+    action: tyro.conf.Positional[Literal["build", "ranges", "show", "audit"]]
+    """Clauses and objects, names with their ranges (for unipixie), a picture, or ranges simulated
+    at both ends."""
     output: Output
-    """Folder of the data (build, ranges), or .png of six samples (show)."""
+    """Folder of the data or of the audit's logs, or .png of six samples (show)."""
+    objects: int = 100
+    """audit: how many objects."""
+    actor: str | None = None
+    """audit: http://HOST/v1#MODEL of a language model that proposes ranges; else the table does."""
+    resume: tyro.conf.FlagCreatePairsOff[bool] = False
+    """audit: go on with the proposals that were edited in the logs of the folder."""
     per_part: int = 300
     """Clauses for every kind of part; the shipped network heard 3,600."""
     device: str = "cpu"
@@ -44,6 +51,8 @@ class DatasetCommand:
             return build_ranges(self.output, seed=self.seed, device=self.device)
         if self.action == "show":
             return show_dataset(self.output, seed=self.seed)
+        if self.action == "audit":
+            return self._audit()
         folder = FeatureOptions().memory
         return build_dataset(
             self.output,
@@ -54,6 +63,19 @@ class DatasetCommand:
             encoder=self.encoder,
             memory=folder and folder / "evaluation",
         )
+
+    def _audit(self) -> dict[str, Any]:
+        from ..datasets import audit_ranges
+
+        with progress(quiet=self.common.quiet) as tell:
+            return audit_ranges(
+                self.output,
+                objects=self.objects,
+                seed=self.seed,
+                actor=self.actor,
+                resume=self.resume,
+                progress=tell,
+            )
 
 
 @dataclass(frozen=True)

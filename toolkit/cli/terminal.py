@@ -65,6 +65,9 @@ def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
         yield _table(rows, {name: name for name in rows[0]})
     if "papers" in document:
         yield _table(document["rows"], _scalars(document["rows"]))
+    for key in ("shares", "reasons", "biases"):  # of an audit of ranges
+        if rows := document.get(key):
+            yield _table(rows, _scalars(rows))
 
 
 def _lines(document: Mapping[str, Any]) -> Iterator[str]:
