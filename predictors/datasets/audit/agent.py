@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 from ....fem.scene.materials import FIELDS, Band
-from .findings import Finding
+from .findings import Flaw
 from .proposal import End, PartRange, Proposal
 
 SHIFT = 10**0.5  # an end of E that fails moves by half a decade
@@ -28,7 +28,7 @@ class Action(NamedTuple):
         return self._asdict()
 
 
-class Response(NamedTuple):
+class Amendment(NamedTuple):
     """The proposal after ``actions``; without any it is ``accepted`` or given up."""
 
     proposal: Proposal
@@ -42,30 +42,30 @@ class Response(NamedTuple):
         return not self.actions
 
 
-def respond(proposal: Proposal, findings: Sequence[Finding], spans: Mapping[str, Band]) -> Response:
+def respond(proposal: Proposal, findings: Sequence[Flaw], spans: Mapping[str, Band]) -> Amendment:
     """Answer all findings at once; ``spans`` are the whole ranges of the kinds of parts."""
     if not findings:
-        return Response(proposal, accepted=True)
+        return Amendment(proposal, accepted=True)
     actions: list[Action] = []
     for finding in findings:
         if finding.kind == "constraint":
-            return Response(proposal, reason=f"constraint {finding.message}")
+            return Amendment(proposal, reason=f"constraint {finding.message}")
         if finding.kind == "indistinguishable":
             return _told_apart(proposal, finding, spans)
         end, part = finding.end, proposal.parts[finding.part]
         assert end is not None
         changed, action = _answer(finding, end, part)
         if action is None:
-            return Response(proposal, reason=f"{end} end of {finding.part}: {finding.message}")
+            return Amendment(proposal, reason=f"{end} end of {finding.part}: {finding.message}")
         proposal = proposal.with_part(finding.part, changed)
         actions.append(action)
     if all(End.SOFT in part.rigid for part in proposal.parts.values()):
         reason = "no part of the soft end can be followed within the steps"
-        return Response(proposal, reason=reason)
-    return Response(proposal, tuple(actions))
+        return Amendment(proposal, reason=reason)
+    return Amendment(proposal, tuple(actions))
 
 
-def _answer(finding: Finding, end: End, part: PartRange) -> tuple[PartRange, Action | None]:
+def _answer(finding: Flaw, end: End, part: PartRange) -> tuple[PartRange, Action | None]:
     """Make rigid what is too fast; move an end of E or, at the stiff end, of rho that fails."""
     name = finding.part
     if finding.kind == "cfl":
@@ -93,11 +93,11 @@ def _evened(name: str, part: PartRange) -> tuple[PartRange, Action | None]:
     )
 
 
-def _told_apart(proposal: Proposal, finding: Finding, spans: Mapping[str, Band]) -> Response:
+def _told_apart(proposal: Proposal, finding: Flaw, spans: Mapping[str, Band]) -> Amendment:
     """Widen what the names leave open; else let E alone move; else accept what the names state."""
     open_parts = {name: part for name, part in proposal.parts.items() if not part.told}
     if not open_parts:
-        return Response(proposal, reason=TOLD, accepted=True)
+        return Amendment(proposal, reason=TOLD, accepted=True)
     actions: list[Action] = []
     for name, part in open_parts.items():
         wide = _widened(part, spans.get(name))
@@ -109,7 +109,7 @@ def _told_apart(proposal: Proposal, finding: Finding, spans: Mapping[str, Band])
         if action is not None:
             proposal = proposal.with_part(name, even)
             actions.append(action)
-    return Response(proposal, tuple(actions), "" if actions else finding.message)
+    return Amendment(proposal, tuple(actions), "" if actions else finding.message)
 
 
 def _widened(part: PartRange, span: Band | None) -> PartRange | None:

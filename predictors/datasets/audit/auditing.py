@@ -13,11 +13,11 @@ from ....fem.errors import InputError
 from .actor import Actor, draw_object, propose_by_table
 from .bias import count_biases
 from .findings import DISTINCT
-from .log import Outcome, RangeLog, load_log
+from .log import RangeLog, RangeOutcome, load_log
 from .refinement import refine
 
 # UniPixie supplement, A.1.1: shares of 100 objects of their own, judged by people.
-PAPER = {Outcome.ACCEPTED: 0.528, Outcome.REFINED: 0.383, Outcome.REJECTED: 0.089}
+PAPER = {RangeOutcome.ACCEPTED: 0.528, RangeOutcome.REFINED: 0.383, RangeOutcome.REJECTED: 0.089}
 QUEUE = "review.txt"
 
 Tell = Callable[[str], None]
@@ -56,7 +56,7 @@ def audit(
             log = refine(thing, actor(thing), actor=actor_name)
         except InputError as error:
             reason = f"no proposal: {error}"
-            log = RangeLog(thing, actor_name, None, None, Outcome.REJECTED, reason)
+            log = RangeLog(thing, actor_name, None, None, RangeOutcome.REJECTED, reason)
         log.save(output)
         logs.append(log)
     write_queue(output, logs)
@@ -86,7 +86,7 @@ def write_queue(folder: Path, logs: Sequence[RangeLog]) -> Path:
     lines = [
         f"{log.file_name}\t{log.thing.name}\t{log.reason}"
         for log in logs
-        if log.outcome == Outcome.REJECTED
+        if log.outcome == RangeOutcome.REJECTED
     ]
     path = folder / QUEUE
     path.write_text("\n".join(lines) + "\n" * bool(lines))
@@ -102,7 +102,7 @@ def audit_document(logs: Sequence[RangeLog]) -> dict[str, Any]:
         "shares": [
             {"outcome": str(o), "objects": count[o], "share": count[o] / len(logs),
              "paper": PAPER[o]}
-            for o in Outcome
+            for o in RangeOutcome
         ],
         "reasons": [
             {"outcome": str(outcome), "reason": reason, "objects": n}
@@ -116,13 +116,13 @@ def audit_document(logs: Sequence[RangeLog]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _reasons(logs: Sequence[RangeLog]) -> Counter[tuple[Outcome, str]]:
+def _reasons(logs: Sequence[RangeLog]) -> Counter[tuple[RangeOutcome, str]]:
     """Count reasons by their kind: of what is said of one part, the kind of the finding alone."""
     return Counter((log.outcome, _general(log)) for log in logs)
 
 
 def _general(log: RangeLog) -> str:
-    if log.outcome != Outcome.REJECTED:
+    if log.outcome != RangeOutcome.REJECTED:
         return log.reason or "both ends hold and differ"
     last = log.rounds[-1]["findings"] if log.rounds else []
     kinds = {finding["kind"] for finding in last if isinstance(finding, dict)}

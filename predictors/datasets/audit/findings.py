@@ -13,14 +13,14 @@ from .proposal import End, Proposal
 # body fills 128, and more than what a grid of 20 cells gets wrong of a motion of a tenth.
 DISTINCT = 0.01
 
-FindingKind = FailureKind | Literal["constraint", "indistinguishable"]
+FlawKind = FailureKind | Literal["constraint", "indistinguishable"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class Flaw:
     """One thing that is wrong, at an ``end`` and in a ``part`` where it is of one."""
 
-    kind: FindingKind
+    kind: FlawKind
     message: str
     end: End | None = None
     part: str = ""
@@ -34,7 +34,7 @@ class Finding:
 class Examination(NamedTuple):
     """What was found, and what was measured: ``difference`` [1] is None where an end failed."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[Flaw, ...]
     difference: float | None = None
     steps: tuple[int, int] = (0, 0)
     moved: tuple[float, float] = (0.0, 0.0)
@@ -64,9 +64,7 @@ class Examiner:
         """Check constraints, then the number of steps, then run both ends and compare them."""
         if broken := proposal.broken():
             message = "a sample of the ranges may break it, or it cannot be read"
-            return Examination(
-                tuple(Finding("constraint", f"{line}: {message}") for line in broken)
-            )
+            return Examination(tuple(Flaw("constraint", f"{line}: {message}") for line in broken))
         probe, load = self.probe, self._settled()
         stiff = [(end, f) for end in End for f in probe.too_stiff(proposal, end, load)]
         if stiff:
@@ -83,7 +81,7 @@ class Examiner:
             return Examination(tuple(failed), None, steps, moved)
         apart = difference(*runs, probe.part, probe.length)
         alike = f"the ends move alike: {apart:.2%} of the longest side apart, wanted {DISTINCT:.0%}"
-        findings = () if apart >= DISTINCT else (Finding("indistinguishable", alike),)
+        findings = () if apart >= DISTINCT else (Flaw("indistinguishable", alike),)
         return Examination(findings, apart, steps, moved)
 
     def _settled(self) -> Load:
@@ -106,5 +104,5 @@ def _key(proposal: Proposal, end: End) -> tuple[Any, ...]:
     return (end, *((name, p.value(end), p.matter[side]) for name, p in proposal.parts.items()))
 
 
-def _found(end: End, failure: Failure) -> Finding:
-    return Finding(failure.kind, str(failure), end, failure.part)
+def _found(end: End, failure: Failure) -> Flaw:
+    return Flaw(failure.kind, str(failure), end, failure.part)

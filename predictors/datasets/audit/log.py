@@ -13,7 +13,7 @@ from .actor import AuditObject, draw_object
 from .proposal import Proposal, proposal_from
 
 
-class Outcome(StrEnum):
+class RangeOutcome(StrEnum):
     """What becomes of a proposal."""
 
     ACCEPTED = "accepted at once"
@@ -33,7 +33,7 @@ class RangeLog:
     actor: str
     first: Proposal | None
     proposal: Proposal | None
-    outcome: Outcome
+    outcome: RangeOutcome
     reason: str
     load: dict[str, Any] = field(default_factory=dict)
     rounds: tuple[dict[str, Any], ...] = ()
@@ -84,8 +84,8 @@ def load_log(path: Path) -> tuple[RangeLog, bool]:
         rounds = tuple(dict(entry) for entry in data["rounds"])
         last = proposal_from(rounds[-1]["proposal"], parts) if rounds else first
         found = RangeLog(
-            thing, str(data["actor"]), first, now, Outcome(data["outcome"]), str(data["reason"]),
-            dict(data["load"]), rounds,
+            thing, str(data["actor"]), first, now, RangeOutcome(data["outcome"]),
+            str(data["reason"]), dict(data["load"]), rounds,
         )  # fmt: skip
     except (OSError, KeyError, TypeError, ValueError, InputError) as error:
         raise InputError(f"{path} is no log of an audit: {error}") from error

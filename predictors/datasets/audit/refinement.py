@@ -6,9 +6,9 @@ from typing import Any
 
 from ...hearing.part_names import part_kinds
 from .actor import AuditObject, band_of
-from .agent import Response, respond
+from .agent import Amendment, respond
 from .findings import DISTINCT, Examiner
-from .log import Outcome, RangeLog
+from .log import RangeLog, RangeOutcome
 from .probe import ALONG, Probe
 from .proposal import End, Proposal
 
@@ -46,14 +46,14 @@ def refine(
 
 
 def _judged(
-    answer: Response, rounds: list[dict[str, Any]], *, by_hand: bool
-) -> tuple[Outcome, str]:
+    answer: Amendment, rounds: list[dict[str, Any]], *, by_hand: bool
+) -> tuple[RangeOutcome, str]:
     """Return what becomes of a proposal after its last answer, and why."""
     if not answer.accepted:
-        return Outcome.REJECTED, answer.reason or f"it did not survive {ROUNDS} rounds"
+        return RangeOutcome.REJECTED, answer.reason or f"it did not survive {ROUNDS} rounds"
     deeds = {action["deed"] for entry in rounds[:-1] for action in entry["actions"]}
     refined = [*["edited by hand"] * by_hand, *sorted(deeds)]
-    outcome = Outcome.REFINED if refined else Outcome.ACCEPTED
+    outcome = RangeOutcome.REFINED if refined else RangeOutcome.ACCEPTED
     return outcome, "; ".join([*refined, *[answer.reason] * bool(answer.reason)])
 
 

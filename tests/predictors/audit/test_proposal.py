@@ -8,7 +8,7 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.scene.materials import FIELDS, Band, MaterialValue, Span
 from autophyx_tet.predictors.datasets.audit.actor import draw_object, order_of, propose_by_table
 from autophyx_tet.predictors.datasets.audit.agent import respond
-from autophyx_tet.predictors.datasets.audit.findings import Finding
+from autophyx_tet.predictors.datasets.audit.findings import Flaw
 from autophyx_tet.predictors.datasets.audit.proposal import End, Proposal, proposal_from
 from autophyx_tet.predictors.datasets.constraints import always_holds, holds
 from hypothesis import given, settings
@@ -93,7 +93,7 @@ def test_constraints_of_the_table_hold_for_every_sample_also_after_refinement(th
     for _ in range(data.draw(st.integers(0, 5))):
         kind = data.draw(st.sampled_from(FAILURES))
         end, part = data.draw(st.sampled_from(End)), data.draw(st.sampled_from(list(thing.parts)))
-        answer = respond(proposal, [Finding(kind, "", end, part)], whole)
+        answer = respond(proposal, [Flaw(kind, "", end, part)], whole)
         proposal = answer.proposal
     assert not proposal.broken()
     values = sampled(data.draw, proposal.bands)

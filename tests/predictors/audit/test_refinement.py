@@ -13,29 +13,29 @@ from autophyx_tet.predictors.datasets.audit.agent import TOLD, respond
 from autophyx_tet.predictors.datasets.audit.auditing import audit, audit_document, resume
 from autophyx_tet.predictors.datasets.audit.bias import count_biases
 from autophyx_tet.predictors.datasets.audit.endpoint import EndpointActor
-from autophyx_tet.predictors.datasets.audit.findings import Examination, Finding
-from autophyx_tet.predictors.datasets.audit.log import Outcome, load_log
+from autophyx_tet.predictors.datasets.audit.findings import Examination, Flaw
+from autophyx_tet.predictors.datasets.audit.log import RangeOutcome, load_log
 from autophyx_tet.predictors.datasets.audit.proposal import End, PartRange, Proposal
 
 WHOLE = Band(Span(1e6, 1e9), Span(0.1, 0.4), Span(100, 900))
 OPEN = PartRange(WHOLE)
 STATED = PartRange(WHOLE, told=True)
-ALIKE = Finding("indistinguishable", "alike")
+ALIKE = Flaw("indistinguishable", "alike")
 
 
-def answer(part: PartRange, finding: Finding, span: Band = WHOLE):
+def answer(part: PartRange, finding: Flaw, span: Band = WHOLE):
     return respond(Proposal({"leg": part, "seat": OPEN}), [finding], {"leg": span, "seat": WHOLE})
 
 
 def test_what_is_too_fast_becomes_rigid_and_keeps_its_range():
-    found = answer(OPEN, Finding("cfl", "", End.STIFF, "leg"))
+    found = answer(OPEN, Flaw("cfl", "", End.STIFF, "leg"))
     assert found.proposal.parts["leg"].rigid == (End.STIFF,)
     assert found.proposal.parts["leg"].band == WHOLE
     assert [action.deed for action in found.actions] == ["decouple"]
 
 
 def test_nothing_soft_to_follow_is_given_up():
-    found = respond(Proposal({"leg": OPEN}), [Finding("cfl", "", End.SOFT, "leg")], {})
+    found = respond(Proposal({"leg": OPEN}), [Flaw("cfl", "", End.SOFT, "leg")], {})
     assert not found.actions
     assert "no part of the soft end" in found.reason
 
@@ -43,7 +43,7 @@ def test_nothing_soft_to_follow_is_given_up():
 def test_an_end_that_fails_moves_towards_the_other_and_not_beyond():
     part, low = OPEN, []
     for _ in range(8):
-        found = answer(part, Finding("inverted", "", End.SOFT, "leg"))
+        found = answer(part, Flaw("inverted", "", End.SOFT, "leg"))
         part = found.proposal.parts["leg"]
         low.append(part.band.E.min)
     assert low == pytest.approx([min(1e6 * 10 ** (k / 2), 1e9) for k in range(1, 9)])
@@ -52,11 +52,11 @@ def test_an_end_that_fails_moves_towards_the_other_and_not_beyond():
 
 def test_what_is_crushed_at_its_stiff_end_is_relieved_of_its_weight():
     """Less E would crush it more."""
-    found = answer(OPEN, Finding("inverted", "", End.STIFF, "leg"))
+    found = answer(OPEN, Flaw("inverted", "", End.STIFF, "leg"))
     leg = found.proposal.parts["leg"]
     assert [action.deed for action in found.actions] == ["even density"]
     assert leg.value(End.SOFT).rho == leg.value(End.STIFF).rho == pytest.approx(300)
-    assert not answer(leg, Finding("inverted", "", End.STIFF, "leg")).actions
+    assert not answer(leg, Flaw("inverted", "", End.STIFF, "leg")).actions
 
 
 def test_alike_ends_are_widened_then_evened_then_given_up():
@@ -111,42 +111,42 @@ def refined():
 
 def test_outcomes(fails):
     """At once; after a round; never: five rounds at most."""
-    stiff = Finding("cfl", "", End.STIFF, "handle")
+    stiff = Flaw("cfl", "", End.STIFF, "handle")
     fails()
-    assert refined().outcome == Outcome.ACCEPTED
+    assert refined().outcome == RangeOutcome.ACCEPTED
     fails([stiff])
     log = refined()
-    assert (log.outcome, log.reason, len(log.rounds)) == (Outcome.REFINED, "decouple", 2)
+    assert (log.outcome, log.reason, len(log.rounds)) == (RangeOutcome.REFINED, "decouple", 2)
     assert log.proposal is not None
     assert log.first is not None
     assert log.proposal.parts["handle"].band == log.first.parts["handle"].band
-    fails(*[[Finding("inverted", "", End.SOFT, "handle")]] * 9)
+    fails(*[[Flaw("inverted", "", End.SOFT, "handle")]] * 9)
     log = refined()
-    assert (log.outcome, len(log.rounds)) == (Outcome.REJECTED, 5)
+    assert (log.outcome, len(log.rounds)) == (RangeOutcome.REJECTED, 5)
 
 
 def test_a_broken_constraint_is_rejected_without_a_simulation():
     """A violation of logic, as the paper calls it."""
     broken = Proposal(propose_by_table(THING).parts, ("handle.E > 1e15",))
     log = refinement.refine(THING, broken, actor="table")
-    assert (log.outcome, len(log.rounds), log.load) == (Outcome.REJECTED, 1, {})
+    assert (log.outcome, len(log.rounds), log.load) == (RangeOutcome.REJECTED, 1, {})
     assert "handle.E > 1e15" in log.reason
 
 
 def test_a_person_goes_on_from_the_log(tmp_path, fails):
     """What was edited is simulated again after the old rounds; what was not stays as it is."""
-    fails(*[[Finding("inverted", "", End.SOFT, "handle")]] * 9)
+    fails(*[[Flaw("inverted", "", End.SOFT, "handle")]] * 9)
     path = refined().save(tmp_path)
     log, edited = load_log(path)
     assert not edited
-    assert (log.outcome, len(log.rounds)) == (Outcome.REJECTED, 5)
+    assert (log.outcome, len(log.rounds)) == (RangeOutcome.REJECTED, 5)
     assert [len(log.rounds) for log in resume(tmp_path)] == [5]
     document = json.loads(path.read_text())
     document["proposal"]["parts"]["handle"]["E"] = [2e9, 3e9]
     path.write_text(json.dumps(document))
     fails()
     again = resume(tmp_path)[0]
-    assert (again.outcome, len(again.rounds)) == (Outcome.REFINED, 6)
+    assert (again.outcome, len(again.rounds)) == (RangeOutcome.REFINED, 6)
     assert again.first == log.first
     assert load_log(path)[0].rounds == again.rounds
     document["proposal"]["parts"]["handle"]["E"] = [3e9, 2e9]
@@ -178,7 +178,7 @@ def test_an_answer_that_is_no_proposal_is_rejected_with_its_reason(tmp_path, ser
     assert "handle" in server.asked[2]["messages"][0]["content"]
     server.answer = "Sure! Here you go:"
     log = audit(tmp_path / "a", objects=1, actor=actor)[0]
-    assert (log.outcome, log.proposal) == (Outcome.REJECTED, None)
+    assert (log.outcome, log.proposal) == (RangeOutcome.REJECTED, None)
     assert "no JSON" in log.reason
     assert "no JSON" in (tmp_path / "a" / auditing.QUEUE).read_text()
 
