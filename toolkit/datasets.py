@@ -166,6 +166,7 @@ def audit_ranges(
     objects: int = 100,
     seed: int = 0,
     actor: str | None = None,
+    encoder: str | None = None,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -179,6 +180,8 @@ def audit_ranges(
         How many, drawn how.
     actor
         ``http://HOST/v1#MODEL`` of a language model that proposes; None: the table does.
+    encoder
+        Image encoder by which a critic looks at the objects; None: nobody does.
     resume
         Whether to go on with the logs that are there instead of drawing objects.
     progress
@@ -187,6 +190,7 @@ def audit_ranges(
     from ..predictors.chat import ChatEndpoint
     from ..predictors.datasets.audit import auditing
     from ..predictors.datasets.audit.actor import propose_by_table
+    from ..predictors.datasets.audit.critic import critic_of
     from ..predictors.datasets.audit.endpoint import EndpointActor
 
     check_folder(output)
@@ -203,7 +207,7 @@ def audit_ranges(
         proposer = EndpointActor(ChatEndpoint.at(actor)) if actor else propose_by_table
         logs = auditing.audit(
             output, objects=objects, seed=seed, actor=proposer, actor_name=actor or "table",
-            tell=tell,
+            critic=critic_of(speaking_encoder(encoder)) if encoder else None, tell=tell,
         )  # fmt: skip
     document = auditing.audit_document(logs)
     table = output / "audit.json"

@@ -36,7 +36,8 @@ class DatasetCommand:
     device: str = "cpu"
     """Where clauses are embedded: cpu or cuda."""
     encoder: str | None = None
-    """Image encoder that looks at the furniture of training: its features go along (hours)."""
+    """build: image encoder that looks at the furniture of training, its features go along (hours);
+    audit: by which a critic checks that pictures show the parts."""
     no_real: tyro.conf.FlagCreatePairsOff[bool] = False
     """Leave real furniture out: nothing is downloaded."""
     seed: int = 0
@@ -73,6 +74,7 @@ class DatasetCommand:
                 objects=self.objects,
                 seed=self.seed,
                 actor=self.actor,
+                encoder=self.encoder,
                 resume=self.resume,
                 progress=tell,
             )

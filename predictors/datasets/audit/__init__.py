@@ -2,5 +2,5 @@
 
 In: objects with named parts; a table of matter, an endpoint, or files that a person edited.
 Out: a log for every object with its range, rounds and outcome; shares, biases, a queue of reviews.
-Read: proposal, actor, endpoint, probe, findings, agent, log, refinement, bias, auditing.
+Read: proposal, actor, endpoint, probe, findings, agent, log, refinement, bias, critic, auditing.
 """

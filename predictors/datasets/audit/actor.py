@@ -21,7 +21,7 @@ from .proposal import PartRange, Proposal
 
 # Voxels along the longest side, two a cell of the simulation: as many as give at most so many
 # particles; bulky things bend no worse on a coarser grid.
-VOXELS, MOST_PARTICLES = (40, 32, 24), 10_000
+VOXELS, MOST_PARTICLES = (40, 32, 24), 5_000
 # Share of the parts whose name states their matter ("oak leg"); the others are called "leg".
 TOLD = 0.3
 

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ....fem.errors import InputError
-from .actor import Actor, draw_object, propose_by_table
+from .actor import Actor, AuditObject, draw_object, propose_by_table
 from .bias import count_biases
+from .critic import Critic
 from .findings import DISTINCT
 from .log import RangeLog, RangeOutcome, load_log
+from .proposal import End
 from .refinement import refine
 
 # UniPixie supplement, A.1.1: shares of 100 objects of their own, judged by people.
 PAPER = {RangeOutcome.ACCEPTED: 0.528, RangeOutcome.REFINED: 0.383, RangeOutcome.REJECTED: 0.089}
 QUEUE = "review.txt"
+UNCHECKED = (
+    "sizes in metres; metals and pastes beyond their yield stress; without --encoder, whether "
+    "pictures show the parts: of procedural objects they are known"
+)
 
 Tell = Callable[[str], None]
 
@@ -30,11 +37,13 @@ def audit(
     seed: int = 0,
     actor: Actor = propose_by_table,
     actor_name: str = "table",
+    critic: Critic | None = None,
     tell: Tell | None = None,
 ) -> list[RangeLog]:
     """Propose, simulate and refine the ranges of objects; a log of each goes to ``output``.
 
-    Objects whose log of the same seed is there already are not made again.
+    A ``critic`` looks at pictures of them, too. Objects whose log of the same seed is there already
+    are not made again.
     """
     output.mkdir(parents=True, exist_ok=True)
     logs = []
@@ -52,15 +61,23 @@ def audit(
         thing = draw_object(seed, number)
         if tell is not None:
             tell(f"object {number + 1} of {objects}, {thing.name}")
-        try:
-            log = refine(thing, actor(thing), actor=actor_name)
-        except InputError as error:
-            reason = f"no proposal: {error}"
-            log = RangeLog(thing, actor_name, None, None, RangeOutcome.REJECTED, reason)
+        log = _audited(thing, actor, actor_name, critic)
         log.save(output)
         logs.append(log)
     write_queue(output, logs)
     return logs
+
+
+def _audited(thing: AuditObject, actor: Actor, actor_name: str, critic: Critic | None) -> RangeLog:
+    """Ask the actor and refine what it proposes; an answer that is no proposal is rejected."""
+    try:
+        proposal = actor(thing)
+    except InputError as error:
+        reason = f"no proposal: {error}"
+        return RangeLog(thing, actor_name, None, None, RangeOutcome.REJECTED, reason)
+    log = refine(thing, proposal, actor=actor_name)
+    review = None if critic is None else critic(thing, proposal)
+    return log if review is None else replace(log, review=review.document())
 
 
 def resume(folder: Path, *, tell: Tell | None = None) -> list[RangeLog]:
@@ -74,7 +91,8 @@ def resume(folder: Path, *, tell: Tell | None = None) -> list[RangeLog]:
         if edited and log.proposal is not None:
             if tell is not None:
                 tell(f"{path.name}, {log.thing.name}")
-            log = refine(log.thing, log.proposal, actor=log.actor, earlier=log)
+            again = refine(log.thing, log.proposal, actor=log.actor, earlier=log)
+            log = replace(again, review=log.review)
             log.save(folder)
         logs.append(log)
     write_queue(folder, logs)
@@ -82,15 +100,25 @@ def resume(folder: Path, *, tell: Tell | None = None) -> list[RangeLog]:
 
 
 def write_queue(folder: Path, logs: Sequence[RangeLog]) -> Path:
-    """List the logs that a person should look at: what was rejected, and why."""
+    """List the logs that a person should look at, with the reasons."""
     lines = [
-        f"{log.file_name}\t{log.thing.name}\t{log.reason}"
+        f"{log.file_name}\t{log.thing.name}\t{'; '.join(why)}"
         for log in logs
-        if log.outcome == RangeOutcome.REJECTED
+        if (why := _doubts(log))
     ]
     path = folder / QUEUE
     path.write_text("\n".join(lines) + "\n" * bool(lines))
     return path
+
+
+def _doubts(log: RangeLog) -> list[str]:
+    """Why a person should look at a log."""
+    doubts = [log.reason] if log.outcome == RangeOutcome.REJECTED else []
+    if _against_the_dial(log):
+        doubts.append("the stiff end moves further")
+    if log.review and not log.review["accepted"]:
+        doubts.append(f"the words do not show the parts (coherence {log.review['coherence']:.2f})")
+    return doubts
 
 
 def audit_document(logs: Sequence[RangeLog]) -> dict[str, Any]:
@@ -112,7 +140,11 @@ def audit_document(logs: Sequence[RangeLog]) -> dict[str, Any]:
         "biases": [bias._asdict() for bias in count_biases(made)],
         "alike": {f"{limit:g}": _alike(logs, limit) for limit in (DISTINCT / 2, DISTINCT,
                                                                   2 * DISTINCT)},
-        "against_the_dial": sum(map(_moves_more, logs)),
+        "against_the_dial": sum(map(_against_the_dial, logs)),
+        "stiffened": sum(map(_is_stiffened, logs)),
+        "as_linear": _as_linear(logs),
+        "reviewed": _reviewed(logs),
+        "unchecked": UNCHECKED,
     }  # fmt: skip
 
 
@@ -145,10 +177,43 @@ def _alike(logs: Sequence[RangeLog], limit: float) -> int:
     return int((np.array(firsts) < limit).sum())
 
 
-def _moves_more(log: RangeLog) -> bool:
+def _against_the_dial(log: RangeLog) -> bool:
     """Whether the stiff end moves further than the soft one: heavier, or of matter that flows."""
     rounds = _measured(log)
     if not rounds:
         return False
     moved = rounds[-1]["largest_displacement"]
     return moved["stiff"] > moved["soft"]
+
+
+def _is_stiffened(log: RangeLog) -> bool:
+    """Whether a part is rigid at the stiff end though linear elements would let it be seen move."""
+    if log.proposal is None or not log.load:
+        return False
+    rigid = any(End.STIFF in part.rigid for part in log.proposal.parts.values())
+    return rigid and log.load["linear_sag"]["stiff"] >= DISTINCT
+
+
+def _reviewed(logs: Sequence[RangeLog]) -> dict[str, Any]:
+    """How many objects the critic looked at, let pass, and how many of their cells were right."""
+    reviews = [log.review for log in logs if log.review]
+    passed = [review["right"] for review in reviews if review["accepted"]]
+    rest = [review["right"] for review in reviews if not review["accepted"]]
+    means = {key: float(np.mean(v)) if v else None for key, v in
+             (("right_of_passed", passed), ("right_of_rest", rest))}  # fmt: skip
+    return {"objects": len(reviews), "passed": len(passed), **means}
+
+
+def _as_linear(logs: Sequence[RangeLog]) -> dict[str, int]:
+    """What linear elements at rest would have told: of how many objects the same, that ends differ.
+
+    The sags of both ends differ by at least half of what motions must, which go twice as far.
+    """
+    same = total = 0
+    for log in logs:
+        if rounds := _measured(log):
+            sag = log.load["linear_sag"]
+            apart = abs(sag["soft"] - sag["stiff"]) >= DISTINCT / 2
+            same += apart == (rounds[-1]["difference"] >= DISTINCT)
+            total += 1
+    return {"same": same, "of": total}

@@ -26,7 +26,8 @@ class RangeLog:
     """What was proposed for an object, what was found in every round, and what became of it.
 
     ``first`` is the actor's proposal and ``proposal`` the one that stands, None where the actor's
-    answer was none; ``rounds`` are plain data with proposal, findings, measures and actions.
+    answer was none; ``rounds`` are plain data with proposal, findings, measures and actions,
+    ``review`` that of the critic, where there was one.
     """
 
     thing: AuditObject
@@ -37,6 +38,7 @@ class RangeLog:
     reason: str
     load: dict[str, Any] = field(default_factory=dict)
     rounds: tuple[dict[str, Any], ...] = ()
+    review: dict[str, Any] = field(default_factory=dict)
 
     @property
     def file_name(self) -> str:
@@ -54,6 +56,7 @@ class RangeLog:
             "actor": self.actor,
             "outcome": str(self.outcome),
             "reason": self.reason,
+            "review": self.review,
             "load": self.load,
             "proposal": _plain(self.proposal),
             "first": _plain(self.first),
@@ -85,7 +88,7 @@ def load_log(path: Path) -> tuple[RangeLog, bool]:
         last = proposal_from(rounds[-1]["proposal"], parts) if rounds else first
         found = RangeLog(
             thing, str(data["actor"]), first, now, RangeOutcome(data["outcome"]),
-            str(data["reason"]), dict(data["load"]), rounds,
+            str(data["reason"]), dict(data["load"]), rounds, dict(data.get("review", {})),
         )  # fmt: skip
     except (OSError, KeyError, TypeError, ValueError, InputError) as error:
         raise InputError(f"{path} is no log of an audit: {error}") from error

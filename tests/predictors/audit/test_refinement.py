@@ -98,7 +98,9 @@ def fails(monkeypatch):
     """Rounds without a simulation."""
     monkeypatch.setattr(refinement, "Examiner", _Fails)
     monkeypatch.setattr(refinement, "Probe", lambda *_: None)
-    monkeypatch.setattr(refinement, "_load", lambda *_: {"acceleration": 1.0})
+    monkeypatch.setattr(
+        refinement, "_load", lambda *_: {"linear_sag": {"soft": 0.1, "stiff": 0.05}}
+    )
     return lambda *script: monkeypatch.setattr(_Fails, "script", list(script))
 
 
