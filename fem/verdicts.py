@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .intervals import Interval
+from .intervals import Interval, Likely
 from .model_error import MOTION_LIMIT
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
@@ -172,13 +172,10 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
     if (error := motion.model_error) is None:
         return ()
     passed = error.share <= MOTION_LIMIT
-    return (
-        Check(
-            "reduced model", passed, error.share, MOTION_LIMIT,
-            f"Its few coordinates {'follow' if passed else 'do not follow'} the full body: off by "
-            f"{error.words} (limit {percent(MOTION_LIMIT)}).",
-        ),
-    )  # fmt: skip
+    do = "follow" if passed else "do not follow"
+    limit = percent(MOTION_LIMIT)
+    said = f"Its few coordinates {do} the full body: off by {error.words} (limit {limit})."
+    return (Check("reduced model", passed, error.share, MOTION_LIMIT, said),)
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
@@ -271,13 +268,15 @@ def strength(safety: Safety) -> Check:
     )  # fmt: skip
 
 
-def span_of_answers(mass: Interval, u: Interval | None, tones: Sequence[Interval]) -> Check:
+def span_of_answers(
+    mass: Interval, u: Interval | None, tones: Sequence[Interval], likely: Likely | None = None
+) -> Check:
     """What mass, displacement and first frequency may be, by the ranges of the table."""
-    said = [f"it weighs {mass.low:.3g} to {mass.high:.3g} kg"]
+    said, inner = [f"it weighs {mass.words('.3g')} kg"], likely.words if likely else ("", "")
     if u is not None:
-        said.append(f"moves by {u.low:.2g} to {u.high:.2g} m")
+        said.append(f"moves by {u.words('.2g')} m{inner[0]}")
     if tones:
-        said.append(f"rings first at {tones[0].low:.3g} to {tones[0].high:.3g} Hz")
+        said.append(f"rings first at {tones[0].words('.3g')} Hz{inner[1]}")
     answer = u or (tones[0] if tones else mass)
     return Check(
         "range", True, answer.high / answer.low, np.inf,

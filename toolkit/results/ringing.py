@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.intervals import frequency_intervals, mass_range, material_ranges
+from ...fem.intervals import frequency_intervals, likely_answers, mass_range, material_ranges
 from ...fem.result import Modes
 from .simulation import Animation, Simulation
 from .verdict import Verdict
@@ -56,7 +56,8 @@ class Ringing(Simulation):
         if ranges is None:
             return None
         tones = frequency_intervals(self.mesh, self.modes, ranges)
-        return {"mass": mass_range(self.mesh, ranges), "frequencies": tones}
+        likely = likely_answers(self.scene, self.materials, modes=self.modes)
+        return {"mass": mass_range(self.mesh, ranges), "frequencies": tones, "likely": likely}
 
     @property
     def point_data(self) -> Mapping[str, np.ndarray]:
@@ -76,5 +77,7 @@ class Ringing(Simulation):
 
         checks = [first_frequency(self.modes)]
         if (known := self.intervals) is not None:
-            checks.append(span_of_answers(known["mass"], None, known["frequencies"]))
+            checks.append(
+                span_of_answers(known["mass"], None, known["frequencies"], known["likely"])
+            )
         return [*map(Verdict.of, checks)]

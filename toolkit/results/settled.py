@@ -13,6 +13,7 @@ from jaxtyping import Float
 from ...fem.intervals import (
     displacement_interval,
     frequency_intervals,
+    likely_answers,
     mass_range,
     material_ranges,
 )
@@ -97,6 +98,7 @@ class Settled(Simulation):
             "mass": mass_range(self.mesh, ranges),
             "max_displacement": displacement_interval(self.scene, self.solved, ranges),
             "frequencies": frequency_intervals(self.mesh, modes, ranges) if modes else (),
+            "likely": likely_answers(self.scene, self.materials, result=self.solved, modes=modes),
         }
 
     @property

@@ -1,0 +1,190 @@
+"""One linear body with many moduli and densities: a basis that can follow all of them.
+
+Stiffness and mass are sums over groups of tets, each times numbers of its E, nu and rho: pulled
+back once, a member of the family costs small dense matrices. The basis holds what the full body
+does at the ends of every range and where it was still wrong (reduced basis method, Rozza, Huynh &
+Patera 2008): responses to the loads, and one inverse iteration of the vibrations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor
+from ..discrete.assembly import discretise, linear_stiffness, stiffness
+from ..discrete.constraints import apply_supports, node_supports
+from ..discrete.mass import lumped_mass
+from ..scene.material import ElementMaterial, isotropic_tensor, lame_parameters
+from ..scene.mesh import TetMesh, material_of
+from ..scene.supports import Supports
+from .subspace import orthonormal_fields
+
+# Numbers of a factor above which a family takes more than some seconds: a dozen are made.
+MOST_ENTRIES = 10_000_000
+# Snapshots that add less than this to the others are left out.
+DEPENDENT = 1e-4
+
+
+class Member(NamedTuple):
+    """One body of a family, a value a group: factors to ``E`` and ``rho`` [1], and ``nu`` [1]."""
+
+    E: Float[np.ndarray, "groups"]
+    nu: Float[np.ndarray, "groups"]
+    rho: Float[np.ndarray, "groups"]
+
+
+class LinearFamily:
+    """Members of a family of held bodies in few coordinates.
+
+    Parameters
+    ----------
+    mesh, supports
+        The body; what holds it must not be moved.
+    groups
+        Tets whose material varies together, shape (groups, tets).
+    grained
+        Groups whose stiffness is a tensor: nu does not change it.
+    forces
+        Dead forces [N] at the points, shape (points, 3).
+    gravity_vector
+        Acceleration [m/s^2] on the mass, which varies, shape (3,).
+    shapes
+        Vibrations of the body as it is, shape (modes, points, 3).
+    """
+
+    def __init__(
+        self,
+        mesh: TetMesh,
+        supports: Supports,
+        groups: Bool[np.ndarray, "groups tets"],
+        *,
+        grained: Bool[np.ndarray, "groups"],
+        forces: Float[np.ndarray, "points 3"],
+        gravity_vector: Float[np.ndarray, "3"],
+        shapes: Float[np.ndarray, "modes points 3"],
+    ) -> None:
+        self.mesh, self.groups, self.grained = mesh, groups, grained
+        self.grid = discretise(mesh, 1)
+        self.held = node_supports(supports, self.grid.space)
+        self.forces, self.gravity, self.shapes = forces, np.asarray(gravity_vector, float), shapes
+        self._masses = [_mass_of(mesh, tets) for tets in groups]
+        self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
+        self._snapshots: list[np.ndarray] = []
+
+    def affordable(self) -> bool:
+        """Whether the full body is factored quickly enough to do it a dozen times."""
+        plan = planned_elimination(self.grid.pattern, self.grid.space.edges)
+        return plan.entries <= MOST_ENTRIES
+
+    def material(self, member: Member) -> ElementMaterial:
+        """Material of a member's tets."""
+        known = material_of(self.mesh)
+        E, nu, rho = (np.ones(len(known.E)), known.nu.copy(), np.ones(len(known.E)))
+        for tets, *values in zip(self.groups, *member, strict=True):
+            E[tets], nu[tets], rho[tets] = values
+        tensor = None if known.tensor is None else self._tensor(E, nu)
+        return ElementMaterial(known.E * E, nu, known.rho * rho, tensor)
+
+    def _tensor(self, E: np.ndarray, nu: np.ndarray) -> np.ndarray:
+        """Stiffness tensors [Pa]: of the grain scaled, of the others anew."""
+        known = material_of(self.mesh)
+        assert known.tensor is not None
+        scaled = known.tensor * E[:, None, None]
+        grain = self.groups[self.grained].any(axis=0) | ~self.groups.any(axis=0)
+        plain = isotropic_tensor(*lame_parameters(known.E * E, nu))
+        return np.where(grain[:, None, None], scaled, plain)
+
+    def mass(self, member: Member) -> Float[np.ndarray, "points"]:
+        """Lumped mass [kg] of a member's points."""
+        return self._rest + sum(r * m for r, m in zip(member.rho, self._masses, strict=True))
+
+    def add(self, members: Iterable[Member]) -> list[np.ndarray]:
+        """Solve ``members`` in full and let the basis hold what they do; their rests [m]."""
+        rests = []
+        for member in members:
+            matrix = linear_stiffness(self.grid, self.material(member))
+            apply_supports(matrix, self.held.fixed, self.held.springs)
+            plan = planned_elimination(matrix, self.grid.space.edges)
+            mass, factor = self.mass(member)[:, None], CholeskyFactor(matrix, plan)
+            loads = [self.forces] + [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
+            loads += [mass * shape for shape in self.shapes]
+            fields = [factor.solve(np.where(self.held.fixed, 0.0, f)) for f in loads if f.any()]
+            self._snapshots += fields
+            whole = np.where(self.held.fixed, 0.0, self.forces + mass * self.gravity)
+            rests.append(factor.solve(whole))
+        self._pull_back()
+        return rests
+
+    def _pull_back(self) -> None:
+        """Basis of the snapshots, and what is summed for a member, on its coordinates."""
+        fields = np.moveaxis(np.stack([*self._snapshots, *self._held_shapes()]), 0, 2)
+        mass = lumped_mass(self.mesh, self.grid.space)
+        self.basis = orthonormal_fields(fields, mass, DEPENDENT)
+        flat = self.basis.reshape(-1, self.basis.shape[2])
+        known = material_of(self.mesh)
+        self._stiff: list[tuple[np.ndarray, np.ndarray]] = []
+        for tets, grained in zip(self.groups, self.grained, strict=True):
+            if grained:
+                pulled = self._part(tets, flat)
+                self._stiff.append((pulled, np.zeros_like(pulled)))
+                continue
+            E = np.where(tets, known.E, 0.0)
+            none = np.zeros_like(E)
+            parts = [stiffness(self.grid, *pair).to_scipy() for pair in ((E, none), (none, E))]
+            lam, mu = (flat.T @ (part @ flat) for part in parts)
+            self._stiff.append((lam, mu))
+        rest = self._part(~self.groups.any(axis=0), flat)
+        self._stiff_rest = rest + flat.T @ (self.held.springs.reshape(-1, 1) * flat)
+        self._mass_parts = [flat.T @ (m.repeat(3)[:, None] * flat) for m in self._masses]
+        self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)
+
+    def _held_shapes(self) -> Float[np.ndarray, "modes points 3"]:
+        return np.where(self.held.fixed, 0.0, self.shapes)
+
+    def _part(self, tets: np.ndarray, flat: np.ndarray) -> Float[np.ndarray, "dofs dofs"]:
+        """Stiffness of some tets as they are: twice what is missing when they have half of it."""
+        known = material_of(self.mesh)
+        share = np.where(tets, 0.5, 1.0)
+        tensor = None if known.tensor is None else known.tensor * share[:, None, None]
+        half = replace(known, E=known.E * share, tensor=tensor)
+        missing = [linear_stiffness(self.grid, m).to_scipy() @ flat for m in (known, half)]
+        return 2 * flat.T @ (missing[0] - missing[1])
+
+    def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
+        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
+        for g, (first, second) in enumerate(self._stiff):
+            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
+            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
+            K += member.E[g] * (lam * first + mu * second)
+            M += member.rho[g] * self._mass_parts[g]
+        return K, M
+
+    def answers(
+        self, member: Member
+    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
+        """Displacement at rest [m], and as many natural frequencies [Hz] as there are shapes."""
+        from scipy.linalg import eigh, solve
+
+        K, M = self.matrices(member)
+        load = self.forces + self.mass(member)[:, None] * self.gravity
+        pulled = load.ravel() @ self.basis.reshape(-1, len(K))
+        u = self.basis @ solve(K, pulled, assume_a="pos")
+        count = len(self.shapes)
+        if not count:
+            return u, np.zeros(0)
+        square = eigh(K, M, eigvals_only=True, subset_by_index=[0, count - 1])
+        return u, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+
+
+def _mass_of(mesh: TetMesh, tets: np.ndarray) -> Float[np.ndarray, "points"]:
+    """Lumped mass [kg] of some tets."""
+    known = material_of(mesh)
+    each = np.where(tets, known.rho * mesh.volumes / 4, 0.0)
+    return np.bincount(mesh.tets.ravel(), each.repeat(4), len(mesh.points))
