@@ -169,11 +169,12 @@ def row_ranges(mesh: TetMesh, materials: Mapping[str, str]) -> tuple[RowRange, .
     for name, own in tets.items():
         row, values = rows[name], (material.E[own], material.nu[own], material.rho[own])
         spans = (row.E, Span(*np.minimum(row.nu, NU_CAP)), row.rho)
-        wide = [
+        E, nu, rho = (
             Span(min(span.min, x.min()), max(span.max, x.max()))
             for span, x in zip(spans, values, strict=True)
-        ]
-        found.append(RowRange(row, own, *wide, MaterialValue(*map(np.median, values))))
+        )
+        taken = MaterialValue(*map(np.median, values))
+        found.append(RowRange(row, own, E, nu, rho, taken))
     return tuple(found)
 
 

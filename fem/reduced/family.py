@@ -77,6 +77,11 @@ class LinearFamily:
         self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
         self._snapshots: list[np.ndarray] = []
 
+    @property
+    def others(self) -> Bool[np.ndarray, "tets"]:
+        """Tets whose material does not vary."""
+        return np.asarray(~self.groups.any(axis=0))
+
     def affordable(self) -> bool:
         """Whether the full body is factored quickly enough to do it a dozen times."""
         plan = planned_elimination(self.grid.pattern, self.grid.space.edges)
@@ -96,7 +101,7 @@ class LinearFamily:
         known = material_of(self.mesh)
         assert known.tensor is not None
         scaled = known.tensor * E[:, None, None]
-        grain = self.groups[self.grained].any(axis=0) | ~self.groups.any(axis=0)
+        grain = np.asarray(self.groups[self.grained].any(axis=0) | self.others)
         plain = isotropic_tensor(*lame_parameters(known.E * E, nu))
         return np.where(grain[:, None, None], scaled, plain)
 
@@ -139,7 +144,7 @@ class LinearFamily:
             parts = [stiffness(self.grid, *pair).to_scipy() for pair in ((E, none), (none, E))]
             lam, mu = (flat.T @ (part @ flat) for part in parts)
             self._stiff.append((lam, mu))
-        rest = self._part(~self.groups.any(axis=0), flat)
+        rest = self._part(self.others, flat)
         self._stiff_rest = rest + flat.T @ (self.held.springs.reshape(-1, 1) * flat)
         self._mass_parts = [flat.T @ (m.repeat(3)[:, None] * flat) for m in self._masses]
         self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)

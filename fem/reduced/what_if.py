@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -104,14 +105,14 @@ def what_if_error(
     supports: Supports,
     *,
     scales: Float[np.ndarray, "runs parts"],
-    forces: Float[np.ndarray, "runs points 3"],
+    forces: Callable[[int], Float[np.ndarray, "points 3"]],
     count: int = 4,
     seed: int = 0,
     law: str = Law.NEO_HOOKEAN,
 ) -> WhatIfError:
     """Solve ``count`` runs, the one that moves farthest among them, by the full body too.
 
-    ``forces`` [N] at the points are what the loads of the runs were pulled back from.
+    ``forces`` gives what the load of a run was pulled back from: [N] at the points, (points, 3).
 
     Raises
     ------
@@ -129,7 +130,9 @@ def what_if_error(
         material = material_of(mesh)
         moduli = type(material)(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        full = solve_nonlinear(body, supports, forces=forces[run], law=law, order=1).displacement
+        full = solve_nonlinear(
+            body, supports, forces=forces(int(run)), law=law, order=1
+        ).displacement
         rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
         modes = natural_modes(body, 1, supports=supports, order=1, lumped=True)
         frequency[i] = found.frequency[run] / modes.frequencies[0] - 1

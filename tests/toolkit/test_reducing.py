@@ -77,6 +77,26 @@ def test_reduce_writes_a_model_and_match_its_moduli(bar, tmp_path, capsys):
     assert again.displacement == pytest.approx(moved.displacement, abs=0.05 * last)
 
 
+@pytest.mark.slow
+def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
+    """Twice as stiff under twice the load rests alike; frequencies go by the root."""
+    table, model = tmp_path / "runs.csv", tmp_path / "r.npz"
+    table.write_text("body,load\n1,1\n2,2\n4,1\n")
+    assert main(["reduce", str(bar), "-o", str(model), "--what-if", str(table), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["reduced"]
+    assert told["what_if"]["runs"] == 3
+    assert max(map(abs, told["what_if"]["rest_error"])) < 0.05
+    assert told["accuracy"]["motion"] < 0.05
+    answers = np.genfromtxt(tmp_path / "r.what_if.csv", delimiter=",", names=True)
+    u, f = answers["max_displacement_m"], answers["first_frequency_Hz"]
+    assert u[1] == pytest.approx(u[0], rel=1e-4)
+    assert u[2] < 0.3 * u[0]
+    assert f / f[0] == pytest.approx(np.sqrt([1, 2, 4]), rel=1e-6)
+    table.write_text("boddy\n1\n")
+    with pytest.raises(InputError, match="columns boddy: wanted each once of body, load, gx"):
+        reduce(bar, runs=table)
+
+
 def test_what_cannot_be_done_is_said(bar, tmp_path):
     with pytest.raises(UsageError, match="followed in time"):
         simulate(bar, scenario="modal", solver="lbs")

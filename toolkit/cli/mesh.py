@@ -217,13 +217,16 @@ class RunCommand:
 class ReduceCommand:
     """Reduce a body to a few coordinates, as the scenario holds and loads it, and measure that.
 
-    Example: autophyx-tet reduce bonsai.msh -o bonsai.npz
+    Examples: autophyx-tet reduce bonsai.msh -o bonsai.npz;
+    autophyx-tet reduce bonsai.msh -o bonsai.npz --what-if runs.csv
     """
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`."""
     output: Output
     """Reduced model to write: .npz."""
+    what_if: Path | None = None
+    """Runs to answer, .csv, a row each: factors to E by part, `load`; gravity `gx`, `gy`, `gz`."""
     up: UpAxis | None = None
     """Axis that points up; by default what the mesh's sidecar says, else z."""
     options: Annotated[Flat[SimulateOptions], tyro.conf.arg(name="solving")] = field(
@@ -235,7 +238,7 @@ class ReduceCommand:
         """Run the command and return its document."""
         from ..simulation.reducing import reduce
 
-        known = {"up": self.up, "options": self.options}
+        known = {"up": self.up, "options": self.options, "runs": self.what_if}
         return reduce(self.mesh, output=self.output, **known).document()
 
 

@@ -2,51 +2,167 @@
 
 from __future__ import annotations
 
+import csv
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from ...fem.matching import MotionFit
+from ...fem.model_error import MOTION_LIMIT
 from ...fem.reduced.method import model_in_words
 from ...fem.reduced.model import ReducedModel
 from ...fem.reduced.reduction import accuracy_warnings
+from ...fem.reduced.what_if import WhatIf, WhatIfError
 from ...fem.springs.fit import SpringFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reduction:
-    """A reduced ``model``, the ``seconds`` it took, ``files`` written and the scene's warnings."""
+class FewNumbers(ABC):
+    """An answer of `reduce` or `match`: ``seconds`` it took, ``files``, what was ``assumed``."""
 
-    model: ReducedModel
     seconds: float
     files: tuple[Path, ...] = ()
     assumed: tuple[str, ...] = ()
 
+    # Name of the answer in the document.
+    verb: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def summary(self) -> str:
+        """The answer in a line."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> dict[str, Any]:
+        """What the document says beside the summary."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what is not as it should be."""
+        return self.assumed
+
     def document(self) -> dict[str, Any]:
-        """Return what ``reduce --json`` prints."""
-        model = self.model
+        """Return what ``--json`` prints."""
         return {
             "files": self.files,
-            "reduced": {
-                "summary": model_in_words(model),
-                "kind": model.kind.value,
-                "dofs": model.dofs,
-                "cells": len(model.cells),
-                "accuracy": model.accuracy,
-            },
+            self.verb: {"summary": self.summary, **self.numbers},
             "seconds": self.seconds,
-            "warnings": (*self.assumed, *accuracy_warnings(model)),
+            "warnings": self.warnings,
         }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Match:
-    """Moduli of a reduced body after a motion: ``fit``, and what ``Reduction`` has."""
+class WhatIfTable(NamedTuple):
+    """Runs of a table: ``header`` and ``rows`` of numbers, their answers, and how long they took.
+
+    ``error`` is of the runs that the full body solved too, ``seconds`` without these.
+    """
+
+    header: tuple[str, ...]
+    rows: np.ndarray
+    found: WhatIf
+    error: WhatIfError
+    seconds: float
+
+    @property
+    def without_rest(self) -> int:
+        """Runs that found none."""
+        return int(np.isnan(self.found.largest).sum())
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Largest error [1] of displacement and of first frequency, of the runs compared."""
+        rest, tone = (float(np.abs(e).max()) for e in self.error[1:])
+        return rest, tone
+
+    @property
+    def summary(self) -> str:
+        """Runs, time and errors in a line."""
+        rest, tone = self.errors
+        return (
+            f"{len(self.rows):,} runs in {self.seconds:.2g} s; of {len(self.error.runs)} that the "
+            f"full body did too, displacement was within {rest:.2%}, first frequency {tone:.2%}"
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Runs without an answer, and errors beyond the limit."""
+        found = []
+        if self.without_rest:
+            found.append(f"{self.without_rest} of {len(self.rows)} runs found no rest: no answer")
+        if max(self.errors) > MOTION_LIMIT:
+            found.append(f"the reduced runs are not the full body's: {self.summary}")
+        return tuple(found)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Counts, time and errors."""
+        return {
+            "runs": len(self.rows),
+            "without_rest": self.without_rest,
+            "seconds": self.seconds,
+            "compared": self.error.runs,
+            "rest_error": self.error.rest,
+            "frequency_error": self.error.frequency,
+        }
+
+    def write(self, path: Path) -> None:
+        """Write the table with its answers, ``max_displacement_m`` and ``first_frequency_Hz``."""
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([*self.header, "max_displacement_m", "first_frequency_Hz"])
+            answers = zip(self.rows, self.found.largest, self.found.frequency, strict=True)
+            for row, u, f in answers:
+                writer.writerow([*row, "" if np.isnan(u) else u, f])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Reduction(FewNumbers):
+    """A reduced ``model``, and the ``table`` of what-if runs that it answered."""
+
+    model: ReducedModel
+    table: WhatIfTable | None = None
+
+    verb = "reduced"
+
+    @property
+    def summary(self) -> str:
+        """Kind, coordinates, cells and errors, and of a table its runs, in a line."""
+        runs = "" if self.table is None else f"; {self.table.summary}"
+        return model_in_words(self.model) + runs
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Kind, size and accuracy; of a table counts, times and errors."""
+        model, table = self.model, self.table
+        return {
+            "kind": model.kind.value,
+            "dofs": model.dofs,
+            "cells": len(model.cells),
+            "accuracy": model.accuracy,
+            "what_if": None if table is None else table.numbers,
+        }
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed of the scene, what the model gets wrong, runs without an answer."""
+        return (
+            *self.assumed,
+            *accuracy_warnings(self.model),
+            *(() if self.table is None else self.table.warnings),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Match(FewNumbers):
+    """Moduli of a reduced body after a motion: the ``fit``."""
 
     fit: MotionFit
-    seconds: float
-    files: tuple[Path, ...] = ()
-    assumed: tuple[str, ...] = ()
+
+    verb = "match"
 
     @property
     def summary(self) -> str:
@@ -59,32 +175,26 @@ class Match:
             f"{fit.frequency_ratio:.3f} of the full body's; {fit.scheme.value}"
         )
 
-    def document(self) -> dict[str, Any]:
-        """Return what ``match --json`` prints."""
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Moduli, errors, covariance, and how they were found."""
         fit = self.fit
-        numbers = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
+        known = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
         return {
-            "files": self.files,
-            "match": {
-                "summary": self.summary,
-                **{name: getattr(fit, name) for name in numbers},
-                "deviation": fit.deviation,
-                "covariance": fit.covariance,
-                "scheme": fit.scheme.value,
-            },
-            "seconds": self.seconds,
-            "warnings": self.assumed,
+            **{name: getattr(fit, name) for name in known},
+            "deviation": fit.deviation,
+            "covariance": fit.covariance,
+            "scheme": fit.scheme.value,
         }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SpringMatch:
-    """The ``fit``, the ``seconds`` it took, ``files`` written, and what was ``assumed``."""
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SpringMatch(FewNumbers):
+    """Stiffness of a network of springs after a motion: the ``fit``."""
 
     fit: SpringFit
-    seconds: float
-    files: tuple[Path, ...] = ()
-    assumed: tuple[str, ...] = ()
+
+    verb = "match"
 
     @property
     def summary(self) -> str:
@@ -96,11 +206,7 @@ class SpringMatch:
             "elements'"
         )
 
-    def document(self) -> dict[str, Any]:
-        """Return what ``match --json`` prints."""
-        return {
-            "files": self.files,
-            "match": {"summary": self.summary, **asdict(self.fit)},
-            "seconds": self.seconds,
-            "warnings": self.assumed,
-        }
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """All that the fit holds."""
+        return asdict(self.fit)

@@ -28,12 +28,14 @@ from .motion_reading import read_motion
 from .scenario import stated_scene
 from .solvers import reduced_method
 from .spring_matching import fitted_springs
+from .what_if_table import answer_table
 
 
 def reduce(
     mesh: str | Path | TetMesh,
     *,
     output: Path | None = None,
+    runs: Path | None = None,
     up: UpAxis | None = None,
     options: SimulateOptions | None = None,
     **given: Any,
@@ -41,6 +43,8 @@ def reduce(
     """Reduce a mesh with materials, held and loaded as the scenario says, and measure the model.
 
     Options may be ``given`` by name, as for ``simulate``; ``output`` is the .npz of the model.
+    ``runs`` is a table (.csv) of what-if runs, see ``what_if_table``; their answers are written
+    beside ``output``.
     """
     options = changed_options(options or SimulateOptions(), given)
     if options.solver not in ("fem", "lbs"):
@@ -56,9 +60,13 @@ def reduce(
         model = with_motion_error(model, scene)
     if output is not None:
         save_reduced(output, model)
-    files = () if output is None else (output,)
-    seconds = time.perf_counter() - started
-    return Reduction(model=model, seconds=seconds, files=files, assumed=scene.warnings)
+    files = [] if output is None else [output]
+    table = None if runs is None else answer_table(runs, model, scene)
+    if table is not None and output is not None:
+        files.append(output.with_suffix(".what_if.csv"))
+        table.write(files[-1])
+    told = {"files": tuple(files), "assumed": scene.warnings, "table": table}
+    return Reduction(model=model, seconds=time.perf_counter() - started, **told)
 
 
 def match(
