@@ -92,8 +92,8 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     assert u[1] == pytest.approx(u[0], rel=1e-4)
     assert u[2] < 0.3 * u[0]
     assert f / f[0] == pytest.approx(np.sqrt([1, 2, 4]), rel=1e-6)
-    table.write_text("boddy\n1\n")
-    with pytest.raises(InputError, match="columns boddy: wanted each once of body, load, gx"):
+    table.write_text("leg\n1\n")
+    with pytest.raises(InputError, match="columns leg: wanted each once of body, load, gx"):
         reduce(bar, runs=table)
 
 
