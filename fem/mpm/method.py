@@ -22,7 +22,7 @@ from .particles import Particles, ParticleState
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
 from .solver import MpmSolver
 from .stability import BUDGET, COURANT, MpmError, largest_modulus
-from .stiff import Stiff, Treatment, near_held, treated, treatment_notes
+from .stiff import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
 from .walls import Wall, scene_room, support_walls
 
 # CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
@@ -112,7 +112,9 @@ class MpmMethod:
         mesh = scene.mesh
         spacing = scene.longest / self.grid
         room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
-        sample = sample_tets(mesh, spacing)
+        steps = {"step": self.step or 1 / self.budget, "courant": self.courant}
+        bends = bending_regions(scene, self.substances, spacing, **steps)
+        sample = sample_tets(mesh, spacing, bends=bends)
         given = self._particles(scene, sample)
         found = self._treated(scene, given, spacing)
         walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]

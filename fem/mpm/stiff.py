@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..scene.mesh import material_of
 from ..scene.scene import Scene
 from .classes import MaterialClass, Substance
 from .particles import Particles
@@ -123,6 +125,26 @@ def _capped(
     )
     changed = replace(given, E=E)
     return replace(found, particles=changed, capped=int(hard.sum()), notes=(note,))
+
+
+def bending_regions(
+    scene: Scene,
+    substances: Mapping[str, Substance],
+    spacing: float,
+    *,
+    step: float,
+    courant: float = COURANT,
+) -> Bool[np.ndarray, "regions"]:
+    """Which regions are jelly that bends under steps of ``step`` [s], at their weights at rest.
+
+    ``spacing`` [m] is that of the grid; ``substances`` are classes by name, jelly where none is.
+    """
+    mesh, material = scene.mesh, material_of(scene.mesh)
+    given = [substances.get(name, Substance()) for name in mesh.region_names]
+    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in given])
+    most = largest_modulus(material.nu, material.rho, spacing, step, courant=courant)
+    soft = np.isin(np.arange(len(given)), mesh.region[material.E <= most])
+    return jelly & soft & (bool(scene.held.fixed.any()) and not scene.obstacles)
 
 
 def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool[np.ndarray, "n"]:
