@@ -16,6 +16,7 @@ import numpy as np
 from real_meshes import cache_folder, demo_mesh
 
 COUNT, SIZE = 40_000, 0.006  # splats, and their size as a share of the bonsai's
+LIGHT = np.array([2.0, 2.0, 1.0]) / 3  # from where light comes
 JELLY = {"E": 1.5e4, "nu": 0.3, "rho": 400.0}
 SHOWN = (0.0, 0.5, 1.0)  # of the load
 FORCE = 0.015  # [N]
@@ -24,8 +25,11 @@ RIM = 0.17  # of a frame, left out on each side
 C0 = 0.28209479177387814  # of the harmonic of degree 0
 
 
-def splats(asset, path: Path, *, total: int = COUNT) -> Path:
-    """About ``total`` small round splats all over the parts of an asset, in their colours."""
+def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Path:
+    """About ``total`` small round splats all over the parts of an asset, in their colours, lit.
+
+    ``share`` is their size of the asset's.
+    """
     import trimesh
     from autophyx_tet.converters.points.point_file import write_points
     from autophyx_tet.converters.points.splats.gaussians import standard_columns
@@ -37,10 +41,12 @@ def splats(asset, path: Path, *, total: int = COUNT) -> Path:
         count = round(total * part.mesh.area / area)
         x, faces = trimesh.sample.sample_surface(part.mesh, count, seed=0)[:2]
         weights = trimesh.triangles.points_to_barycentric(part.mesh.triangles[faces], x)
-        colours.append(skin_of(part.mesh)(faces, weights.astype(np.float32))[:, :3])
+        colour = skin_of(part.mesh)(faces, weights.astype(np.float32))[:, :3]
+        lit = np.abs(part.mesh.face_normals[faces] @ LIGHT)[:, None]
+        colours.append(np.clip(colour * (0.6 + 0.5 * lit) + 0.12 * lit, 0, 1))
         points.append(x)
     x, colour = np.concatenate(points), np.concatenate(colours).astype(float)
-    size = np.log(SIZE * np.ptp(x, axis=0).max())
+    size = np.log(share * np.ptp(x, axis=0).max())
     turns = np.tile([1.0, 0, 0, 0], (len(x), 1))
     columns = standard_columns(
         x, np.full((len(x), 3), size), turns, np.full(len(x), 0.9), (colour - 0.5) / C0

@@ -4,7 +4,8 @@
 
 Splats lie on the surface of a piece of Debian's sweethome3d-furniture, in its colours. Then the
 commands of a user, each its own process: `convert`, `assign "rubber"`, `simulate --solver mpm
---scenario wind --grid 32 --drive`. One line of JSON: wall and CPU seconds of each, and in total.
+--scenario wind --wind-speed 5 --grid 32 --drive`, its lower part held. One line of JSON: wall and
+CPU seconds of each, and in total.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from pathlib import Path
 from driven_picture import splats
 from real_meshes import cache_folder
 
+# Size of a splat as a share of the piece's: of 60,000 every one reaches its neighbours.
+SIZE = 0.003
 PROGRAM = [sys.executable, "-m", "autophyx_tet"]
 
 
@@ -34,11 +37,21 @@ def spent(*words: object) -> dict[str, float]:
     return {"wall_s": round(wall, 1), "cpu_s": round(cpu, 1)}
 
 
+def lower_part(path: Path, up: str, share: float) -> str:
+    """Place of what lies in the lowest ``share`` of the height of a mesh."""
+    from autophyx_tet.converters.mesh.mesh_file import read_mesh
+
+    low, high = read_mesh(path).bounds[:, "xyz".index(up)]
+    return f"plane:{up}<{low + share * (high - low):.4g}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--piece", default="BlendSwap-CC-0/electricGuitar")
     parser.add_argument("--splats", type=int, default=60_000)
     parser.add_argument("--grid", type=int, default=32)
+    parser.add_argument("--text", default="rubber")
+    parser.add_argument("--held", type=float, default=0.45, help="share of the height")
     parser.add_argument("--output", type=Path, help="folder for the frames, else thrown away")
     options = parser.parse_args()
     from autophyx_tet.toolkit.io import sweethome3d
@@ -51,16 +64,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = options.output or Path(folder)
         root.mkdir(parents=True, exist_ok=True)
-        carrier = splats(asset, root / "splats.ply", total=options.splats)
+        carrier = splats(asset, root / "splats.ply", total=options.splats, share=SIZE)
         solid, matter = root / "solid.msh", root / "matter.msh"
         row = {
             "convert": spent(
                 "convert", carrier, "-o", solid, "--size", max(item.size), "--up", asset.up,
             ),
-            "assign": spent("assign", solid, "--text", "rubber", "-o", matter),
+            "assign": spent("assign", solid, "--text", options.text, "-o", matter),
             "simulate": spent(
                 "simulate", matter, "--solver", "mpm", "--scenario", "wind",
-                "--grid", options.grid, "--drive", carrier, "-o", root / "motion",
+                "--wind-speed", 5, "--grid", options.grid, "--drive", carrier,
+                "-o", root / "motion", "--fix", lower_part(solid, asset.up, options.held),
             ),
         }  # fmt: skip
         row["total"] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,13 @@ from .io.sidecar import Sidecar
 
 if TYPE_CHECKING:
     from ..converters.driving import Driven
+    from ..converters.points.splats.splat_film import SplatFilm
     from ..converters.points.table import PointTable
 
 # A carrier of which more than this share lies outside is likely in other axes or units.
 STRAY = 0.2
 # Frames of a motion are of the mesh where no point of it differs by more, as a share of its size.
 SAME = 1e-6
-# Frames of the GIF of moving splats, and the room around them, as a share of their longest side.
-SHOWN, ROOM = 24, 0.15
 
 
 @dataclass(frozen=True)
@@ -89,12 +88,13 @@ def drive(
 
     suffix, warnings = _suffix(carrier)
     table = read_points(carrier)
-    displacements = displacements if run is None else range(len(run.positions))
-    driven = _embedded(table, mesh if run is None else run, scale)
+    states = displacements if run is None else range(len(run.positions))
+    body = mesh if run is None else run
+    driven = _embedded(table, body, scale)
+    film = _film(table, body, states, scale, up) if table.is_splat else None
     with writing_folder(folder) as scratch:
         names = []
-        film = _Film.of(table, displacements, up)
-        for i, moved in enumerate(driven.frames(displacements)):
+        for i, moved in enumerate(driven.frames(states)):
             names.append(f"{carrier.stem}_{i:05d}{suffix}")
             write_points(scratch / names[-1], moved)
             if film is not None:
@@ -122,42 +122,17 @@ def _embedded(table: PointTable, body: TetMesh | ParticleRun, scale: float) -> D
     return Driven.by_particles(table, body, scale=scale)
 
 
-class _Film:
-    """A GIF of moving splats, about ``SHOWN`` of ``frames`` frames, seen from aside and above."""
+def _film(
+    table: PointTable, body: TetMesh | ParticleRun, states: Any, scale: float, up: UpAxis
+) -> SplatFilm | None:
+    """A film of splats, its camera chosen by a few of them over the motion, if that is known."""
+    from ..converters.points.splats.splat_film import SplatFilm, chosen_camera, stride, thinned
 
-    def __init__(self, table: PointTable, frames: int, up: UpAxis) -> None:
-        from ..predictors.images.cameras import hemisphere
-
-        places = table.positions[np.isfinite(table.positions).all(axis=1)]
-        low, high = np.quantile(places, [0.005, 0.995], axis=0)
-        room = ROOM * (high - low).max()
-        self.camera = hemisphere(np.stack([low - room, high + room]), count=5, up=up)[1]
-        self.stride = -(-frames // SHOWN)
-        self.sheets: list[Any] = []
-
-    @classmethod
-    def of(cls, table: PointTable, states: Iterable[Any], up: UpAxis) -> _Film | None:
-        """A film of splats, of a motion whose length is known; else None."""
-        count = len(states) if isinstance(states, Sized) else 0
-        return cls(table, count, up) if table.is_splat and count else None
-
-    def show(self, number: int, table: PointTable) -> None:
-        """Draw a frame, if it is one of those that are shown."""
-        from PIL import Image
-
-        from ..converters.points.splats.splat_views import splat_view
-
-        if number % self.stride == 0:
-            drawn = splat_view(table, self.camera)
-            self.sheets.append(Image.fromarray((255 * drawn).round().astype(np.uint8)))
-
-    def save(self, path: Path) -> Path:
-        """Write what was shown, two seconds of it, endlessly repeated."""
-        each = round(2000 / len(self.sheets))
-        self.sheets[0].save(
-            path, "GIF", save_all=True, append_images=self.sheets[1:], duration=each, loop=0
-        )
-        return path
+    if not isinstance(states, Sequence | np.ndarray):
+        return None
+    some = _embedded(thinned(table), body, scale)
+    frames = list(some.frames(states[:: stride(len(states))]))
+    return SplatFilm(chosen_camera(frames, up), len(states))
 
 
 def transfer_motion(

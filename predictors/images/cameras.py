@@ -17,6 +17,7 @@ FIELD_OF_VIEW = np.deg2rad(40.0)  # of the made cameras: a portrait lens, little
 MARGIN = 1.05  # share of the image that the bounding sphere leaves free around itself
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 Pixels = tuple[float, float]  # (x, y) [px]
+RING_HEIGHT = 0.25  # a little above the horizon: 14 degrees
 PIXELS = 256  # side of a made image: 15 of them are a million rays
 
 
@@ -52,6 +53,16 @@ class Camera:
         focal = (self.focal[0] * fx, self.focal[1] * fy)
         center = (self.center[0] * fx, self.center[1] * fy)
         return Camera(self.pose, focal, center, (height, width))
+
+    def framing(self, points: Float[np.ndarray, "n 3"], *, rim: float) -> Camera:
+        """Return the same camera with all points [m] in its picture, less a ``rim`` as a share."""
+        seen = self.project(points)[:, :2]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        height, width = self.size
+        zoom = (1 - 2 * rim) * float(np.min([width, height] / np.maximum(high - low, 1e-9)))
+        x, y = [width, height] - (low + high - 2 * np.array(self.center)) * zoom
+        focal = (zoom * self.focal[0], zoom * self.focal[1])
+        return Camera(self.pose, focal, (float(x) / 2, float(y) / 2), self.size)
 
     def directions(self) -> Float[np.ndarray, "height width 3"]:
         """Unit direction in the world of the ray through every pixel centre."""
@@ -103,17 +114,36 @@ def hemisphere(
     pixels
         Side of the square images.
     """
-    center, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2
-    distance = MARGIN * radius / np.sin(FIELD_OF_VIEW / 2)
     cameras = []
     for i in range(count + lower):
         height = (i + 0.5) / count if i < count else -(i - count + 0.5) / lower
-        ring, turn = np.sqrt(1 - height**2), i * GOLDEN_ANGLE
-        axis = up_vector(up)
-        side = np.roll(axis, 1)
-        outward = ring * (np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)) + height * axis
-        cameras.append(look_at(center + distance * outward, center, up=up, pixels=pixels))
+        cameras.append(_around(bounds, height, i * GOLDEN_ANGLE, up=up, pixels=pixels))
     return tuple(cameras)
+
+
+def ring(
+    bounds: Float[np.ndarray, "2 3"],
+    *,
+    count: int,
+    height: float = RING_HEIGHT,
+    up: UpAxis = "z",
+    pixels: int = PIXELS,
+) -> tuple[Camera, ...]:
+    """Return cameras evenly around a box [m], all at sin(elevation) ``height``, looking at it."""
+    return tuple(
+        _around(bounds, height, 2 * np.pi * i / count, up=up, pixels=pixels) for i in range(count)
+    )
+
+
+def _around(bounds: np.ndarray, height: float, turn: float, *, up: UpAxis, pixels: int) -> Camera:
+    """A camera whose picture holds the sphere about a box, ``turn`` [rad] about its upright."""
+    center, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2
+    distance = MARGIN * radius / np.sin(FIELD_OF_VIEW / 2)
+    axis = up_vector(up)
+    side = np.roll(axis, 1)
+    level = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)
+    outward = np.sqrt(1 - height**2) * level + height * axis
+    return look_at(center + distance * outward, center, up=up, pixels=pixels)
 
 
 def look_at(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.converters.points.splats.gaussians import SH_C0, standard_columns
+from autophyx_tet.converters.points.splats.splat_film import chosen_camera
 from autophyx_tet.converters.points.splats.splat_views import splat_view
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.predictors.images.cameras import look_at
@@ -58,3 +59,15 @@ def test_harmonics_are_seen_from_where_the_camera_is():
 def test_splats_behind_the_camera_or_lost_are_left_out():
     table = splats([[0, -9.0, 0], [np.nan, 0, 0]], np.full((2, 3), 0.3), [[0.0] * 3] * 2)
     assert (splat_view(table, EYE, background=0.25) == 0.25).all()
+
+
+def test_the_camera_of_a_film_sees_the_motion():
+    """What moves along x is seen from y; all of its places are in the picture."""
+    base = splats([[0.0, 0, 0], [0, 0, 1]], np.full((2, 3), 0.05), [[1.0, 0, 0], [0, 0, 1]])
+    frames = [base.with_columns({"x": base.columns["x"] + t}) for t in (0.0, 0.5, 1.0)]
+    camera = chosen_camera(frames, "z")
+    away = camera.position - np.array([0.5, 0.0, 0.5])
+    assert abs(away[1]) > 2 * abs(away[0])
+    places = np.concatenate([frame.positions for frame in frames])
+    seen = camera.project(places)[:, :2] / np.array(camera.size)
+    assert (np.abs(seen - 0.5) < 0.5).all()

@@ -7,7 +7,13 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.cameras import Camera, hemisphere, look_at, read_transforms
+from autophyx_tet.predictors.images.cameras import (
+    Camera,
+    hemisphere,
+    look_at,
+    read_transforms,
+    ring,
+)
 from autophyx_tet.predictors.images.surface_colour import Finish, finish_of, to_linear, to_srgb
 from autophyx_tet.predictors.images.views import load_photographs, render_views
 from PIL import Image
@@ -51,6 +57,19 @@ def test_hemisphere_is_above_and_sees_all(up):
         assert (np.abs(x - 128) < 128).all()
         assert (np.abs(y - 128) < 128).all()
         assert np.allclose(camera.pose[:3, :3].T @ camera.pose[:3, :3], np.eye(3))
+
+
+def test_a_framed_ring_fills_its_pictures():
+    """Every camera is as high, and has all points within the rim, the farthest right at it."""
+    points = np.random.default_rng(0).random((200, 3)) * [1.0, 3.0, 0.5]
+    bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    for camera in ring(bounds, count=5, height=0.25, up="y", pixels=100):
+        away = camera.position - bounds.mean(axis=0)
+        assert away[1] / np.linalg.norm(away) == pytest.approx(0.25)
+        seen = camera.framing(points, rim=0.1).project(points)[:, :2]
+        assert seen.min() == pytest.approx(10, abs=1e-6)
+        assert seen.max() == pytest.approx(90, abs=1e-6)
+        assert seen.mean(axis=0) == pytest.approx([50, 50], abs=10)
 
 
 def test_projection_inverts_the_rays():

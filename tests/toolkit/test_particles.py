@@ -229,3 +229,28 @@ def test_what_particles_cannot_do_is_refused(bar):
         simulate(bar, options=SimulateOptions(scenario="fall", grid=2))
     with pytest.raises(UsageError, match="no part 'wing'"):
         simulate(bar, options=SimulateOptions(scenario="fall", grid=8, matter=("wing=snow",)))
+
+
+def test_options_of_another_solver_or_scenario_are_refused(bar, tmp_path, capsys):
+    """By name, from the command line, from a file and from Python: one line, exit 2, no solve."""
+    mpm = {"grid": 32, "stiff": "cap", "matter": ("body=snow",), "damping": 1.0, "threads": 2}
+    for name, value in (mpm | {"preset": "physgaussian"}).items():
+        for solver in ("fem", "spring", "lbs"):
+            with pytest.raises(UsageError, match=f"--{name}: wanted --solver mpm, not {solver}"):
+                simulate(bar, scenario="wind", solver=solver, **{name: value})
+    with pytest.raises(UsageError, match="--grid: wanted --solver mpm, not fem"):
+        simulate(bar, scenario="sag", grid=32)
+    for name, value in {"anchors": 99, "eta": 1.0, "handles": 3, "order": 2}.items():
+        with pytest.raises(UsageError, match=rf"--{name}: wanted --solver \w+, not mpm"):
+            simulate(bar, scenario="fall", **{name: value})
+    for name, value in {"tear_share": 0.2, "wind_speed": 5.0, "modes": 3}.items():
+        option = name.replace("_", "-")
+        with pytest.raises(UsageError, match=rf"--{option}: wanted --scenario \w+, not hang"):
+            simulate(bar, scenario="hang", **{name: value})
+    assert main(["simulate", str(bar), "-o", str(tmp_path / "a.vtu"), "--tear-share", "0.2"]) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told == ["autophyx-tet: --tear-share: wanted --scenario tear, not sag"]
+    config = tmp_path / "c.toml"
+    config.write_text("[simulate]\nstiff = 'cap'\n")
+    assert main(["simulate", str(bar), "-o", str(tmp_path / "a.vtu"), "--config", str(config)]) == 2
+    assert "--stiff: wanted --solver mpm, not fem" in capsys.readouterr().err

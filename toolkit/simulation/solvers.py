@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from ...fem.errors import UsageError
-from ...fem.scenarios.scenario import Scenario
+from ...fem.scenarios.scenario import SCENARIOS, Scenario
 from ...fem.solve.method import METHODS, Method
 from ..options import SimulateOptions
 
@@ -24,20 +25,24 @@ REFUSED = {
 }
 # Options that only some solvers have: with another they would be left out in silence.
 OWNED = {
+    **dict.fromkeys(("grid", "stiff", "matter", "damping", "preset", "threads"), ("mpm",)),
     **dict.fromkeys(("anchors", "neighbours", "eta"), ("spring",)),
     **dict.fromkeys(("basis", "handles"), ("lbs",)),
     "parameters": ("lbs", "spring"),
+    "order": ("fem",),
+}
+# Options that are a scenario's numbers, those of N named N_...: as they would be beside another.
+STAGED = {"supports": "sag", "modes": "modal"} | {
+    field.name: scenario
+    for field in fields(SimulateOptions)
+    for scenario in SCENARIOS.names
+    if field.name.startswith(f"{scenario}_")
 }
 
 
 def method_name(options: SimulateOptions, scenario: Scenario) -> str:
     """Name of the method of ``--solver`` for ``scenario``; ``UsageError`` where it cannot."""
-    for name, solvers in OWNED.items():
-        asked = getattr(options, name) != getattr(SimulateOptions, name)
-        if asked and options.solver not in solvers:
-            raise UsageError(
-                f"--{name}: wanted --solver {' or '.join(solvers)}, not {options.solver}"
-            )
+    _check_owners(options, scenario)
     if options.solver == "fem":
         return scenario.method
     why = REFUSED.get((options.solver, options.scenario))
@@ -45,6 +50,23 @@ def method_name(options: SimulateOptions, scenario: Scenario) -> str:
         other = "mpm" if scenario.method == "mpm" else "fem"
         raise UsageError(f"--scenario {options.scenario}: {why}; --solver {other}")
     return options.solver
+
+
+def _check_owners(options: SimulateOptions, scenario: Scenario) -> None:
+    """Refuse what neither the solver nor the scenario would read, rather than leave it out."""
+    solver = "mpm" if scenario.method == "mpm" else options.solver
+    known = [field.name for field in fields(scenario)]  # type: ignore  (a scenario is a dataclass)
+    read = {*known, *(f"{options.scenario}_{name}" for name in known)}
+    for name in (*OWNED, *STAGED):
+        if getattr(options, name) == getattr(SimulateOptions, name):
+            continue
+        option = name.replace("_", "-")
+        owners = OWNED.get(name, ())
+        if owners and solver not in owners:
+            raise UsageError(f"--{option}: wanted --solver {' or '.join(owners)}, not {solver}")
+        if name in STAGED and name not in read:
+            wanted = f"wanted --scenario {STAGED[name]}, not {options.scenario}"
+            raise UsageError(f"--{option}: {wanted}")
 
 
 def chosen_method(
