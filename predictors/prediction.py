@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fem.mpm.classes import class_of
 from ..fem.scene.materials import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .language.clauses import Clause, Sentence
@@ -69,6 +70,8 @@ class PartChoice:
         How the values follow from what was said, where they are not the row's own.
     guessed
         Whether nothing names the material: what is nearest in meaning was taken.
+    matter
+        Class of matter that a network found, in small letters; "" for that of the row.
     understood
         Whether what the text says of the part was understood.
     """
@@ -87,6 +90,12 @@ class PartChoice:
     derivation: tuple[str, ...] = ()
     guessed: bool = False
     understood: bool = True
+    matter: str = ""
+
+    @property
+    def matter_class(self) -> str:
+        """Class of the material point method, in small letters."""
+        return self.matter or class_of(self.row).name.lower()
 
     @property
     def elsewhere(self) -> bool:

@@ -86,8 +86,7 @@ def drive(
     from ..converters.files import writing_folder
     from ..converters.points.point_file import read_points, write_points
 
-    suffix, warnings = _suffix(carrier)
-    table = read_points(carrier)
+    (suffix, warnings), table = _suffix(carrier), read_points(carrier)
     states = displacements if run is None else range(len(run.positions))
     body = mesh if run is None else run
     driven = _embedded(table, body, scale)

@@ -280,7 +280,8 @@ def run(
             )
             clock.lap("assign")
             rows = {choice.part: choice.material for choice in body.choices}
-            given = {"up": up, "materials": rows, "progress": progress}
+            classes = {choice.part: choice.matter_class for choice in body.choices}
+            given = {"up": up, "materials": rows, "classes": classes, "progress": progress}
             answer = simulate(body.mesh, options=simulate_options, **given)
             cases.append(RunCase(body, answer))
             clock.lap("simulate")

@@ -56,6 +56,8 @@ class MpmMethod:
         The body is moved as if its longest side were this long [m]; None: as long as it is.
     corotated
         Whether what no substance is named for is fixed corotated, not stable neo-Hookean.
+    notes
+        What was assumed of the matter, in words: it is on record with the run.
     announce
         Hears particles, steps and expected time, in words, before the run.
     """
@@ -70,6 +72,7 @@ class MpmMethod:
     courant: float = COURANT
     metres: float | None = None
     corotated: bool = False
+    notes: tuple[str, ...] = ()
     announce: Callable[[str], None] | None = None
 
     laws: tuple[str, ...] = (Law.NEO_HOOKEAN.value,)
@@ -112,8 +115,8 @@ class MpmMethod:
         mesh = scene.mesh
         spacing = scene.longest / self.grid
         room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
-        steps = {"step": self.step or 1 / self.budget, "courant": self.courant}
-        bends = bending_regions(scene, self.substances, spacing, **steps)
+        step = self.step or 1 / self.budget
+        bends = bending_regions(scene, self.substances, spacing, step=step, courant=self.courant)
         sample = sample_tets(mesh, spacing, bends=bends)
         given = self._particles(scene, sample)
         found = self._treated(scene, given, spacing)
@@ -157,8 +160,9 @@ class MpmMethod:
     def _assumed(self, scene: Scene) -> tuple[str, ...]:
         """What is not the body's own size, in words."""
         if self.metres is None:
-            return ()
+            return self.notes
         return (
+            *self.notes,
             f"moved as if it were {self.metres:g} m long, not {scene.longest:.3g} m: times, speeds "
             "and sags are not the body's own",
         )
@@ -274,9 +278,8 @@ class _Recorder:
     def run(self, states: list[ParticleState]) -> ParticleRun:
         """What is kept of the particles themselves."""
         setup, found = self.setup, self.setup.treatment
-        solver = setup.solver
+        solver, notes = setup.solver, setup.notes
         lost = solver.outside if solver is not None else 0
-        notes = setup.notes
         if lost:
             notes = (*notes, f"{lost:,} particles left the grid and stand still where they did")
         return ParticleRun(

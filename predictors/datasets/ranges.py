@@ -16,11 +16,11 @@ import numpy as np
 from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
+from ...fem.mpm.classes import class_of
 from ...fem.scene.material_properties import load_colours
 from ...fem.scene.materials import NU_CAP, Material, load_contents, load_table
 from ..hearing.part_names import PartKind, part_kinds
 from ..normalisation import DEFAULT, Normalisation
-from ..unipixie.matter_class import class_of
 from .grammar import spoken_names
 
 MOST_ROWS = 6  # that a kind of part may plausibly be made of

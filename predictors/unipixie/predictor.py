@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...fem.mpm.classes import MaterialClass
 from ...fem.scene.materials import FIELDS, MaterialTable, MaterialValue, load_table
 from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
@@ -103,9 +104,11 @@ class UniPixiePredictor:
         if share is None:
             share = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
         why = "network: what it looks like and is called"
+        votes = np.bincount(found.likeliest[1][found.cube.part == part])
+        matter = MaterialClass(int(votes.argmax())).name.lower()
         return PartChoice(
             words.part, row, value, words.weight, share, why, settled=False, network="UniPixie",
-            guessed=True, understood=words.understood,
+            guessed=True, understood=words.understood, matter=matter,
         )  # fmt: skip
 
 

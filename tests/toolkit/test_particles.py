@@ -6,19 +6,22 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from autophyx_tet.converters import npz
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.converters.points.point_file import read_points, write_points
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.mpm.classes import MaterialClass
+from autophyx_tet.fem.mpm.classes import MaterialClass, triaxial_friction
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.material_properties import load_flows
 from autophyx_tet.fem.scene.materials import load_contents, load_table
+from autophyx_tet.predictors.field import MaterialField
+from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.matter import substances
+from autophyx_tet.toolkit.simulation.matter import flowing_substances, substances
 from PIL import Image
 
 from ..converters.test_driving import splats
@@ -254,3 +257,42 @@ def test_options_of_another_solver_or_scenario_are_refused(bar, tmp_path, capsys
     config.write_text("[simulate]\nstiff = 'cap'\n")
     assert main(["simulate", str(bar), "-o", str(tmp_path / "a.vtu"), "--config", str(config)]) == 2
     assert "--stiff: wanted --solver mpm, not fem" in capsys.readouterr().err
+
+
+def test_a_part_that_flows_by_its_material_needs_no_word():
+    """By its row, or by the class that a predictor found; numbers are the tables' own."""
+    rows = {"heap": "like dry sand", "drift": "snow", "leg": "oak", "bolt": "carbon steel"}
+    found, notes = flowing_substances(rows | {"pot": "oak"}, {"pot": "fluid"})
+    kinds = {part: substance.kind for part, substance in found.items()}
+    assert kinds == {
+        "heap": MaterialClass.SAND, "drift": MaterialClass.SNOW, "pot": MaterialClass.FLUID,
+    }  # fmt: skip
+    span = load_flows()["sand (uniform)"].friction
+    wanted = triaxial_friction(np.deg2rad((span.min + span.max) / 2))
+    assert found["heap"].friction == pytest.approx(wanted)
+    assert "heap: sand as like dry sand is, friction" in notes[0]
+    assert "--matter heap=jelly" in notes[0]
+    found, notes = flowing_substances({"dab": "mud"}, {})
+    assert not found
+    assert "the tables know no yield_stress of it: elastic;" in notes[0]
+
+
+@pytest.mark.slow
+def test_sand_slumps_where_jelly_stands(tmp_path):
+    """A field of dry sand, from a file: its heap ends wider and lower than that of jelly."""
+    grid = Grid(np.zeros(3), 0.05, (6, 6, 10))
+    occupied = np.zeros(grid.shape, dtype=bool)
+    occupied[1:5, 1:5, 1:9] = True
+    full = occupied.astype(float)
+    field = MaterialField(
+        grid=grid, occupied=occupied, E=1e5 * full, nu=0.3 * full, rho=1600 * full,
+        part=np.where(occupied, 0, -1), part_names=("heap",),
+        material=np.where(occupied, 0, -1), material_names=("dry sand",),
+    )  # fmt: skip
+    npz.save(tmp_path / "heap.npz", field)
+    known = {"scenario": "fall", "fall_height": 0.01, "grid": 8}
+    flows = simulate(tmp_path / "heap.npz", **known)
+    stands = simulate(tmp_path / "heap.npz", **known, matter=("heap=jelly",))
+    assert "heap: sand as dry sand is" in " ".join(flows.warnings)
+    heights = [np.ptp(r.particles.positions[-1][:, 2]) for r in (flows, stands)]
+    assert heights[0] < 0.7 * heights[1]

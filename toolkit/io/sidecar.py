@@ -107,6 +107,12 @@ def rows_on_record(sidecar: Sidecar) -> dict[str, str]:
     return {part["name"]: part["material"] for part in parts}
 
 
+def classes_on_record(sidecar: Sidecar) -> dict[str, str]:
+    """Class of matter of every part that ``assign`` wrote down."""
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    return {part["name"]: part["class"] for part in parts if part.get("class")}
+
+
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
     from .load import load_asset

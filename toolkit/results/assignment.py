@@ -66,6 +66,7 @@ class Assignment:
             {
                 "name": choice.part,
                 "material": choice.material,
+                "class": choice.matter_class,
                 **choice.value._asdict(),
                 "ranges": {name: getattr(choice.row, name) for name in FIELDS},
                 "source": choice.source,

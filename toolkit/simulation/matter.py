@@ -13,16 +13,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...fem.errors import ConvergenceError, UsageError
-from ...fem.mpm.classes import MaterialClass, Substance, triaxial_friction
+from ...fem.mpm.classes import MaterialClass, Substance, class_of, triaxial_friction
 from ...fem.mpm.stability import MpmError
 from ...fem.scene.material_properties import load_flows, load_strengths
-from ...fem.scene.materials import Span
+from ...fem.scene.materials import Span, load_contents, load_table
 from ..options import SimulateOptions
 
 if TYPE_CHECKING:
     from ...fem.mpm.method import MpmMethod
 
 
+# Classes that a part is of by its material, without a word: what flows. Metals are too stiff to
+# yield here, all else springs back.
+FLOWING = (MaterialClass.SAND, MaterialClass.VISPLAS, MaterialClass.FLUID, MaterialClass.SNOW)
+# Whose numbers a class takes where the tables have none of a material.
+LIKE = {"sand": "sand (uniform)"}
 # A jelly that tears, and what a class cannot do without.
 BRITTLE = "brittle"
 WANTED = {
@@ -37,10 +42,13 @@ def particle_method(
     options: SimulateOptions,
     materials: Mapping[str, str],
     announce: Callable[[str], None] | None = None,
+    *,
+    classes: Mapping[str, str] | None = None,
 ) -> MpmMethod:
     """The method that the options ask for; ``announce`` hears what it will cost.
 
     ``materials`` are the rows of the table that parts are of: numbers that are not said are theirs.
+    ``classes`` are those that a predictor found, by part; else a part that flows has its row's.
     """
     from ...fem.mpm.method import PRESETS, MpmMethod
     from ...fem.mpm.stiff import Stiff
@@ -52,9 +60,13 @@ def particle_method(
     if not (np.isfinite(options.damping) and options.damping >= 0):
         raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
     own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
+    said = substances(options.matter, materials)
+    left = {part: row for part, row in materials.items() if part not in said}
+    flowing, notes = flowing_substances(left, classes or {})
     return replace(
         PRESETS[options.preset] if options.preset else own,
-        substances=substances(options.matter, materials),
+        substances=flowing | said,
+        notes=notes,
         threads=options.threads,
         announce=announce,
     )
@@ -106,6 +118,41 @@ def substances(
         values["seed"] = int(values.get("seed", 0))
         found[part.strip()] = Substance(kind=kind, **values)
     return found
+
+
+def flowing_substances(
+    materials: Mapping[str, str], classes: Mapping[str, str]
+) -> tuple[dict[str, Substance], tuple[str, ...]]:
+    """Matter by name of the parts that flow, and what to say of it: by ``classes``, else by row."""
+    found: dict[str, Substance] = {}
+    notes: list[str] = []
+    for part, row in materials.items():
+        name = classes.get(part) or _class_name(row)
+        if MaterialClass[name.upper()] not in FLOWING:
+            continue
+        own = row.removeprefix("like ")
+        values: dict[str, Any] = _from_tables(name, LIKE.get(name, own)) | _from_tables(name, own)
+        missing = [number for number in WANTED.get(name, ()) if number not in values]
+        if missing:
+            notes.append(
+                f"{part}: {row} is {name}, but the tables know no {missing[0]} of it: elastic; "
+                f"--matter {part}={name},{missing[0]}=... makes it flow"
+            )
+            continue
+        numbers = "".join(f", {number} {value:.3g}" for number, value in values.items())
+        notes.append(f"{part}: {name} as {row} is{numbers}; --matter {part}=jelly keeps it elastic")
+        found[part] = Substance(kind=MaterialClass[name.upper()], **values)
+    return found, tuple(notes)
+
+
+def _class_name(row: str) -> str:
+    """Class of a row of the table, in small letters; jelly of one that is not there."""
+    name = row.removeprefix("like ")
+    for table in (load_table(), load_contents()):
+        known = table.exact(name)
+        if known is not None:
+            return class_of(known).name.lower()
+    return MaterialClass.JELLY.name.lower()
 
 
 def _from_tables(name: str, row: str) -> dict[str, float]:

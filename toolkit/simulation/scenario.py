@@ -38,11 +38,13 @@ def run_scenario(
     *,
     up: UpAxis,
     materials: Mapping[str, str] | None = None,
+    classes: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
     """Solve the scenario of ``options`` on a mesh with a material.
 
-    ``progress`` hears of the scenario, and of every frame of a motion.
+    ``classes`` are those of the material point method by part, where they were found; ``progress``
+    hears of the scenario, and of every frame of a motion.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def run_scenario(
     mesh, rows = with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    method = chosen_method(kind, options, rows, _announce(progress, started))
+    method = chosen_method(kind, options, rows, _announce(progress, started), classes=classes)
     _check_law(options, method)
     scene = stated_scene(mesh, options, up=up, materials=rows)
     result = method.solve(

@@ -14,7 +14,7 @@ from ...predictors.asset import UpAxis
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..io.outputs import check_file, check_folder
-from ..io.sidecar import Sidecar, read_known, rows_on_record
+from ..io.sidecar import Sidecar, classes_on_record, read_known, rows_on_record
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
@@ -32,6 +32,7 @@ def simulate(
     drive: Path | None = None,
     drive_scale: float | None = None,
     materials: Mapping[str, str] | None = None,
+    classes: Mapping[str, str] | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -44,8 +45,9 @@ def simulate(
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
-    they have strengths and a grain. For particles, ``mesh`` may be a field (.npz), or splats or
-    points with E, nu and rho as `transfer` writes them, which follow into a folder ``output``.
+    they have strengths and a grain; ``classes`` of matter for particles go with them. For
+    particles, ``mesh`` may be a field (.npz), or splats or points with E, nu and rho as `transfer`
+    writes them, which follow into a folder ``output``.
 
     Raises
     ------
@@ -69,19 +71,28 @@ def simulate(
     sidecar = replace(sidecar, up=up or sidecar.up)
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-    rows = rows_on_record(sidecar) if materials is None else materials
-    known = {"up": sidecar.up, "materials": rows, "progress": progress}
+    if materials is None:
+        classes = classes or classes_on_record(sidecar)
+        materials = rows_on_record(sidecar) or (body.materials if body is not None else {})
+    known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
         result = run_scenario(mesh, options, **known)
     result = _noted(result, body)
     if drive is not None and output is not None:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        moved = result.animation.displacement
-        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
-        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
-        result = replace(result, driven=driven, files=driven.files)
+        result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     files = {"output": output, "report": report, "picture": picture}
     return _shown(result, name, sidecar, touch=options.touch, **files)
+
+
+def _driven(
+    result: Simulation, carrier: Path, *, folder: Path, scale: float, up: UpAxis
+) -> Simulation:
+    """The result with the frames of a carrier that moved with it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    place = {"folder": folder, "scale": scale, "up": up}
+    moved = result.animation.displacement
+    driven = move_carrier(result.mesh, moved, carrier, run=result.particles, **place)
+    return replace(result, driven=driven, files=driven.files)
 
 
 def _voxels(

@@ -74,15 +74,18 @@ def chosen_method(
     options: SimulateOptions,
     materials: Mapping[str, str],
     announce: Callable[[str], None] | None = None,
+    *,
+    classes: Mapping[str, str] | None = None,
 ) -> Method:
     """Return the method ``name`` with the options that are its own, loaded when asked for.
 
-    ``materials`` are rows of the table by part; ``announce`` hears what the run will cost.
+    ``materials`` are rows of the table by part, ``classes`` of matter those that were found of
+    them; ``announce`` hears what the run will cost.
     """
     if name == "mpm":
         from .matter import particle_method
 
-        return particle_method(options, materials, announce)
+        return particle_method(options, materials, announce, classes=classes)
     if name == "spring":
         return spring_method(options, announce)
     if name == "lbs":

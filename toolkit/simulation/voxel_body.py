@@ -16,11 +16,15 @@ from ...predictors.field import MaterialField
 
 
 class VoxelBody(NamedTuple):
-    """Tets of voxels, how they came about, and the splats or points that can follow, if any."""
+    """Tets of voxels, how they came about, and the splats or points that can follow, if any.
+
+    ``materials`` are the rows of the table by part, where a field has them.
+    """
 
     mesh: TetMesh
     notes: tuple[str, ...]
     carrier: Path | None
+    materials: dict[str, str]
 
 
 def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | None:
@@ -38,7 +42,7 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     if suffix == ".npz" and path.is_file() and "meta" in npz.load_npz(path):
         found = npz.load(path)
         is_field = isinstance(found, MaterialField)
-        return VoxelBody(tets_of_field(found), (), None) if is_field else None
+        return VoxelBody(tets_of_field(found), (), None, _rows(found)) if is_field else None
     if suffix not in POINT_FORMATS or not path.is_file():
         return None
     table = read_points(path)
@@ -47,7 +51,18 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
     names = _part_names(table)
     field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
-    return VoxelBody(tets_of_field(field), (_filled(field),), path)
+    return VoxelBody(tets_of_field(field), (_filled(field),), path, {})
+
+
+def _rows(field: MaterialField) -> dict[str, str]:
+    """The material that most cells of a part are of, by name of part."""
+    if field.part is None or field.material is None:
+        return {}
+    rows = {}
+    for part in np.unique(field.part[field.occupied]):
+        own = field.material[field.occupied & (field.part == part)]
+        rows[field.part_names[part]] = field.material_names[np.bincount(own).argmax()]
+    return rows
 
 
 def check_particles(path: Path, *, particles: bool) -> None:

@@ -9,10 +9,9 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Int
 
-from ....fem.mpm.classes import MaterialClass
+from ....fem.mpm.classes import MaterialClass, class_of
 from ....fem.scene.materials import Band, Material, Span
 from ...hearing.part_names import part_kinds, spoken
-from ...unipixie.matter_class import class_of
 from ..grammar import spoken_names
 from ..objects import category_names, make_objects
 from ..ranges import Named, row_ends
