@@ -45,6 +45,22 @@ def test_a_free_body_keeps_its_momentum(thrown):
         assert np.abs(after - before).max() < 1e-12 * np.linalg.norm(before)
 
 
+@pytest.mark.slow
+def test_a_free_body_keeps_its_angular_momentum(thrown):
+    """The span holds every turn of the deformed body: what BDF2 loses falls as the step squared."""
+    model, velocity = thrown
+    lost = []
+    for steps in (16, 32, 64):
+        body = ReducedDynamics(model, velocity=velocity, tolerance=1e-10)
+        before = momentum(model, body.state)[3:]
+        for _ in range(steps):
+            body.advance(0.05 / steps)
+        lost.append(np.linalg.norm(momentum(model, body.state)[3:] - before))
+    slopes = np.log2([lost[0] / lost[1], lost[1] / lost[2]])
+    assert (slopes > 1.6).all()
+    assert lost[-1] < 1e-2 * np.linalg.norm(before)
+
+
 def test_bdf2_is_of_second_order():
     """The path's error falls with the square of the step: slope between 1.8 and 2.2.
 
