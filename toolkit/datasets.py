@@ -167,6 +167,7 @@ def audit_ranges(
     seed: int = 0,
     actor: str | None = None,
     encoder: str | None = None,
+    linear: bool = False,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -182,6 +183,8 @@ def audit_ranges(
         ``http://HOST/v1#MODEL`` of a language model that proposes; None: the table does.
     encoder
         Image encoder by which a critic looks at the objects; None: nobody does.
+    linear
+        Whether the ends are those of linear elements instead of particles: a forecast.
     resume
         Whether to go on with the logs that are there instead of drawing objects.
     progress
@@ -207,7 +210,8 @@ def audit_ranges(
         proposer = EndpointActor(ChatEndpoint.at(actor)) if actor else propose_by_table
         logs = auditing.audit(
             output, objects=objects, seed=seed, actor=proposer, actor_name=actor or "table",
-            critic=critic_of(speaking_encoder(encoder)) if encoder else None, tell=tell,
+            critic=critic_of(speaking_encoder(encoder)) if encoder else None, linear=linear,
+            tell=tell,
         )  # fmt: skip
     document = auditing.audit_document(logs)
     table = output / "audit.json"

@@ -17,7 +17,7 @@ from .critic import Critic
 from .findings import DISTINCT
 from .log import RangeLog, RangeOutcome, load_log
 from .proposal import End
-from .refinement import refine
+from .refinement import METHODS, refine
 
 # UniPixie supplement, A.1.1: shares of 100 objects of their own, judged by people.
 PAPER = {RangeOutcome.ACCEPTED: 0.528, RangeOutcome.REFINED: 0.383, RangeOutcome.REJECTED: 0.089}
@@ -38,12 +38,13 @@ def audit(
     actor: Actor = propose_by_table,
     actor_name: str = "table",
     critic: Critic | None = None,
+    linear: bool = False,
     tell: Tell | None = None,
 ) -> list[RangeLog]:
     """Propose, simulate and refine the ranges of objects; a log of each goes to ``output``.
 
-    A ``critic`` looks at pictures of them, too. Objects whose log of the same seed is there already
-    are not made again.
+    A ``critic`` looks at pictures of them, too; ``linear`` elements are a forecast. Objects whose
+    log of the same seed is there already are not made again.
     """
     output.mkdir(parents=True, exist_ok=True)
     logs = []
@@ -51,31 +52,34 @@ def audit(
         path = output / f"object_{number:03d}.json"
         if path.is_file():
             log, edited = load_log(path)
-            if log.thing.seed == seed and not edited:
+            method = log.load.get("method", METHODS[linear])
+            if log.thing.seed == seed and method == METHODS[linear] and not edited:
                 logs.append(log)
                 continue
             raise InputError(
-                f"{path} is of seed {log.thing.seed}{', and edited' if edited else ''}: --resume "
-                "goes on from it, another folder starts afresh"
+                f"{path} is of seed {log.thing.seed}, by {method}{', and edited' * edited}: "
+                "--resume goes on from it, another folder starts afresh"
             )
         thing = draw_object(seed, number)
         if tell is not None:
             tell(f"object {number + 1} of {objects}, {thing.name}")
-        log = _audited(thing, actor, actor_name, critic)
+        log = _audited(thing, actor, actor_name, critic, linear=linear)
         log.save(output)
         logs.append(log)
     write_queue(output, logs)
     return logs
 
 
-def _audited(thing: AuditObject, actor: Actor, actor_name: str, critic: Critic | None) -> RangeLog:
+def _audited(
+    thing: AuditObject, actor: Actor, actor_name: str, critic: Critic | None, *, linear: bool
+) -> RangeLog:
     """Ask the actor and refine what it proposes; an answer that is no proposal is rejected."""
     try:
         proposal = actor(thing)
     except InputError as error:
         reason = f"no proposal: {error}"
         return RangeLog(thing, actor_name, None, None, RangeOutcome.REJECTED, reason)
-    log = refine(thing, proposal, actor=actor_name)
+    log = refine(thing, proposal, actor=actor_name, linear=linear)
     review = None if critic is None else critic(thing, proposal)
     return log if review is None else replace(log, review=review.document())
 
@@ -91,7 +95,8 @@ def resume(folder: Path, *, tell: Tell | None = None) -> list[RangeLog]:
         if edited and log.proposal is not None:
             if tell is not None:
                 tell(f"{path.name}, {log.thing.name}")
-            again = refine(log.thing, log.proposal, actor=log.actor, earlier=log)
+            linear = log.load.get("method") == METHODS[True]
+            again = refine(log.thing, log.proposal, actor=log.actor, linear=linear, earlier=log)
             log = replace(again, review=log.review)
             log.save(folder)
         logs.append(log)

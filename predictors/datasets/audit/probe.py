@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from ....fem.mpm.background import grid_around
 from ....fem.mpm.classes import MaterialClass, Substance, plane_friction
 from ....fem.mpm.particles import Particles
+from ....fem.mpm.sampling import Followers
 from ....fem.mpm.solver import MpmSolver
 from ....fem.mpm.stability import Failure, largest_modulus
 from ....fem.mpm.stiff import treated
@@ -81,10 +82,15 @@ class Probe:
         Index into ``names`` of every voxel, -1 outside, shape (x, y, z); z is up.
     names
         Names of the parts.
+    linear
+        Whether ends are those of linear elements, at the turn, instead of particles in motion:
+        a hundredth of the time, and nothing can fail but waves too fast for the particles' steps.
     """
 
-    def __init__(self, part: Int[np.ndarray, "x y z"], names: Sequence[str]) -> None:
-        self.names = tuple(names)
+    def __init__(
+        self, part: Int[np.ndarray, "x y z"], names: Sequence[str], *, linear: bool = False
+    ) -> None:
+        self.names, self.linear = tuple(names), linear
         inside = blocks(part >= 0, max(part.shape) // ALONG)
         self._voxels_of_cell = inside
         self._occupied = np.asarray(inside.any(axis=3))
@@ -170,6 +176,10 @@ class Probe:
 
         Parts that are too stiff for the steps (``too_stiff``) are rigid.
         """
+        if self.linear:
+            return EndMotion(
+                np.stack([self.x, self.x + self._turned(proposal, end, load)]), None, 0
+            )
         still = np.repeat(self.x[None], FRAMES + 1, axis=0)
         spacing, step = ALONG * self.side, load.duration / self.steps
         held = self._mesh.points[self._supports.fixed.any(axis=1)]
@@ -196,6 +206,15 @@ class Probe:
                 return EndMotion(still, failure, solver.substeps)
             frames.append(solver.state.x)
         return EndMotion(np.stack(frames), None, solver.substeps)
+
+    def _turned(self, proposal: Proposal, end: End, load: Load) -> Float[np.ndarray, "n 3"]:
+        """Displacement [m] of the voxels at the turn: twice that at rest."""
+        at = Followers.of(
+            self.x, self._mesh.points, labels=np.zeros(len(self.x), dtype=np.int64),
+            parts=np.zeros(len(self._mesh.points), dtype=np.int64),
+        )  # fmt: skip
+        u = self._static(proposal, end)
+        return 2 * load.acceleration * np.einsum("nk,nki->ni", at.weights, u[at.near])
 
     def _advance(self, solver: MpmSolver, load: Load) -> Failure | None:
         """Follow a frame; matter that is crushed shortens its steps, but not for ever."""

@@ -13,16 +13,23 @@ from .probe import ALONG, Probe
 from .proposal import End, Proposal
 
 ROUNDS = 5
+METHODS = ("material points", "linear elements")
 
 
 def refine(
-    thing: AuditObject, first: Proposal, *, actor: str, earlier: RangeLog | None = None
+    thing: AuditObject,
+    first: Proposal,
+    *,
+    actor: str,
+    linear: bool = False,
+    earlier: RangeLog | None = None,
 ) -> RangeLog:
     """Simulate both ends of a proposal and refine it, in at most ``ROUNDS`` rounds.
 
-    ``earlier`` is the log that a person edited: its rounds are kept before the new ones.
+    ``linear`` elements take the place of particles; ``earlier`` is the log that a person edited:
+    its rounds are kept before the new ones.
     """
-    examiner = Examiner(Probe(thing.part, list(thing.parts)), first)
+    examiner = Examiner(Probe(thing.part, list(thing.parts), linear=linear), first)
     spans = {name: band_of(part_kinds()[name].materials) for name in thing.parts}
     rounds = list(earlier.rounds) if earlier else []
     before, proposal = len(rounds), first
@@ -65,7 +72,7 @@ def _load(examiner: Examiner, proposal: Proposal) -> dict[str, Any]:
     return {
         "acceleration": load.acceleration,
         "duration": load.duration,
-        "method": "material points",
+        "method": METHODS[probe.linear],
         "cells": max(probe.shape) // ALONG,
         "particles": len(probe.x),
         "most_substeps": probe.steps,

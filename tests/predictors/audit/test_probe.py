@@ -38,6 +38,16 @@ def test_the_load_moves_the_soft_end_by_a_tenth(probe):
     assert probe.sag(found, End.STIFF, load) == pytest.approx(SAG / 2, rel=1e-9)
 
 
+def test_linear_ends_are_proportional():
+    """The forecast: four times the E, a quarter of the way, in every voxel; no step is taken."""
+    quick, found = Probe(COLUMN, NAMES, linear=True), of((1e5, 4e5), (1e5, 4e5))
+    load, soft = quick.tried_load(found)
+    stiff = quick.simulate(found, End.STIFF, load)
+    assert (soft.x - quick.x) == pytest.approx(4 * (stiff.x - quick.x), rel=1e-9, abs=1e-12)
+    assert (soft.substeps, soft.failure) == (0, None)
+    assert SAG < soft.largest / quick.length <= 2 * SAG  # twice that at rest; voxels end inside
+
+
 def test_the_load_scales_with_stiffness_and_the_time_with_sound(probe):
     """a ~ E / rho, T ~ sqrt(rho / E): the body's own load and time."""
     a, b = probe.load(SOFT), probe.load(of((4e7, 4e7), (4e7, 4e7), rho=2000.0))

@@ -97,7 +97,7 @@ class _Fails:
 def fails(monkeypatch):
     """Rounds without a simulation."""
     monkeypatch.setattr(refinement, "Examiner", _Fails)
-    monkeypatch.setattr(refinement, "Probe", lambda *_: None)
+    monkeypatch.setattr(refinement, "Probe", lambda *_, **__: None)
     monkeypatch.setattr(
         refinement, "_load", lambda *_: {"linear_sag": {"soft": 0.1, "stiff": 0.05}}
     )
