@@ -43,6 +43,9 @@ class Anchors:
         Edge [m] of a cube that belongs to one anchor.
     layers
         Anchors across the thickness of every part [1], shape (parts,).
+    skin
+        How near the surface of its part an anchor is [1]: from 0 in the middle, with the square of
+        the height above it, to 1; shape (n,).
     """
 
     x: Float[np.ndarray, "n 3"]
@@ -55,6 +58,7 @@ class Anchors:
     values: Float[np.ndarray, "n 3"]
     spacing: float
     layers: Float[np.ndarray, "parts"]
+    skin: Float[np.ndarray, "n"]
 
 
 class _Places(NamedTuple):
@@ -116,11 +120,12 @@ def sample_anchors(
         part.append(np.full(free, name))
         total += free
     matter = _matter(mesh, places, owner, np.concatenate([held.x, *found]), len(held.x))
-    part, layers = np.concatenate(part)[matter.stays], _thicknesses(mesh, rng) / spacing
+    part = np.concatenate(part)[matter.stays]
+    thickness, skin = _thicknesses(mesh, matter.fields["x"], part, rng)
     fixed, values = np.zeros((len(part), 3), dtype=bool), np.zeros((len(part), 3))
     fixed[: len(held.x)], values[: len(held.x)] = held.fixed, held.values
-    known = {"fixed": fixed, "values": values, "spacing": spacing, "layers": layers}
-    return Anchors(**matter.fields, part=part, **known)
+    known = {"fixed": fixed, "values": values, "spacing": spacing, "layers": thickness / spacing}
+    return Anchors(**matter.fields, part=part, skin=skin, **known)
 
 
 class _Cells(NamedTuple):
@@ -173,17 +178,27 @@ def _matter(mesh: TetMesh, places: _Places, owner: np.ndarray, x: np.ndarray, he
     return _Matter({name: value[stays] for name, value in found.items()}, stays)
 
 
-def _thicknesses(mesh: TetMesh, rng: np.random.Generator) -> Float[np.ndarray, "parts"]:
-    """Thickness [m] of every part: to 5 % that of a plate, to a fifth that of a rod."""
-    found = np.full(len(mesh.region_names), np.inf)
+class _Thickness(NamedTuple):
+    """``thickness`` (parts,) [m] of parts, and the ``skin`` (n,) [1] of anchors in them."""
+
+    thickness: np.ndarray
+    skin: np.ndarray
+
+
+def _thicknesses(
+    mesh: TetMesh, x: np.ndarray, part: np.ndarray, rng: np.random.Generator
+) -> _Thickness:
+    """Thickness of every part, to 5 % that of a plate, to a fifth that of a rod; skin of ``x``."""
+    found, skin = np.full(len(mesh.region_names), np.inf), np.zeros(len(x))
     for k in np.unique(mesh.region):
         own = np.flatnonzero(mesh.region == k)
         tet = rng.choice(own, PROBED, p=mesh.volumes[own] / mesh.volumes[own].sum())
-        depth = Sight(mesh.points, boundary_faces(mesh.tets[own]).faces).depth(
-            _inside(mesh, tet, rng)
-        )
-        found[k] = 2 * float(np.quantile(depth, DEEPEST))
-    return found
+        surface = Sight(mesh.points, boundary_faces(mesh.tets[own]).faces)
+        found[k] = 2 * float(np.quantile(surface.depth(_inside(mesh, tet, rng)), DEEPEST))
+        here = part == k
+        if here.any():
+            skin[here] = np.clip(1 - 2 * surface.depth(x[here]) / found[k], 0, 1) ** 2
+    return _Thickness(found, skin)
 
 
 def _sampled(mesh: TetMesh, count: int, rng: np.random.Generator) -> _Places:

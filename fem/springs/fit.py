@@ -1,8 +1,10 @@
-"""Springs after another method: one number for k, by a frequency or a motion; eta for a ratio."""
+"""Springs after another method: scale and profile of k by a motion, or a scale by a frequency."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,9 +19,14 @@ from .vibration import network_frequencies
 SOFTEST, STIFFEST = 20.0, -20.0
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
-# Gauss-Newton on log k: difference, longest step, shortest step, and most steps. It ends where the
-# square of the error would fall by less than a share.
-DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 0.5, 1e-5, 12, 1e-4
+# Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
+# ends where the square of the error falls, or would, by less than a share.
+DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 12, 5e-3
+# Steps are made shorter only where they are too long by more than this share, so that differences
+# are not those of another step.
+LEEWAY = 0.05
+# The surface is at most so many times [exp] stiffer or softer than the middle.
+STEEPEST = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +36,14 @@ class SpringFit:
     Parameters
     ----------
     scale
-        What the calibrated stiffness is multiplied by [1].
+        What the calibrated stiffness is multiplied by [1], in the geometric mean of the volume.
+    surface
+        Logarithm [1] of the stiffness of springs at the surface over that in the middle: what few
+        anchors across need to bend and to shear as they should.
     error
         Root of the mass-weighted mean square of the displacement's error, over that of the motion.
     calibrated_error
-        The same without the fit, at scale 1.
+        The same without the fit, at scale 1 and surface 0.
     frequency_ratio
         First frequency of the fitted network over the one asked for; nan where none was given.
     runs
@@ -43,6 +53,7 @@ class SpringFit:
     """
 
     scale: float
+    surface: float
     error: float
     calibrated_error: float
     frequency_ratio: float
@@ -50,6 +61,16 @@ class SpringFit:
     anchors: int
     neighbours: int
     eta: float
+
+
+def profile_warnings(fit: SpringFit) -> tuple[str, ...]:
+    """What to say where a fit is not what it looks like."""
+    if abs(fit.surface) < STEEPEST:
+        return ()
+    return (
+        f"the springs' profile ended at its limit, {np.exp(STEEPEST):.0f} times from middle to "
+        "surface: the motion wants what springs cannot do",
+    )
 
 
 def scale_to_frequency(network: SpringNetwork, wanted: float, *, eta: float = 0.0) -> float:
@@ -105,50 +126,53 @@ def fit_to_motion(
     eta: float = 0.0,
     dashpot: float = 0.0,
     frequency: float | None = None,
+    steps: int = 1,
 ) -> SpringFit:
-    """Scale of k with which ``body`` follows displacements [m] at intervals ``dt`` [s] best.
+    """Scale and profile of k with which ``body`` follows displacements [m] every ``dt`` [s] best.
 
-    The first frame is the start. Gauss-Newton on log k by differences, from the scale of the first
-    ``frequency`` [Hz] where that is known. k and eta are one number: eta stays.
+    The first frame is the start. Gauss-Newton from the scale of the first ``frequency`` [Hz] where
+    that is known. k and eta are one number: eta stays. At least ``steps`` are taken every ``dt``.
 
     Raises
     ------
     InputError
         Where nothing moves, the shapes do not fit, or pieces of the network turn freely.
     ConvergenceError
-        Where the scale does not settle, or a motion's steps are unstable.
+        Where the fit does not settle, or a motion's steps are unstable.
     """
-    mesh, base = body.scene.mesh, body.network.stiffness(eta)
+    network = body.network
     target = np.asarray(wanted, dtype=float)[1:]
-    weight = _weights(mesh, target)
-    runs, steps = 0, 0
+    weight = _weights(body.scene.mesh, target)
 
-    def misfit(log_scale: float) -> np.ndarray:
-        nonlocal runs, steps
-        motion = body.motion(np.exp(log_scale) * base, dashpot=dashpot)
-        # Never fewer than before: another count of steps would be read as another stiffness.
-        runs, steps = runs + 1, max(steps, motion.steps_for(dt))
+    def stiffness(p: np.ndarray) -> np.ndarray:
+        return np.exp(p[0]) * network.stiffness(eta, surface=p[1])
+
+    def misfit(p: np.ndarray) -> np.ndarray:
+        nonlocal steps
+        motion = body.motion(stiffness(p), dashpot=dashpot)
+        needed = motion.steps_for(dt)
+        steps = needed if needed > (1 + LEEWAY) * steps else steps
         out = np.empty_like(target)
         for frame in range(len(target)):
             motion.advance(dt, steps=steps)
             out[frame] = body.displacement(motion.x)
         return (weight * (out - target)).ravel()
 
-    found = 1.0 if frequency is None else scale_to_frequency(body.network, frequency, eta=eta)
-    first = misfit(0.0)
-    log_scale, error = _gauss_newton(misfit, float(np.log(found)), first)
+    found = 1.0 if frequency is None else scale_to_frequency(network, frequency, eta=eta)
+    first = misfit(np.zeros(2))
+    p, error, runs = _gauss_newton(misfit, np.array([np.log(found), 0.0]), first)
     ratio = np.nan
     if frequency is not None:
-        tone = network_frequencies(body.network, np.exp(log_scale) * base)[0]
-        ratio = float(tone / frequency)
+        ratio = float(network_frequencies(network, stiffness(p))[0] / frequency)
     return SpringFit(
-        scale=float(np.exp(log_scale)),
+        scale=float(np.exp(p[0])),
+        surface=float(p[1]),
         error=error,
         calibrated_error=float(np.linalg.norm(first)),
         frequency_ratio=ratio,
-        runs=runs,
+        runs=runs + 1,
         anchors=body.asked,
-        neighbours=body.network.neighbours,
+        neighbours=network.neighbours,
         eta=eta,
     )
 
@@ -169,22 +193,41 @@ def _weights(
     return weight / size
 
 
-def _gauss_newton(misfit, start: float, at_zero: np.ndarray) -> tuple[float, float]:
-    """Argument of least square and the root of that; steps that do not help are halved."""
-    p = start
-    here = at_zero if p == 0 else misfit(p)
+class _Least(NamedTuple):
+    """Argument of the least square, the root of that, and how many runs it took."""
+
+    p: np.ndarray
+    error: float
+    runs: int
+
+
+def _gauss_newton(
+    misfit: Callable[[np.ndarray], np.ndarray], p: np.ndarray, at_zero: np.ndarray
+) -> _Least:
+    """Least squares of ``misfit`` from ``p`` on; steps that do not help are halved."""
+    here, runs = (misfit(p), 1) if p.any() else (at_zero, 0)
     for _ in range(MOST):
-        slope = (misfit(p + DIFFERENCE) - here) / DIFFERENCE
-        downhill, square = float(slope @ here), max(float(slope @ slope), 1e-300)
-        step = float(np.clip(-downhill / square, -LONGEST, LONGEST))
-        if downhill**2 / square < GAIN * float(here @ here):
-            return p, float(np.linalg.norm(here))
-        while abs(step) > SHORTEST:
-            there = misfit(p + step)
+        J = np.stack([misfit(p + d) - here for d in DIFFERENCE * np.eye(len(p))], 1) / DIFFERENCE
+        move = _short(p, np.linalg.lstsq(J, -here, rcond=1e-6)[0])
+        expected, runs = here + J @ move, runs + len(p)
+        if not expected @ expected < (1 - GAIN) * (here @ here):
+            return _Least(p, float(np.linalg.norm(here)), runs)
+        while np.abs(move).max() > SHORTEST:
+            there, runs = misfit(p + move), runs + 1
             if there @ there < here @ here:
                 break
-            step /= 2
+            move = move / 2
         else:
-            return p, float(np.linalg.norm(here))
-        p, here = p + step, there
+            return _Least(p, float(np.linalg.norm(here)), runs)
+        gained = there @ there < (1 - GAIN) * (here @ here)
+        p, here = p + move, there
+        if not gained:
+            return _Least(p, float(np.linalg.norm(here)), runs)
     raise ConvergenceError(f"the fit of k does not settle within {MOST} steps")
+
+
+def _short(p: np.ndarray, move: np.ndarray) -> np.ndarray:
+    """``move`` no longer than is safe, and to no steeper profile than there may be."""
+    move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
+    move[1] = np.clip(p[1] + move[1], -STEEPEST, STEEPEST) - p[1]
+    return move

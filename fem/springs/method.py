@@ -34,6 +34,8 @@ class SpringMethod:
         Weights of the neighbours: 0, all of them alike; 20, the nearest sixteen alone.
     scale
         What the calibrated stiffness of the springs is multiplied by [1].
+    surface
+        Logarithm [1] of the stiffness at the surface over that in the middle, as a fit finds it.
     dashpot
         Damping of every spring over its stiffness [s].
     seed
@@ -46,6 +48,7 @@ class SpringMethod:
     neighbours: int = 32
     eta: float = 0.0
     scale: float = 1.0
+    surface: float = 0.0
     dashpot: float = 0.0
     seed: int = 0
     announce: Callable[[str], None] | None = None
@@ -92,7 +95,7 @@ class SpringMethod:
 
     def stiffness(self, body: SpringBody) -> Float[np.ndarray, "springs"]:
         """Stiffness of the springs of ``body`` [N/m]."""
-        return self.scale * body.network.stiffness(self.eta)
+        return self.scale * body.network.stiffness(self.eta, surface=self.surface)
 
 
 METHOD = SpringMethod()

@@ -111,14 +111,27 @@ class SpringNetwork:
         carried = 6 * self.anchors.volume * self.anchors.E
         return carried / np.where(reach > 0, reach / 2, np.inf)
 
+    def constants(self, eta: float = 0.0, surface: float = 0.0) -> Float[np.ndarray, "n"]:
+        """Calibrated constants k [N] times exp(surface (skin - its mean)).
+
+        The mean is that by volume, so that the mean of log k stays.
+        """
+        anchors = self.anchors
+        outer = anchors.skin - np.average(anchors.skin, weights=anchors.volume)
+        return self.calibrated(eta) * np.exp(surface * outer)
+
     def stiffness(
-        self, eta: float = 0.0, *, k: Float[np.ndarray, "n"] | None = None
+        self,
+        eta: float = 0.0,
+        *,
+        surface: float = 0.0,
+        k: Float[np.ndarray, "n"] | None = None,
     ) -> Float[np.ndarray, "springs"]:
         """Stiffness [N/m] of every spring: (k_i w + k_j w) / 2 l, across borders the harmonic mean.
 
-        ``k`` [N] are the anchors' constants, by default calibrated at this ``eta``.
+        ``k`` [N] are the anchors' constants, by default those of ``eta`` and ``surface``.
         """
-        k = self.calibrated(eta) if k is None else k
+        k = self.constants(eta, surface) if k is None else k
         own, other = self._shares(eta)
         a, b = self.anchors.E[self.i], self.anchors.E[self.j]
         series = 4 * (a / (a + b)) * (b / (a + b))  # harmonic over arithmetic mean: halves in a row

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -198,10 +199,11 @@ class SpringMatch(FewNumbers):
 
     @property
     def summary(self) -> str:
-        """Scale of k, errors and the ratio of frequencies, in a line."""
+        """Scale and profile of k, errors and the ratio of frequencies, in a line."""
         fit = self.fit
         return (
-            f"k x {fit.scale:.4f}; error {fit.error:.2%}, calibrated from E alone "
+            f"k x {fit.scale:.4f}, at the surface {math.exp(fit.surface):.2f} times that in the "
+            f"middle; error {fit.error:.2%}, calibrated from E alone "
             f"{fit.calibrated_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the finite "
             "elements'"
         )

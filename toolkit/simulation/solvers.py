@@ -130,4 +130,4 @@ def spring_method(
                 "alone; leave it out"
             )
     network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
-    return SpringMethod(**network, scale=fit.scale, announce=announce)
+    return SpringMethod(**network, scale=fit.scale, surface=fit.surface, announce=announce)

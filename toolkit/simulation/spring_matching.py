@@ -6,7 +6,7 @@ from ...fem.scene.scene import Scene
 from ...fem.solve.discretisation_error import motion_order
 from ...fem.solve.modal import natural_modes
 from ...fem.springs.body import spring_body
-from ...fem.springs.fit import SpringFit, fit_to_motion
+from ...fem.springs.fit import SpringFit, fit_to_motion, profile_warnings
 from ..options import SimulateOptions
 from .motion_reading import EvenMotion
 
@@ -23,4 +23,4 @@ def fitted_springs(
     modes = natural_modes(scene.mesh, 1, supports=scene.supports, order=order)
     frequency = float(modes.frequencies[0])
     fit = fit_to_motion(body, motion.displacement, motion.dt, eta=options.eta, frequency=frequency)
-    return fit, body.notes
+    return fit, (*body.notes, *profile_warnings(fit))
