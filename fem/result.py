@@ -147,6 +147,8 @@ class SagResult:
         Multiple of the load at which it buckles; None where that was not found.
     trusted
         Whether this is how it rests; else a linear answer to a load that is too large for one.
+    assumed
+        Share of the volume in pieces that touch nothing held, and are held where they are.
     """
 
     static: StaticResult
@@ -158,6 +160,7 @@ class SagResult:
     warnings: tuple[str, ...]
     load_factor: LoadFactor | None = None
     trusted: bool = True
+    assumed: float = 0.0
 
     @property
     def displacement(self) -> Float[np.ndarray, "points 3"]:

@@ -46,12 +46,14 @@ def find_supports(
     ``three_point``: on three points, free to expand; ``from_top``: it hangs instead.
 
     A component (tets joined through faces) that neither stands on the base nor shares three points
-    that span a plane with a held piece could move freely: it is held at its own lowest points.
+    that span a plane with a held piece could move freely: it is held at its own lowest points, and
+    counts as ``assumed``.
     """
     labels = face_components(mesh)
     used = np.unique(mesh.tets)
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     warnings: list[str] = []
+    assumed = 0.0
     place = _three_points if three_point else _clamp_lowest
     points = mesh.points * np.where(np.arange(3) == axis, -1.0, 1.0) if from_top else mesh.points
     place(points, used, axis, fixed)
@@ -64,12 +66,13 @@ def find_supports(
             k = max(waiting, key=lambda k: len(members[k]))
             _clamp_lowest(points, members[k], axis, fixed)
             share = mesh.volumes[labels == k].sum() / mesh.volume
+            assumed += share
             warnings.append(_loose(k, len(members), share, "highest" if from_top else "lowest"))
             done = {k}
         for k in done:
             held[members[k]] = True
         waiting -= done
-    supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape))
+    supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
     return FoundSupports(supports, tuple(warnings))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,11 +22,15 @@ class Supports:
         Prescribed displacement [m] where ``fixed``, shape (points, 3).
     springs
         Stiffness [N/m] of springs to the ground, shape (points, 3).
+    assumed
+        Share of the body's volume in pieces that touch nothing held, which are held where they
+        are because nobody said by what.
     """
 
     fixed: Bool[np.ndarray, "points 3"]
     values: Float[np.ndarray, "points 3"]
     springs: Float[np.ndarray, "points 3"]
+    assumed: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.values).all() and np.isfinite(self.springs).all()):
@@ -54,10 +58,10 @@ class Supports:
         grid = np.ix_(index, np.atleast_1d(axes))
         fixed[grid] = True
         prescribed[grid] = values
-        return Supports(fixed, prescribed, self.springs)
+        return replace(self, fixed=fixed, values=prescribed)
 
     def with_springs(self, ids, stiffness) -> Supports:
         """Add springs of ``stiffness`` [N/m] (scalar, or a value for each axis) at ``ids``."""
         springs = self.springs.copy()
         springs[ids] += stiffness
-        return Supports(self.fixed, self.values, springs)
+        return replace(self, springs=springs)

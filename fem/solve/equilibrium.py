@@ -88,7 +88,8 @@ class StaticMethod:
         largest, height = _largest(static), scene.height
         supported = np.asarray(scene.held.fixed.any(axis=1))
         found = (static, height, largest, largest / height, error, supported, tuple(warnings))
-        return SagResult(*found, load_factor=factor, trusted=trusted)
+        assumed = scene.held.assumed
+        return SagResult(*found, load_factor=factor, trusted=trusted, assumed=assumed)
 
 
 METHOD = StaticMethod()

@@ -7,6 +7,7 @@ from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.verdicts import holds_shape
 
 from .bodies import shaken_box
 
@@ -57,6 +58,11 @@ def test_loose_pieces_are_held_and_said():
     assert len(result.warnings) == 1
     assert "50.0% of the volume" in result.warnings[0]
     assert result.max_displacement < 2 * alone
+    assert result.assumed == pytest.approx(0.5)
+    verdict = holds_shape(result)
+    assert not verdict.passed, "that it stays where it floats is assumed, not found"
+    assert "50 % of its volume" in verdict.sentence
+    assert holds_shape(sag(_join(low))).passed
 
 
 def test_hinge_is_held_and_said():

@@ -151,3 +151,12 @@ def test_a_wall_that_no_mesh_holds_stays_with_the_material():
     options = ConvertOptions(mesher="stuffing", edge_length=0.02, no_cache=True)
     solid = apx.convert(cup, options=options, walls=WallOptions(wall=2e-4, fill=("water",)))
     assert solid.mesh.region_names == ("cup",)
+
+
+def test_contents_never_take_the_name_of_a_part():
+    """A part that is called what the contents would be: said, with the way out."""
+    box = trimesh.creation.box((0.1, 0.1, 0.12))
+    cup = Asset("cup", (Part("cup", box), Part("cup contents", box.copy())))
+    options = ConvertOptions(mesher="stuffing", edge_length=0.02, no_cache=True)
+    with pytest.raises(UsageError, match="'cup contents', which the asset has"):
+        apx.convert(cup, options=options, walls=WallOptions(wall=0.02, fill=("cup=water",)))

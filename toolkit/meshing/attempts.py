@@ -38,6 +38,7 @@ TIGHTER_START = 10.0  # s that it may take in any case
 # square of the edge, those of a thick one with the cube.
 BUDGET_ROUNDS, BUDGET_MARGIN = 4, 1.1
 FINER = (1.6, 2.2)  # divide the edge of a lattice too coarse for a body: 4 and 11 times the tets
+WHOLE_TETS = 250_000  # that a lattice may have to keep in one piece what a coarser one cut apart
 NO_REPAIR_HELPS = ("time", BROKEN)  # such outcomes are the same with vertices welded harder
 WRAP_ALPHA_REL = 0.02  # share of the diagonal: holes below this size are bridged
 WRAP_VOLUME_TOLERANCE = 0.1  # a wrap that changes the volume by more is a shell, not the solid
@@ -59,9 +60,15 @@ class Made(NamedTuple):
         return tuple(g.sentence for g in self.guarantees if not g.ok)
 
     @property
-    def rank(self) -> tuple[int, float]:
-        """The lower, the better: broken guarantees, then the distance in epsilons."""
-        return len(self.broken), self.gaps.largest / self.epsilon
+    def loose(self) -> float:
+        """Largest share of a part's volume that a lattice too coarse for it has cut off."""
+        lattice = self.filling.lattice
+        return 0.0 if lattice is None else max(lattice.loose_shares.values(), default=0.0)
+
+    @property
+    def rank(self) -> tuple[int, float, float]:
+        """The lower, the better: broken guarantees, loose pieces, the distance in epsilons."""
+        return len(self.broken), self.loose, self.gaps.largest / self.epsilon
 
 
 class Attempts(NamedTuple):
@@ -124,7 +131,8 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
     """Try one way after the other until a mesh keeps its guarantees; all attempts are on record.
 
     A mesh counts at the epsilon of its own attempt, which is what the report states. After a
-    time-out or a broken guarantee the coarser ones are next: more repair helps neither. Where
+    time-out or a broken guarantee the coarser ones are next: more repair helps neither. A lattice
+    that cuts a thin part into pieces is followed by finer ones of ``WHOLE_TETS`` at most. Where
     every mesh breaks a guarantee, the best one is returned as it is.
     """
     record: list[Attempt] = []
@@ -133,6 +141,9 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
         same = engine != STUFFING and aim is problem.target
         if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
+        mends = engine == STUFFING and aim.tets <= WHOLE_TETS
+        if best is not None and not best.broken and not mends:
+            break
         filling, attempt = _try(engine, aim, prepare, problem.runner)
         record.append(attempt)
         if filling is None:
@@ -140,11 +151,14 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
         made = _judged(problem, filling, filling.target.epsilon)
         if made.broken:
             record[-1] = replace(attempt, outcome=_broken(made))
+        elif made.loose:
+            told = f"in pieces: a part lost {made.loose:.2%} of itself"
+            record[-1] = replace(attempt, outcome=told)
         if tightening and engine != STUFFING and (made.broken or not made.gaps.good(made.epsilon)):
             made, more = _tightened(problem._replace(target=aim), made, attempt)
             record.append(more)
         best = made if best is None else min(best, made, key=lambda one: one.rank)
-        if not made.broken:
+        if not made.broken and not made.loose:
             break
     return Attempts(best, tuple(record))
 

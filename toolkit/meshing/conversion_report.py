@@ -133,7 +133,8 @@ class ConversionReport:
     ``layers`` of tets were asked of the engine through thin places. The mesher "stuffing" bounds
     no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
-    the share of their surface; of those ``fallen_apart`` a share of volume is in loose pieces.
+    the share of their surface; of those ``fallen_apart`` a share of volume is in loose pieces, and
+    from those with ``closed_gaps`` tets reach to other walls over air, from a share of all surface.
     ``losses`` are those of the solids against the file as read.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` closed pieces that are
     not meshed either, ``lost`` are parts that enclose a volume but got no tet, ``hollow`` parts
@@ -159,6 +160,7 @@ class ConversionReport:
     thin_parts: tuple[tuple[str, float], ...] = ()
     losses: FileLosses = field(default_factory=FileLosses)
     fallen_apart: tuple[tuple[str, float], ...] = ()
+    closed_gaps: tuple[tuple[str, float], ...] = ()
     sheets: tuple[str, ...] = ()
     thin: ThinPieces = field(default_factory=ThinPieces)
     hollow: tuple[str, ...] = ()

@@ -119,6 +119,11 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
         ("volumes are off", report.off_volume, "+.1%"),
         ("shares of volumes fell off", report.fallen_apart, ".1%"),
         (f"thinner than {edge} in places, where shapes are blurred", report.thin_parts, ".0%"),
+        (
+            f"gaps narrower than {edge} are filled, and join what is apart, at shares of surface",
+            report.closed_gaps,
+            ".1%",
+        ),
     ):
         if shares:
             yield f"{what}: {_worst(shares, form)}; {_finer(report)} keeps them"

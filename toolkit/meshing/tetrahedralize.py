@@ -35,6 +35,7 @@ from .preparation import Preparation, Prepared
 from .quality import quality
 
 VOLUME_TOLD = 0.01  # relative error of a part's volume in a lattice
+GAP_TOLD = 1e-3  # share of all surface from which tets reach over a gap: four rays
 THIN_TOLD = 0.05  # share of a part's surface where it is thinner than the lattice's edge
 
 
@@ -239,11 +240,12 @@ def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
     """Fields of the report for a lattice: the parts that it does not fit."""
     if lattice is None:
         return {}
-    errors, shares, loose = lattice
+    errors, shares, loose, closed = lattice
     return {
         "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
         "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
         "fallen_apart": tuple((names[p], s) for p, s in loose.items()),
+        "closed_gaps": tuple((names[p], s) for p, s in closed.items() if s > GAP_TOLD),
     }
 
 

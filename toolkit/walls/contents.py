@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...fem.errors import UsageError
 from ...fem.scene.materials import Material
 from ...predictors.asset import Asset, Part
 from ...predictors.prediction import PartChoice, Prediction
@@ -38,6 +39,7 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
     """Add a part for what is inside each part with a wall and a filling by options.
 
     A wall below ``thinnest`` [m], and one that leaves no room, is left to the material.
+    ``UsageError`` where the asset has a part of that name.
     """
     rooms, contents = [], {}
     for part in asset.parts:
@@ -45,9 +47,15 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
         if filling is None or wall is None or not thinnest <= wall < np.inf:
             continue
         room = _room(part, wall)
-        if room is not None:
-            rooms.append(Part(part.name + SUFFIX, room))
-            contents[part.name + SUFFIX] = filling
+        if room is None:
+            continue
+        if part.name + SUFFIX in asset.part_names:
+            raise UsageError(
+                f"what {part.name!r} is filled with would be a part {part.name + SUFFIX!r}, which "
+                f"the asset has: --fill only the others, NAME=MATERIAL, or rename that part"
+            )
+        rooms.append(Part(part.name + SUFFIX, room))
+        contents[part.name + SUFFIX] = filling
     return FilledAsset(replace(asset, parts=(*asset.parts, *rooms)), contents)
 
 

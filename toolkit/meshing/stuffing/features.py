@@ -9,13 +9,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.boundary import area_vectors
 from ...surfaces.rows import face_edges
 from ...surfaces.triangles import Triangles
 
 SHARP = np.radians(35.0)  # between the normals of two faces, and between two edges at a corner
+SEEN = 0.5  # long edges: what faces one way so near together is visible or hidden together
 SPACING = 0.2  # of the points on edges among which the nearest is looked for, in long edges
 
 
@@ -83,6 +84,18 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return vectors / np.maximum(length, np.finfo(float).tiny)
 
 
+def _asked_by_cell(
+    visible: Visible, where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, "n"]:
+    """Ask one place for all in a cell of ``SEEN`` that look into the same octant.
+
+    Finely rounded rims have thousands of edges in a long edge of the lattice.
+    """
+    cell = np.column_stack([np.floor(where / SEEN).astype(int), normal > 0])
+    _, first, group = np.unique(cell, axis=0, return_index=True, return_inverse=True)
+    return visible(where[first], normal[first])[group.reshape(-1)]
+
+
 class OnEdges(NamedTuple):
     """Nearest points of sharp edges: ``distance`` (n,), infinite where none is near, ``point``."""
 
@@ -109,7 +122,7 @@ class FeatureFinder:
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         share = (rank + 0.5) / np.repeat(count, count)  # ends belong to other edges too
         where = self.start[edge] + share[:, None] * (self.end - self.start)[edge]
-        shown = visible(where, features.normals[edge])
+        shown = _asked_by_cell(visible, where, features.normals[edge])
         self.edge, self.tree = edge[shown], KDTree(where[shown]) if shown.any() else None
 
     def on_edges(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:

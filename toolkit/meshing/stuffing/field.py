@@ -48,6 +48,11 @@ class ShellField:
         """Box around it."""
         return np.stack([self.shell.points.min(axis=0), self.shell.points.max(axis=0)])
 
+    def around(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "near"]:
+        """Which places are in that box or so near to it that an edge may enter the shell."""
+        lo, hi = self.bounds + np.array([[-MARGIN], [MARGIN]])
+        return np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1))
+
     @cached_property
     def triangles(self) -> Triangles:
         """Faces of the shell and of its cavity."""
@@ -137,7 +142,15 @@ class SolidField:
         self, where: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "shells"]
     ) -> Int[np.ndarray, "n"]:
         """Region of each place, where the surface of each shell is moved outward by its offset."""
-        return NodeField(self, where).regions(offsets)
+        out = np.zeros(len(where), dtype=np.int32)
+        undecided = np.arange(len(where))
+        for shell, offset in zip(reversed(self.shells), reversed(offsets), strict=True):
+            asked = shell.around(where[undecided])
+            places = undecided[asked]
+            inside = shell.value(where[places]) + offset > 0
+            out[places[inside]] = shell.region(where[places[inside]])
+            undecided = np.delete(undecided, asked[inside])
+        return out
 
 
 def _among(together: Together, near: np.ndarray, some: np.ndarray) -> np.ndarray:
@@ -159,8 +172,7 @@ class NodeField:
         self.values: list[np.ndarray] = []
         self._regions: list[np.ndarray] = []
         for shell in field.shells:
-            lo, hi = shell.bounds + np.array([[-MARGIN], [MARGIN]])
-            near = np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1))
+            near = shell.around(where)
             value = shell.value(where[near], together and partial(_among, together, near))
             region = np.full(len(near), shell.first, dtype=np.int32)
             within = value > -REACH  # an offset may turn those around into inner ones

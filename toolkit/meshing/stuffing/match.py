@@ -24,6 +24,9 @@ CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sample
 # Relative errors of volume with which the first passes and the later ones are content.
 PASSES, MOST_PASSES = 2, 9
 GOOD, GOOD_ENOUGH = 0.002, 0.009
+# The volume of a part much thinner than a long edge jumps: so many passes without a better mesh are
+# the last ones.
+PATIENCE = 3
 FARTHEST = 0.35  # largest offset: labels are known within a long edge of the surfaces
 STEEPEST = 3.0  # how many times more or less than its area a volume may grow with the offset
 
@@ -81,13 +84,15 @@ def matched(
 
     The best pass counts.
     """
+    idle = 0
     area = np.array([face_areas(*shell.triangles).sum() for shell in field.shells])
     search, offsets, best = Search(area), np.zeros(len(area)), None
     for number in range(MOST_PASSES):
         mesh = build(offsets)
         found = Matched(mesh, _volumes(field, mesh), wanted)
-        best = found if best is None or found.error < best.error else best
-        if best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
+        better = best is None or found.error < best.error
+        best, idle = (found, 0) if better else (best, idle + 1)
+        if idle == PATIENCE or best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
             break
         lacks = np.where(wanted > 0, wanted - found.volumes, 0.0)
         offsets = search.next(offsets, lacks)

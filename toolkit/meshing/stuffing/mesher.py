@@ -9,18 +9,21 @@ import numpy as np
 from jaxtyping import Float
 
 from ....fem.errors import UsageError
+from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
 from ...native.cache import Runner
 from ...surfaces.solids import Solids
+from ...surfaces.triangles import Triangles
 from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
 from .carve import carved
 from .cut import CutMesh, cut
 from .features import FeatureFinder, features_of, gathered_features
 from .field import NodeField, SolidField
-from .fit import loose_shares, thin_shares, without_crumbs
+from .fit import closed_shares, thin_shares
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
+from .pieces import loose_shares, without_crumbs
 from .ridges import filled_ridges
 from .snap import snapped
 
@@ -44,19 +47,22 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     kept = carved(tets, volumes) if len(tets) else np.zeros(0, dtype=bool)
     if not kept.any():
         raise NoFilling(f"no part is as thick as the lattice's edge of {edge:.3g} m")
-    kept[kept] = without_crumbs(tets[kept], volumes[kept], solids)
-    mesh = separate(solids.bounds[0] + edge * found.mesh.points, tets[kept])
+    points = solids.bounds[0] + edge * found.mesh.points
+    kept[kept] = without_crumbs(points, tets[kept], solids)
+    mesh = separate(points, tets[kept])
     part = field.part[found.mesh.region[kept]][mesh.origin]
     volumes = signed_volumes(mesh.points, mesh.tets)
     if (flat := int((volumes <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
-    loose = loose_shares(mesh.tets, volumes, part, solids)
+    loose = loose_shares(mesh.points, mesh.tets, part, solids, target.epsilon)
+    skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
+    closed = closed_shares(solids, edge, skin)
     rel = edge / target.diagonal
     return Filling(
         mesh,
         part,
         replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), loose),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), loose, closed),
     )
 
 
