@@ -129,10 +129,8 @@ class SagResult:
 
     Parameters
     ----------
-    static
-        The full static solution.
-    height
-        Extent along the up axis [m].
+    static, height
+        The full static solution; extent along the up axis [m].
     max_displacement
         Largest displacement of a point [m].
     sag_ratio
@@ -145,10 +143,9 @@ class SagResult:
         What was assumed: components that do not touch the ground, no common base, ...
     load_factor
         Multiple of the load at which it buckles; None where that was not found.
-    trusted
-        Whether this is how it rests; else a linear answer to a load that is too large for one.
-    assumed
-        Share of the volume in pieces that touch nothing held, and are held where they are.
+    trusted, assumed
+        Whether this is how it rests, else a linear answer to a load that is too large for one;
+        share of the volume in pieces that touch nothing held, and are held where they are.
     """
 
     static: StaticResult

@@ -17,8 +17,7 @@ from .scene.mesh import TetMesh, altitudes, material_of
 
 # A body holds its shape if no point moves more than this share of its height.
 HOLDS = 0.05
-# Share of the volume that may be attached to nothing held: with more it is not known what stands.
-CRUMBS = 1e-3
+CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
 # A body stands where it buckles under no less than this multiple of its load.
@@ -29,8 +28,6 @@ WOBBLES = 5.0
 # larger one is seen at all: more than this share of the height.
 DIFFERENT = 2.0
 VISIBLE = 0.005
-
-
 # Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
 USUAL_SIZE = (0.002, 30.0)
 # Mass [kg] of a thing per volume [m^3] of its box, by the side [m] up to which it holds: what 64
@@ -65,15 +62,12 @@ def percent(value: float) -> str:
 def holds_shape(result: SagResult) -> Check:
     """Whether the body keeps its shape under its load: it sags little, and does not buckle."""
     ratio, factor = result.sag_ratio, result.load_factor
-    buckled = factor is not None and factor.value < STANDS
-    known = result.trusted and result.assumed <= CRUMBS
-    passed = ratio <= HOLDS and not buckled and known
+    buckled, loose = factor is not None and factor.value < STANDS, result.assumed > CRUMBS
+    passed = ratio <= HOLDS and not buckled and result.trusted and not loose
     does = "holds its shape" if passed else "does not hold its shape"
     also = f", and it buckles under {factor.value:.3g} times its load" if factor and buckled else ""
     also += "" if result.trusted else "; how it comes to lie was not found"
-    if result.assumed > CRUMBS:
-        does = does if ratio > HOLDS or buckled else "may not hold its shape"
-        also += f"; {percent(result.assumed)} of its volume is attached to nothing that is held"
+    also += f"; {percent(result.assumed)} of its volume is attached to nothing" if loose else ""
     return Check(
         "holds shape", passed, ratio, HOLDS,
         f"It {does}: a point moves {percent(ratio)} of its height (limit {HOLDS:.0%}){also}.",

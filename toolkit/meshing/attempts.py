@@ -60,15 +60,15 @@ class Made(NamedTuple):
         return tuple(g.sentence for g in self.guarantees if not g.ok)
 
     @property
-    def loose(self) -> float:
+    def parted(self) -> float:
         """Largest share of a part's volume that a lattice too coarse for it has cut off."""
         lattice = self.filling.lattice
-        return 0.0 if lattice is None else max(lattice.loose_shares.values(), default=0.0)
+        return 0.0 if lattice is None else max(lattice.parted_shares.values(), default=0.0)
 
     @property
     def rank(self) -> tuple[int, float, float]:
         """The lower, the better: broken guarantees, loose pieces, the distance in epsilons."""
-        return len(self.broken), self.loose, self.gaps.largest / self.epsilon
+        return len(self.broken), self.parted, self.gaps.largest / self.epsilon
 
 
 class Attempts(NamedTuple):
@@ -151,14 +151,14 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
         made = _judged(problem, filling, filling.target.epsilon)
         if made.broken:
             record[-1] = replace(attempt, outcome=_broken(made))
-        elif made.loose:
-            told = f"in pieces: a part lost {made.loose:.2%} of itself"
+        elif made.parted:
+            told = f"in pieces: a part lost {made.parted:.2%} of itself"
             record[-1] = replace(attempt, outcome=told)
         if tightening and engine != STUFFING and (made.broken or not made.gaps.good(made.epsilon)):
             made, more = _tightened(problem._replace(target=aim), made, attempt)
             record.append(more)
         best = made if best is None else min(best, made, key=lambda one: one.rank)
-        if not made.broken and not made.loose:
+        if not made.broken and not made.parted:
             break
     return Attempts(best, tuple(record))
 

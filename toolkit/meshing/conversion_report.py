@@ -133,7 +133,7 @@ class ConversionReport:
     ``layers`` of tets were asked of the engine through thin places. The mesher "stuffing" bounds
     no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
-    the share of their surface; of those ``fallen_apart`` a share of volume is in loose pieces, and
+    the share of their surface; of those ``fallen_apart`` a share of volume has come off, and
     from those with ``closed_gaps`` tets reach to other walls over air, from a share of all surface.
     ``losses`` are those of the solids against the file as read.
     ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` closed pieces that are

@@ -90,8 +90,10 @@ def matched(
     for number in range(MOST_PASSES):
         mesh = build(offsets)
         found = Matched(mesh, _volumes(field, mesh), wanted)
-        better = best is None or found.error < best.error
-        best, idle = (found, 0) if better else (best, idle + 1)
+        if best is None or found.error < best.error:
+            best, idle = found, 0
+        else:
+            idle += 1
         if idle == PATIENCE or best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
             break
         lacks = np.where(wanted > 0, wanted - found.volumes, 0.0)

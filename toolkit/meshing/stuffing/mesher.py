@@ -23,7 +23,7 @@ from .field import NodeField, SolidField
 from .fit import closed_shares, thin_shares
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
-from .pieces import loose_shares, without_crumbs
+from .pieces import came_off, without_crumbs
 from .ridges import filled_ridges
 from .snap import snapped
 
@@ -54,7 +54,7 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     volumes = signed_volumes(mesh.points, mesh.tets)
     if (flat := int((volumes <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
-    loose = loose_shares(mesh.points, mesh.tets, part, solids, target.epsilon)
+    off = came_off(mesh.points, mesh.tets, part, solids, target.epsilon)
     skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
     closed = closed_shares(solids, edge, skin)
     rel = edge / target.diagonal
@@ -62,7 +62,7 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         mesh,
         part,
         replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), loose, closed),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), *off, closed),
     )
 
 

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.mesh import signed_volumes
-from ...surfaces.samples import Facets, facets, sample
+from ...surfaces.samples import facets, sample
 from ...surfaces.solids import INSIDE, Solids
 from ...surfaces.surface import Surface, component_volumes
 from ...surfaces.triangles import ClosestTo, closest, winding_numbers
 
-# Of the volume: a piece that is smaller, and less than half of a body of the input, is a crumb of a
-# thin rim and is dropped: nothing would hold it.
-CRUMB, WHOLE = 1e-3, 0.5
+# Of the volume, and of the body of the input that it comes from: a piece that is smaller than both
+# is a crumb of a thin rim and is dropped, as nothing would hold it.
+CRUMB, CRUMB_OF_BODY = 1e-3, 0.02
 SAMPLES = 20_000  # of the surfaces, and their vertices: where a body may touch others
 
 
 def without_crumbs(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
 ) -> Bool[np.ndarray, "tets"]:
-    """Which tets [m] to keep: all pieces but crumbs, small ones that are no body of the input."""
+    """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
     volumes = signed_volumes(points, tets)
-    pieces = _pieces(facets(tets), np.zeros(len(tets), dtype=np.int64))
+    pieces = _pieces(tets)
     size = np.bincount(pieces, weights=volumes)
     kept = size >= CRUMB * size.sum()
     if not kept.all():
@@ -31,39 +33,48 @@ def without_crumbs(
         small, first = small[~kept], first[~kept]
         face = closest(points[tets[first]].mean(axis=1), surface.points, surface.faces).face
         body = np.abs(component_volumes(surface))[surface.component[face]]
-        kept[small] = size[small] >= WHOLE * body
+        kept[small] = size[small] >= CRUMB_OF_BODY * body
     return kept[pieces]
 
 
-def loose_shares(
+class CameOff(NamedTuple):
+    """Share of each part's volume in pieces that have come off.
+
+    ``loose`` ones from a larger piece of the same body, ``parted`` ones from bodies that touch too.
+    """
+
+    loose: dict[int, float]
+    parted: dict[int, float]
+
+
+def came_off(
     points: Float[np.ndarray, "points 3"],
     tets: Int[np.ndarray, "tets 4"],
     part: Int[np.ndarray, "tets"],
     solids: Solids,
     touching: float,
-) -> dict[int, float]:
-    """Share of each part's volume in pieces that have lost touch with what they belong to.
-
-    Bodies of the input nearer than ``touching`` [m] are one; its largest piece is what is left of
-    it, and the others have come off.
-    """
-    piece = _pieces(facets(tets), np.zeros(len(tets), dtype=np.int64))
+) -> CameOff:
+    """Which pieces have come off; bodies of the input nearer than ``touching`` [m] touch."""
+    piece = _pieces(tets)
     if not piece.any():
-        return {}
-    volumes = signed_volumes(points, tets)
+        return CameOff({}, {})
+    volumes, surface = signed_volumes(points, tets), solids.surface
     size = np.bincount(piece, weights=volumes)
     largest = np.empty(len(size), dtype=np.int64)  # tet of each piece
     order = np.argsort(volumes, kind="stable")
     largest[piece[order]] = order
-    surface = solids.surface
     face = closest(points[tets[largest]].mean(axis=1), surface.points, surface.faces).face
-    group = _touching(surface, touching)[surface.component[face]]
-    most = np.zeros(group.max() + 1)
-    np.maximum.at(most, group, size)
-    loose = (size < most[group])[piece]
-    total, off = (np.bincount(part[some], weights=volumes[some], minlength=part.max() + 1)
-                  for some in (slice(None), loose))  # fmt: skip
-    return {int(p): float(off[p] / total[p]) for p in np.flatnonzero(off)}
+    body = surface.component[face]
+
+    def shares(group: Int[np.ndarray, "pieces"]) -> dict[int, float]:
+        most = np.zeros(group.max() + 1)
+        np.maximum.at(most, group, size)
+        off = (size < most[group])[piece]
+        total = np.bincount(part, weights=volumes)
+        gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
+        return {int(p): float(gone[p] / total[p]) for p in np.flatnonzero(gone)}
+
+    return CameOff(shares(body), shares(_touching(surface, touching)[body]))
 
 
 def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"]:
@@ -88,11 +99,11 @@ def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"
     return connected_components(graph, directed=False)[1]
 
 
-def _pieces(between: Facets, kind: Int[np.ndarray, "tets"]) -> Int[np.ndarray, "tets"]:
-    """Piece that each tet belongs to: tets of one kind that hang together by faces."""
+def _pieces(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+    """Piece that each tet belongs to: those that hang together by faces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    same = kind[between.left] == kind[between.right]
-    links = (np.ones(int(same.sum())), (between.left[same], between.right[same]))
-    return connected_components(coo_matrix(links, shape=(len(kind),) * 2), directed=False)[1]
+    _, left, right = facets(tets)
+    links = (np.ones(len(left)), (left, right))
+    return connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)[1]
