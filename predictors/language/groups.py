@@ -14,7 +14,18 @@ from .phrases import implied, is_hue, puts_hue
 
 _SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
-_SMALL = ("empty", "attributes", "coating", "idle", "look", "factors", "fill", "vague", "coat")
+_SMALL = (
+    "character",
+    "empty",
+    "attributes",
+    "coating",
+    "idle",
+    "look",
+    "factors",
+    "fill",
+    "vague",
+    "coat",
+)
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
                "comparison", "blend", "left", "kin"]  # fmt: skip
 

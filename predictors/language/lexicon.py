@@ -121,6 +121,14 @@ class ReaderLexicon:
                 found.setdefault(phrase[1], []).append(phrase[0])
         return found
 
+    @cached_property
+    def turned(self) -> dict[Phrase, Material]:
+        """Rows of two words that are materials each, the second first: "plywood birch"."""
+        return {
+            phrase[::-1]: row for phrase, row in self.rows.items()
+            if len(phrase) == 2 and all((word,) in self.rows for word in phrase)
+        }  # fmt: skip
+
     def nearest(self, word: str) -> Phrase:
         """Names of the rows that are written most like a word."""
         from rapidfuzz.process import extract

@@ -56,7 +56,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
     chosen = _longest(found + _codes(text, found))
-    lexemes = _spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
+    lexemes = _spelt_out(_listed(_fill(cut, chosen, lexicon, known, strange)), names)
     lexemes = [
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
@@ -79,7 +79,7 @@ def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
     for name in sorted({*names, *alone}, key=len, reverse=True):
         if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
             continue  # a plain word is read as one, with its plural
-        written = r"[\s_-]+".join(map(re.escape, re.split(r"[\s_-]+", name)))
+        written = r"(?:[\s_-]+|, ?)".join(map(re.escape, re.split(r"[\s_-]+", name)))
         for match in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(
                 Lexeme(match[0], *match.span(), "part", name, part_name_words(name), part=True)
@@ -118,7 +118,7 @@ def _material(
     end = _joined(cut, i, size, text)
     run = cut[i:end] if end else []
     stems = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems)
+    row = lexicon.rows.get(stems) or lexicon.turned.get(stems)
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row or not _is_meant(run, stems, lexicon):
@@ -160,9 +160,9 @@ def _joined(cut: list[Atom], start: int, size: int, text: str) -> int | None:
             count += 1
             if count == size:
                 return i + 1
-        elif i == start or cut[i].text not in ("-", "/", ",", "("):
+        elif i == start or cut[i].text not in ("-", "/", "+", ",", "("):
             return None
-        elif cut[i].text in ("/", "-") and not _is_glue(text, cut[i]):
+        elif cut[i].text in ("/", "-", "+") and not _is_glue(text, cut[i]):
             return None
         i += 1
     return None
@@ -239,6 +239,15 @@ def _fill(
             )
         )  # fmt: skip
     return sorted(out, key=lambda x: x.start)
+
+
+def _listed(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Read a slash between two parts as "and": "arms/legs"."""
+    around = zip([None, *lexemes], lexemes, [*lexemes[1:], None], strict=False)
+    return [
+        replace(x, role="and") if x.text == "/" and a and b and a.part and b.part else x
+        for a, x, b in around
+    ]
 
 
 def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:

@@ -32,8 +32,12 @@ def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             out.append(lexeme)
             continue
         measure, way = found
-        way = -way if start < len(out) and out[start].text.lower() == "less" else way
-        factor, exact, start = _factor(out, start)
+        sign = out[start].text.lower() if start < len(out) else ""
+        unlike = sign == "as" and start and out[start - 1].role == "not"
+        way = -way if sign == "less" or unlike else way
+        factor, exact, start = _factor(out, start - 1 if unlike else start)
+        if sign == "as" and not (unlike or exact):
+            factor, exact = 1.0, True
         factor = 1 / factor if way < 0 and factor > 1 else factor
         began = out[start].start if start < len(out) else lexeme.start
         del out[start:]

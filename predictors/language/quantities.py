@@ -23,7 +23,7 @@ _POWER = r"10(?:\s?\^\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)"
 _NUMBER = rf"(?<![\d.])(?:{_POWER}|{_DIGITS}(?:\s?[x×*·]\s?(?:{_POWER}|10\s?-?\d+)|[eE][-+−]?\d+)?)"
 _SPREAD = (
     r"(?:\s?(?:-|–|to|\.\.+|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
-    r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?)?"
+    r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?|\s?(?:and|or|/)\s(?P<also>{n})(?=\s?-?{unit}))?"
 )
 _LINK = (
     r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
@@ -45,7 +45,7 @@ _TIMES = r"(?:\s?(?:/|·|\*|per\b)\s?|\s(?=[^\W\d_]+(?:\^?[-−][123]|⁻[¹²³
 _UNIT = rf"(?:(?i:{_any(_DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATOM})*)"
 _ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in _DATA["cues"].items())
 _VALUE = (
-    rf"(?P<between>between\s)?(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER)}"
+    rf"(?P<between>between\s)?(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER, unit=_UNIT)}"
     rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']})"
     r"|\s?(?P<odd>[A-Za-zµ]{1,3}/[A-Za-z(]+[A-Za-z·)]*[²³\d]?)(?!\w))?"
 )
@@ -66,7 +66,11 @@ _SHORE = re.compile(
     rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
     rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
-_SHORE_00 = re.compile(r"(?i:shore\s?-?)(?:O?OO|000?|o)\s?-?\d*|(?<![\w.])00-\d\d(?!\d)")
+_SHORE_OTHER = re.compile(
+    r"(?i:shore\s?-?)(?:O?OO|000?|o|[BCEM](?!\w))\s?-?\d*|(?<![\w.])00-\d\d(?!\d)"
+    rf"|\d\d\s?°?\s?{_HARD}\s?(?:O?OO|00|[BCEMO])(?!\w)"
+    r"|(?i:asker)\s?-?C?\s?\d\d|\d\d\s?(?i:asker)(?: C)?"
+)
 
 _FIBRES = r"(?P<fibre>(?i:glass|carbon)|GF|CF)(?:[ -](?i:fib(?:re|er)s?))?"
 _BLEND = re.compile(
@@ -92,6 +96,7 @@ _THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
 _WORDS = re.compile(
     rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)(?: point ({_WORD}(?: {_WORD})*))?(?![\w-])"
 )
+_DIRECTED = re.compile(r"E_?(?:x|L|1|11|xx)\b")
 _MINUS = re.compile(r"[=:]\s*[-−]$")
 _MOST = {"E": 2e12, "rho": 25e3}  # beyond, a comma before three digits is a decimal point
 _EUROPEAN = re.compile(r"(?<![\d.,])(?:0,\d|\d+,\d{1,2}(?![\d,]))")
@@ -158,8 +163,8 @@ def _blends(text: str) -> Iterator[Numeral]:
 
 
 def _shores(text: str) -> Iterator[Numeral]:
-    for match in _SHORE_00.finditer(text):
-        yield Numeral(*match.span(), None, f"{match[0]!r}: Shore 00 has no relation to E here")
+    for match in _SHORE_OTHER.finditer(text):
+        yield Numeral(*match.span(), None, f"{match[0]!r}: only Shore A and D have a relation to E")
     for match in _SHORE.finditer(text):
         number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
@@ -196,12 +201,16 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     value = factor * ((low * high) ** 0.5 if high else low)
     if group["odd"]:
         return Numeral(start, end, None, f"{said!r} is not used")
+    if group["also"] and measure not in ("size", "other"):
+        return Numeral(start, end, None, f"{said!r} is two numbers for one part: not used")
     if measure is None or (measure in ("size", "other") and not cued):
         return Numeral(start, end, None) if measure == "size" else None  # "316L" is no volume
     if measure == "other" and dimension == "size":
         return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
         return Numeral(start, end, None, f"{said!r} is not used")
+    if _DIRECTED.match(said):
+        note = f"{said!r} is of one direction: E is the same in all"
     bare = _BARE.get(measure, ())
     if dimension is None and not group["share"] and bare:
         scale, unit = next(((s, u) for a, b, s, u in bare if a <= value <= b), (0.0, ""))

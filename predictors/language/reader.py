@@ -99,7 +99,8 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
         elif sign in "tY":
             yield Constituent(sign, Draft("whole"))
         else:
-            draft.holds = draft.holds or sign == "w"
+            after = lexemes[at + 1].role if at + 1 < len(lexemes) else ""
+            draft.holds = draft.holds or (sign == "w" and after not in ("number", "told"))
             yield Constituent(sign)
         before, at = sign, at + 1
 

@@ -76,6 +76,7 @@ def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
         or atom.stem in lexicon.spellings
         or lexicon.model.is_word(word)
         or (word,) in lexicon.meanings
+        or (atom.stem,) in lexicon.rows
     )
 
 

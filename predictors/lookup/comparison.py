@@ -5,15 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
+from ...fem.scene.materials import Material, MaterialValue
 from ..language.clauses import Comparison
 from ..prediction import PartChoice
+
+
+class _Beside(NamedTuple):
+    """What a part is compared with: a part with its row, or a row that it need not be of."""
+
+    name: str
+    value: MaterialValue
+    row: Material | None
 
 
 def with_relations(
     choices: Sequence[PartChoice],
     relations: Sequence[Sequence[Comparison]],
     parts_called: Callable[[tuple[str, ...]], Sequence[int]],
+    row_called: Callable[[tuple[str, ...]], Material | None] = lambda _: None,
     *,
     named: Sequence[bool],
 ) -> tuple[list[PartChoice], list[str]]:
@@ -27,6 +38,8 @@ def with_relations(
         For each part what is said of it beside others.
     parts_called
         Indices of the parts that words name.
+    row_called
+        The row of a table that words name: "as dense as water", where no part is called so.
     named
         Whether each part's material is said, or told by the asset: it then keeps its row.
     """
@@ -44,8 +57,13 @@ def with_relations(
             break
         for i in ready:
             for relation, found in zip(relations[i], others[i], strict=True):
+                row = None if found else row_called(relation.other)
                 if found:
-                    out[i] = _related(out[i], relation, [out[k] for k in found], named=named[i])
+                    beside = [_Beside(repr(out[k].part), out[k].value, out[k].row) for k in found]
+                    out[i] = _related(out[i], relation, beside, named=named[i])
+                elif row:
+                    beside = [_Beside(row.name, row.value(), None)]
+                    out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
                     told.append(
                         f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
@@ -67,14 +85,14 @@ def _others(
 
 
 def _related(
-    choice: PartChoice, relation: Comparison, others: Sequence[PartChoice], *, named: bool
+    choice: PartChoice, relation: Comparison, others: Sequence[_Beside], *, named: bool
 ) -> PartChoice:
     """Return a choice that keeps one relation, by its own row if one is named."""
     measure, more = relation.measure, relation.factor >= 1
     values = [getattr(other.value, measure) for other in others]
     reference = others[values.index(max(values) if more else min(values))]
     wanted = relation.factor * getattr(reference.value, measure)
-    if not named:
+    if not named and reference.row:
         choice = replace(
             choice, row=reference.row, value=reference.value, guessed=not relation.exact,
             settled=True, weight=1.0, network="",
@@ -83,10 +101,10 @@ def _related(
     if named and not relation.exact:  # no more than a word: a row that is named keeps its range
         span = getattr(choice.row, measure)
         wanted = min(max(wanted, span.min), span.max)
-    if not relation.exact and ((own >= wanted) if more else (own <= wanted)):
+    if named and not relation.exact and ((own >= wanted) if more else (own <= wanted)):
         return choice
     how = (
-        f"{measure} = {wanted:.3g}, {relation.factor:.3g} times that of {reference.part!r}: "
+        f"{measure} = {wanted:.3g}, {relation.factor:.3g} times that of {reference.name}: "
         f"{'said so' if relation.exact else 'only more or less is said'}"
     )
     return replace(

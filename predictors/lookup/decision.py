@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...fem.scene.materials import Material, MaterialTable, key
+from ...fem.scene.materials import Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
-from ..language.clauses import Clause, Degree
+from ..language.clauses import Clause, Degree, Measure, Quantity
 from ..prediction import PartChoice
 from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
@@ -79,6 +79,15 @@ class PartStatement:
         return tuple(item for clause in self.clauses for item in getattr(clause, name))
 
     @property
+    def numbers(self) -> tuple[Quantity, ...]:
+        """Numbers of each measure that are said of the most specific subject that has any."""
+        of: dict[Measure, tuple] = {}
+        return tuple(
+            number for clause in self.clauses for number in clause.numbers
+            if of.setdefault(number.measure, clause.subject.names) == clause.subject.names
+        )  # fmt: skip
+
+    @property
     def deciding(self) -> Clause | None:
         """The clause that says most: it names, or else says anything of the matter."""
         saying = (clause for clause in self.clauses if clause.says_matter)
@@ -112,13 +121,13 @@ class Decider:
             choice = replace(choice, why=f"override: {said.override!r}", settled=True)
         choice = self._placed(choice, said, alpha)
         numbers = with_numbers(
-            part.name, choice.row, choice.value, said.all("numbers"),
+            part.name, choice.row, choice.value, said.numbers,
             blend=said.first("blend"), volume=volume, named=said.naming is not None,
         )  # fmt: skip
         choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
         if numbers.derivation and not said.open:
             choice = replace(choice, settled=True)
-        if {"E", "nu", "rho"} <= {number.measure for number in said.all("numbers")}:
+        if {"E", "nu", "rho"} <= {number.measure for number in said.numbers}:
             choice = replace(choice, settled=True, guessed=False)
         return choice, (*doubts, *_doubts_of(part, said, choice), *numbers.warnings)
 
@@ -133,6 +142,9 @@ class Decider:
     def _row_of(self, part: NamedPart, said: PartStatement) -> tuple[PartChoice, Sequence[str]]:
         """Choose the row, at the middle of its ranges; and say what does not fit."""
         naming, deciding = said.naming, said.deciding
+        contents = load_contents().phrases.get(part.spoken)
+        if contents and not part.material and (said.whole or not said.clauses):
+            return _choice(part, contents, f"name: {part.name!r}"), ()
         if naming is not None and not (said.whole and part.material):
             material = naming.material or ""
             row = self._named(naming.phrase or material, material, said.first("stiffness"))
@@ -219,7 +231,7 @@ def _query(part: NamedPart, said: PartStatement) -> str:
     if said.unknown is None and said.deciding is not None:
         return f"{part.spoken} {said.deciding.text}".strip()
     first = next(iter(said.clauses), None)
-    heard = first.text if first and not first.unknown else ""
+    heard = first.text if first and not (first.unknown or first.filling) else ""
     return f"{part.spoken} {heard}".strip()
 
 

@@ -14,7 +14,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
-from ...fem.scene.materials import MaterialTable, MaterialValue, key, load_table
+from ...fem.scene.materials import (
+    Material,
+    MaterialTable,
+    MaterialValue,
+    key,
+    load_contents,
+    load_table,
+)
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
 from ..hearing.vocabulary import vocabulary_of
@@ -99,6 +106,7 @@ class Lookup:
             choices,
             [said.all("comparisons") for said in statements],
             lambda words: parts_called(words, part_labels),
+            self._row_called,
             named=[
                 bool(part.material or said.naming)
                 for part, said in zip(parts, statements, strict=True)
@@ -146,6 +154,11 @@ class Lookup:
             warnings += [f"--part {name}: {line}" for line in (*said.notes, *_unread(said))]
         return statements, warnings
 
+    def _row_called(self, words: Sequence[str]) -> Material | None:
+        """The row of a matter, or of what fills things, that words name."""
+        name = " ".join(words)
+        return self.table.phrases.get(name) or load_contents().phrases.get(name)
+
     def _overruled(
         self,
         choices: list[PartChoice],
@@ -185,7 +198,7 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
 
 def _unread(sentence: Sentence) -> Iterator[str]:
     """What no clause took and none tells of."""
-    told = {line for clause in sentence.clauses for line in clause.doubts}
+    told = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
     left = [word for word in sentence.unread if not any(repr(word) in line for line in told)]
     if left:
         words = ", ".join(map(repr, left))

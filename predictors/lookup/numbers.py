@@ -20,6 +20,8 @@ from .derivation import (
 
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
 
+SAME = 1.02  # two numbers that differ by less are one, in another unit and rounded
+
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
 
 # What a linear isotropic solid can have at all: E [Pa], nu [1], rho [kg/m^3].
@@ -50,9 +52,9 @@ def with_numbers(
     as they were said. ``volume`` [m^3] turns a mass into a density. Beside a row that is ``named``
     a mass, or a pressure that no word calls a modulus, must be of such matter, or it is told.
     """
-    said = {number.measure: number for number in numbers}
     how: list[str] = []
     warnings: list[str] = []
+    said = _one_each(part, numbers, warnings)
     stress = said.get("E")
     if named and stress and not stress.called and not _near(row.E, stress.value):
         warnings.append(
@@ -89,6 +91,28 @@ def with_numbers(
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
+
+
+def _one_each(
+    part: str, numbers: Sequence[Quantity], warnings: list[str]
+) -> dict[str, Quantity]:
+    """The number of each measure; of those that differ one that a word calls so, else none."""
+    said: dict[str, Quantity] = {}
+    for measure in dict.fromkeys(number.measure for number in numbers):
+        found = [number for number in numbers if number.measure == measure]
+        called = [number for number in found if number.called] or found
+        values = [number.value for number in called]
+        others = [q for q in found if not q.value / SAME <= values[0] <= q.value * SAME]
+        texts = ", ".join(repr(number.text) for number in others)
+        if max(values) > SAME * min(values):
+            warnings.append(
+                f"part {part!r}: {measure} is said twice, {called[0].text!r} and {texts}: not used"
+            )
+            continue
+        said[measure] = called[0]
+        if others:
+            warnings.append(f"part {part!r}: {texts} beside {called[0].text!r} is not used")
+    return said
 
 
 def _of_mass(

@@ -178,3 +178,35 @@ def test_part_voxels_are_checked():
     ]:
         with pytest.raises(InputError):
             PartVoxels(grid, part, names)
+
+
+def settled(parts, text):
+    labels = [[name] for name in parts.split()]
+    return LOOKUP.settle(labels, read_sentence(text, labels, TABLE))
+
+
+def test_a_part_is_compared_with_a_part_or_with_a_matter():
+    """ "as X as" is once; water is of no part, and what is compared with it is no water."""
+    water = 999.0  # kg/m^3, fresh water at room temperature
+    (rod, cap), _ = settled("rod cap", "the rod is oak, the cap is as stiff as the rod")
+    assert cap.value.E == rod.value.E
+    (rod, cap), _ = settled("rod cap", "the rod is oak, the cap is not as stiff as the rod")
+    assert cap.value.E < rod.value.E
+    for text, factor in (("as dense as water", 1.0), ("half as dense as water", 0.5)):
+        (rod, _), told = settled("rod cap", f"the rod is {text}, the cap is steel")
+        assert rod.value.rho == pytest.approx(factor * water)
+        assert not any("no part is called so" in line for line in told)
+
+
+def test_two_numbers_for_one_quantity_of_a_part_are_told_and_none_is_used():
+    text = "E of the rod is 70 GPa; E of the rod is 200 GPa; the cap is steel"
+    (rod, _), told = settled("rod cap", text)
+    assert rod.value.E not in (7e10, 2e11)
+    assert any("said twice" in line and "'rod'" in line for line in told)
+    (rod, cap), _ = settled("rod cap", "E is 5 GPa for everything, the rod has E = 70 GPa")
+    assert (rod.value.E, cap.value.E) == (7e10, 5e9)  # the more specific wins
+
+
+def test_a_part_that_is_called_after_what_fills_it_is_that():
+    (_, honey), _ = settled("jar honey", "a glass jar of honey")
+    assert honey.row.name == "honey (contents)"

@@ -124,3 +124,25 @@ def test_numbers_that_cannot_be_are_told(table):
     (lid,) = parse("lid: E 210 GPa, nu 0,3, density 7.850 g/cm3", table, ["lid"]).clauses
     assert lid.numbers[-1].value == pytest.approx(7850)
     assert any("decimal point" in doubt for doubt in lid.doubts)
+
+
+def test_one_number_stands_for_one_quantity(clauses_of, table):
+    """Two for one part, an E across the first one and other scales of hardness: told, not used."""
+    for text in ("the rod has E = 70 and 200 GPa", "density 1000 or 1200 kg/m3 for the rod"):
+        sentence = parse(text, table, ["rod"])
+        assert not any(clause.numbers for clause in sentence.clauses), text
+        assert any("two numbers" in note for note in sentence.notes), text
+    for text, unused in [
+        ("rod: Ex = 12 GPa, Ey = 0.8 GPa, Gxy = 0.7 GPa", ("Ey", "Gxy")),
+        ("rod: E1=12 GPa E2=9 GPa", ("E2",)),
+    ]:
+        (said,) = clauses_of(text, ["rod"])["rod"]
+        assert [(q.measure, q.value) for q in said.numbers] == [("E", 12e9)], text
+        assert any("one direction" in doubt for doubt in said.doubts), text
+        assert all(any(word in doubt for doubt in said.doubts) for word in unused), text
+    for text in ("rod: EVA 45 Shore C", "rod: rubber, Asker C 60", "rod TPU Shore 00 30"):
+        (said,) = clauses_of(text, ["rod"])["rod"]
+        assert not said.numbers, text
+        assert any("Shore A and D" in doubt for doubt in said.doubts), text
+    (said,) = clauses_of("rod: 3 MPa < E < 12 MPa", ["rod"])["rod"]
+    assert [q.value for q in said.numbers] == [pytest.approx(6e6)]

@@ -256,3 +256,23 @@ def test_what_a_thing_is_full_of_is_its_filling(table, clauses_of):
     }
     found = {text: next(iter(parse(text, table).clauses)).filling for text in rows}
     assert found == rows
+
+
+def test_words_side_by_side_are_read_in_any_order_and_over_any_sign(agree):
+    """Slashes list parts, commas stand in part names, the words of a row may be turned."""
+    agree(r"""
+        arms/legs: beech; seat: foam => arm_1, arm_2, leg: beech; seat: foam
+        BODY, LOWER: PA12\nBODY, UPPER: ABS => body_lower: nylon 12; body_upper: ABS
+        SEAT: PLYWOOD BIRCH; pad: foam PU => seat: birch plywood; pad: PU foam
+        bezel PC+ABS => bezel: PC/ABS
+        knobs on a drawer of pine => drawer: pine
+        the bow is osage orange, the top gres => bow: osage orange; top: gres
+    """)
+
+
+def test_what_was_taken_away_is_not_what_is_there(agree):
+    agree("""
+        the steel seat is out, use oak => seat: oak
+        the steel seat is gone => seat: -
+        the steel seat was removed, the legs are oak => seat: -; leg: oak
+    """)
