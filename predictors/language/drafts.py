@@ -11,7 +11,7 @@ from typing import Any
 from ...fem.scene.materials import Material
 from .clauses import Blend, Clause, Comparison, Quantity, Scope, Subject
 from .groups import Mention
-from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
+from .lexicon import SHORT, Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexed, Lexeme
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
@@ -29,6 +29,7 @@ class Draft:
     named: bool = False  # a part of the asset is called so
     holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
     mixed: bool = False  # numbers or strange words stand beside its name
+    own: bool = False  # its matter is but what its name says: "bones", "glass"
     article: bool = False  # "a", "the", "its" stands before it
     material: Material | None = None
     phrase: str = ""
@@ -69,6 +70,8 @@ class Draft:
                 self.character.append(level)
             else:
                 self.levels.setdefault(role, level)
+                bends = mention.lexeme.text.lower() in words()["bending"]["words"]
+                self.character += ["flexible"] if bends else []
         elif mention.kind == "unknown":
             self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
         elif mention.kind == "left":
@@ -76,10 +79,11 @@ class Draft:
 
     def add(self, other: Draft, *, instead: bool = False) -> None:
         """Take what another says of the same; its matter ``instead`` of the own."""
-        if other.material and self.material and not (self.kind or instead):
+        if other.material and self.material and not (self.kind or self.own or instead):
             self.left += [other.phrase] if other.material is not self.material else []
         elif other.material:
             self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
+            self.own = other.own
         for name in ("excluded", "character", "numbers", "comparisons", "left"):
             getattr(self, name).extend(getattr(other, name))
         self.left += other.loose
@@ -100,7 +104,7 @@ class Draft:
         if self.kind and self.material and other.material:
             if other.material.category != self.material.category:
                 return
-        elif self.material:
+        elif self.material and not self.own:
             return
         self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
         self.levels = {**other.levels, **self.levels}
@@ -234,6 +238,10 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     start = min((x.start for x in draft.lexemes), default=0)
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
+    meant = lexicon.meant(draft.unknown.lower()) if not draft.material else ()
+    if meant and len(draft.unknown) > SHORT:
+        draft.material, draft.phrase = lexicon.rows[meant], meant[0]
+        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
     unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft)
     spoken = (x.text.lower() for x in draft.lexemes)
     scope = "none" if draft.scope == "parts" and not names else draft.scope

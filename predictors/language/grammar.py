@@ -92,6 +92,8 @@ class Cascade:
         if made not in span and made.sign not in SAYING:
             made.draft = None
         made.sign = rule.to.strip("-") or made.sign
+        if rule.to == "W":
+            draft.scope = "whole"
         for token in groups.get("exceptions", []):
             token.sign = token.sign.replace("E", "S")
         stays = [t for t in span if t is made or t in groups.get(rule.keep, [])]
@@ -153,6 +155,11 @@ def _is_strange(cascade: Cascade, _: Draft, other: Draft) -> bool:
     return strange or not (known or cascade.lexicon.model.is_word(head, ("adj",)))
 
 
+def _is_stuff(_: Cascade, __: Draft, other: Draft) -> bool:
+    """Whether a name after "of" or "from" is of a matter: "cut from King StarBoard"."""
+    return not (other.article or other.named or other.names[-1][-1] in known_parts())
+
+
 def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
     head.unknown = " ".join(x.text for x in other.lexemes if x.words)
 
@@ -170,6 +177,7 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "head": _more, "pure": _names, "names": _names, "owner": _owned, "coating": _coat,
     "filling": _fill, "contents": _fill, "unknown": _unknown, "strange": _unknown,
+    "stuff": _unknown,
     "excluded": _negated,
     "values": lambda _, head, other: head.add(other),
     "made": lambda _, head, other: head.add(other),
@@ -181,8 +189,9 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "renamed": _renamed, "drop": lambda *_: None, "keep": lambda *_: None,
 }  # fmt: skip
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
-    "contents": _holds_contents, "unknown": _is_strange,
+    "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,
     "first": lambda _, head, other: head.material is None and not head.unknown,
-    "pure": lambda _, head, other: not other.mixed,
+    "names": lambda _, head, other: not other.own,
+    "pure": lambda _, head, other: not (other.mixed or other.own),
     "strange": lambda _, head, other: any(not x.known for x in other.lexemes),
 }  # fmt: skip

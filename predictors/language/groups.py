@@ -53,6 +53,7 @@ class Group:
     lexemes: list[Lexeme] = field(default_factory=list)
     named: bool = False  # a part of the asset has this head
     part_first: bool = False  # "hull teak"
+    own: bool = False  # what is said of it is its name alone: "bones"
 
     @property
     def modifiers(self) -> list[str]:
@@ -88,7 +89,7 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
     out: list[Mention] = []
     degree, fake = "", False
     for i, lexeme in enumerate(run):
-        small = lexeme.part or {*lexeme.words} & places()
+        small = lexeme.part or (len(lexeme.words) == 1 and {*lexeme.words} & places())
         role = "word" if small and lexeme.role in _SMALL else lexeme.role
         if role == "degree":
             degree = lexeme.value
@@ -136,6 +137,7 @@ def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bo
     others = any(x.role == "material" for x in run if x is not lexeme)
     nouns_after = any(x.role in ("word", "part") and x.tag.startswith("NN") for x in run[i + 1 :])
     alone = not any(x.part or x.role == "word" for x in run if x is not lexeme)
+    owes = owes and not any(x.text.lower() == "the" for x in run[:i])
     if lexeme.part and not nouns_after and not owes and (others or alone or run[-1] is lexeme):
         return Mention("part", lexeme, None if others else lexeme.value)
     return Mention("coating" if fake else "material", lexeme, lexeme.value)
@@ -269,4 +271,5 @@ def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = Fa
         lexemes=[m.lexeme for m in (*parts, *values)],
         named=any(m.lexeme.part for m in parts),
         part_first=part_first,
+        own=bool(own) and not any(m.says for m in values),
     )

@@ -137,6 +137,15 @@ class ReaderLexicon:
         near = extract(word.lower(), list(names), limit=2 * NEAREST)
         return tuple(dict.fromkeys(names[name] for name, *_ in near))[:NEAREST]
 
+    def meant(self, word: str) -> Phrase:
+        """The row's name that a strange word is at most one letter off from, where it is one."""
+        from rapidfuzz.distance import OSA
+
+        names = (p for p in self.rows if len(p) == 1 and len(p[0]) > SHORT and p[0].isalpha())
+        off = {p: OSA.distance(word, p[0], score_cutoff=1) for p in names if p[0][0] == word[:1]}
+        near = [p for p, distance in off.items() if distance <= 1]
+        return near[0] if len({self.rows[p].name for p in near}) == 1 else ()
+
     def row_words(self, row: Material) -> set[str]:
         """All words by which a row is called."""
         return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}

@@ -52,7 +52,8 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
     text = _plain(text)
-    cut, notes, strange, mended = mended_spelling(atoms(text, lexicon.model), lexicon, known)
+    cut = [_as_called(atom, known, lexicon) for atom in atoms(text, lexicon.model)]
+    cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
     chosen = _longest(found + _codes(text, found))
@@ -70,6 +71,12 @@ def _plain(text: str) -> str:
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
     return text
+
+
+def _as_called(atom: Atom, known: set[str], lexicon: ReaderLexicon) -> Atom:
+    """Of the nouns that a plural may be of take the one that a part is called: "lenses"."""
+    forms = () if atom.stem in known else lexicon.model.forms(atom.text.lower())
+    return next((atom._replace(stem=form) for form in forms if form in known), atom)
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -104,7 +111,7 @@ def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]
     for find in (_material, _connector):
         for i in range(len(cut)):
             sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
-            candidates = (find(cut, i, size, text, lexicon) for size in sizes)
+            candidates = (find(cut, i, size, text, lexicon, known) for size in sizes)
             best = next((lexeme for lexeme in candidates if lexeme), None)
             if best:
                 single = best.end == cut[i].end or best.role == "material"
@@ -113,12 +120,13 @@ def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]
 
 
 def _material(
-    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon
+    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
 ) -> Lexeme | None:
     end = _joined(cut, i, size, text)
     run = cut[i:end] if end else []
     stems = tuple(a.stem for a in run if a.text[0].isalnum())
-    row = lexicon.rows.get(stems) or lexicon.turned.get(stems)
+    turned = lexicon.turned if not known & {*stems} else {}
+    row = lexicon.rows.get(stems) or turned.get(stems)
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row or not _is_meant(run, stems, lexicon):
@@ -131,7 +139,7 @@ def _material(
 
 
 def _connector(
-    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon
+    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, _: set[str]
 ) -> Lexeme | None:
     run = cut[i : i + size]
     said = tuple(a.text.lower() for a in run if size == 1 or a.text != "-")

@@ -68,7 +68,11 @@ class LanguageModel:
         if not word.endswith("s") or word.endswith(("ss", "us", "is")) or len(word) < 4:
             return word
         known = [base for base in self._bases(word, "noun") if base in self._index["noun"]]
-        return known[0] if known else word[:-1]
+        return known[0] if known else word if word in self._index["noun"] else word[:-1]
+
+    def forms(self, word: str) -> Iterator[str]:
+        """What a lower-case noun may be the plural of: "lenses" -> "lense", "lens"."""
+        return self._bases(word, "noun")
 
     def _bases(self, word: str, kind: str) -> Iterator[str]:
         for old, new in self._rules[kind]:

@@ -27,7 +27,7 @@ _SPREAD = (
 )
 _LINK = (
     r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
-    r"|in the range of)\s*)*"
+    r"|just|only|exactly|nearly|almost|some|in the range of)\s*)*"
 )
 _PREFIXES, _PREFIXED, _PLAIN = (_DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
 
@@ -94,7 +94,8 @@ _BARE = {
 _WORD = rf"(?i:{_any(_DATA['words'])})"
 _THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
 _WORDS = re.compile(
-    rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)(?: point ({_WORD}(?: {_WORD})*))?(?![\w-])"
+    rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)"
+    rf"(?: point ({_WORD}(?: {_WORD})*)|( and a half))?(?![\w-])"
 )
 _DIRECTED = re.compile(r"E_?(?:x|L|1|11|xx)\b")
 _MINUS = re.compile(r"[=:]\s*[-−]$")
@@ -131,6 +132,7 @@ def _digits(match: re.Match) -> str:
     """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
     whole = _counted(re.findall(_WORD, match[1]))
     after = [_DATA["words"][word.lower()] for word in re.findall(_WORD, match[2] or "")]
+    after = [5] if match[3] else after
     if whole is None or any(digit > 9 for digit in after):
         return match[0]
     return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))

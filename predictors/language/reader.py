@@ -190,5 +190,6 @@ def _token(group: Group, lexicon: ReaderLexicon, last: Phrase) -> Constituent:
     draft.loose = group.modifiers
     if not group.part:
         return Constituent("V" if draft.material or draft.unknown else "N", draft)
-    sign = "S" if not group.values else "P" if group.part_first else "B"
+    draft.own = group.own
+    sign = "S" if group.own or not group.values else "P" if group.part_first else "B"
     return Constituent(sign if group.named else sign.lower(), draft)

@@ -93,9 +93,7 @@ def with_numbers(
     return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
 
 
-def _one_each(
-    part: str, numbers: Sequence[Quantity], warnings: list[str]
-) -> dict[str, Quantity]:
+def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> dict[str, Quantity]:
     """The number of each measure; of those that differ one that a word calls so, else none."""
     said: dict[str, Quantity] = {}
     for measure in dict.fromkeys(number.measure for number in numbers):
