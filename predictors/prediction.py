@@ -204,7 +204,12 @@ def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tupl
     texts = [choice.clause.text for choice in choices if choice.clause]
     texts += [c.binding.clause for c in choices if c.binding and c.binding.clause]
     followed = "\n".join(texts).lower()
-    named = (c for c in clauses if c.says_matter and c.subject.scope in ("parts", "none"))
+    named = (
+        c for c in clauses
+        if c.says_matter and (c.subject.scope == "parts" or (c.subject.scope == "none" and (
+            c.material or c.unknown or c.numbers or c.stiffness or c.density or not c.excluded
+        )))
+    )  # fmt: skip
     return tuple(clause.text for clause in named if clause.text.lower() not in followed)
 
 

@@ -145,8 +145,14 @@ def _general(
 
 def _is_object(clause: Clause, *, alone: bool) -> bool:
     heads = {name[-1] for name in clause.subject.names}
-    thing = clause.subject.holds or alone or heads <= set(part_words()["objects"])
+    thing = clause.subject.holds or alone or names_object(clause)
     return thing and not heads & known_parts()
+
+
+def names_object(clause: Clause) -> bool:
+    """Whether its subject is a word for a thing that has parts: "the chair"."""
+    names = clause.subject.names
+    return bool(names) and {name[-1] for name in names} <= {*part_words()["objects"]}
 
 
 def _how(tier: int) -> How:

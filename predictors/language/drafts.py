@@ -242,6 +242,9 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
         draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
+    heads, fired = {name[-1] for name in names}, words()["fired"]
+    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
+        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
     unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft)
     spoken = (x.text.lower() for x in draft.lexemes)
     scope = "none" if draft.scope == "parts" and not names else draft.scope

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,10 +56,10 @@ def part_words() -> Mapping[str, Any]:
     return tomllib.loads((DATA / "parts.toml").read_text(encoding="utf-8"))
 
 
-def atoms(text: str, model: LanguageModel) -> list[Atom]:
-    """Cut a text into words, numbers and signs."""
+def atoms(text: str, model: LanguageModel, known: Collection[str] = ()) -> list[Atom]:
+    """Cut a text into words, numbers and signs; a plural is of a ``known`` word if it may be."""
     return [
-        Atom(m[0], m.start(), m.end(), model.singular(m[0].lower()))
+        Atom(m[0], m.start(), m.end(), model.singular(m[0].lower(), known))
         for m in ATOM.finditer(text.replace("’", "'"))
     ]
 

@@ -52,12 +52,12 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
     text = _plain(text)
-    cut = [_as_called(atom, known, lexicon) for atom in atoms(text, lexicon.model)]
+    cut = atoms(text, lexicon.model, known)
     cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
     chosen = _longest(found + _codes(text, found))
-    lexemes = _spelt_out(_listed(_fill(cut, chosen, lexicon, known, strange)), names)
+    lexemes = _spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
     lexemes = [
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
@@ -71,12 +71,6 @@ def _plain(text: str) -> str:
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
     return text
-
-
-def _as_called(atom: Atom, known: set[str], lexicon: ReaderLexicon) -> Atom:
-    """Of the nouns that a plural may be of take the one that a part is called: "lenses"."""
-    forms = () if atom.stem in known else lexicon.model.forms(atom.text.lower())
-    return next((atom._replace(stem=form) for form in forms if form in known), atom)
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -125,8 +119,7 @@ def _material(
     end = _joined(cut, i, size, text)
     run = cut[i:end] if end else []
     stems = tuple(a.stem for a in run if a.text[0].isalnum())
-    turned = lexicon.turned if not known & {*stems} else {}
-    row = lexicon.rows.get(stems) or turned.get(stems)
+    row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row or not _is_meant(run, stems, lexicon):
@@ -139,7 +132,7 @@ def _material(
 
 
 def _connector(
-    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, _: set[str]
+    cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
 ) -> Lexeme | None:
     run = cut[i : i + size]
     said = tuple(a.text.lower() for a in run if size == 1 or a.text != "-")
@@ -147,7 +140,8 @@ def _connector(
     if size == 1:
         meaning = meaning or lexicon.meanings.get((run[0].stem,))
         glued = run[0].text in "-/" and _is_glue(text, run[0])
-        meaning, said = Meaning("hyphen") if glued else meaning, (run[0].stem,)
+        lists = glued and {a.stem for a in cut[i - 1 : i + 2]} <= {*known, "/"}  # "arms/legs"
+        meaning, said = Meaning("and" if lists else "hyphen") if glued else meaning, (run[0].stem,)
     if not meaning or (size > 1 and run[-1].text == "-"):
         return None
     start, stop = run[0].start, run[-1].end
@@ -236,10 +230,8 @@ def _fill(
     for atom in cut:
         if any(c.start < atom.end and atom.start < c.end for c in chosen):
             continue
-        if atom.text.isdigit() or not atom.text[0].isalpha():
-            role = "digits" if atom.text[0].isdigit() else "sign"
-        else:
-            role = "word"
+        first = atom.text[0]
+        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
         out.append(
             Lexeme(
                 atom.text, atom.start, atom.end, role, words=(atom.stem,),
@@ -247,15 +239,6 @@ def _fill(
             )
         )  # fmt: skip
     return sorted(out, key=lambda x: x.start)
-
-
-def _listed(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Read a slash between two parts as "and": "arms/legs"."""
-    around = zip([None, *lexemes], lexemes, [*lexemes[1:], None], strict=False)
-    return [
-        replace(x, role="and") if x.text == "/" and a and b and a.part and b.part else x
-        for a, x, b in around
-    ]
 
 
 def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:

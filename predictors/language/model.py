@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
@@ -61,18 +61,21 @@ class LanguageModel:
             for base in self._bases(word, kind)
         )
 
-    def singular(self, word: str) -> str:
-        """Return the singular of a lower-case noun: "knives" -> "knife", "glass" -> "glass"."""
+    def singular(self, word: str, known: Collection[str] = ()) -> str:
+        """Return the singular of a lower-case noun: "knives" -> "knife", "glass" -> "glass".
+
+        One that is ``known`` is taken before others: "lenses" is of "lens", and not of "lense".
+        """
+        if known and word not in known:
+            called = next((base for base in self._bases(word, "noun") if base in known), None)
+            if called:
+                return called
         if word in self._exceptions["noun"]:
             return self._exceptions["noun"][word][0]
         if not word.endswith("s") or word.endswith(("ss", "us", "is")) or len(word) < 4:
             return word
         known = [base for base in self._bases(word, "noun") if base in self._index["noun"]]
         return known[0] if known else word if word in self._index["noun"] else word[:-1]
-
-    def forms(self, word: str) -> Iterator[str]:
-        """What a lower-case noun may be the plural of: "lenses" -> "lense", "lens"."""
-        return self._bases(word, "noun")
 
     def _bases(self, word: str, kind: str) -> Iterator[str]:
         for old, new in self._rules[kind]:

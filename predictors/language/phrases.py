@@ -15,7 +15,7 @@ from .quantities import number
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times
 _HARDNESS = re.compile(r"(?:hardness\W*(?:of )?)?([AD])?-?([1-9]\d)([AD])?")
-_NUMBER = re.compile(r"\d[\d.]*")
+_NUMBER = re.compile(r"(?!\d\.\d{4}$)\d[\d.]*")  # "1.4301" is a grade and nothing else
 _YEAR = re.compile(r"(?:19|20)\d\d")
 _CLASS = re.compile(r"\d\d?\.\d")  # of bolts: "8.8"
 _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from ...fem.scene.materials import Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
+from ..language.binding import names_object
 from ..language.clauses import Clause, Degree, Measure, Quantity
 from ..prediction import PartChoice
 from .kernel import RowKernel
@@ -45,6 +46,8 @@ class PartStatement:
         the asset does not have.
     override
         The text of an option that is about this part alone.
+    spoken
+        Whether the text has a word of the part's name.
     """
 
     clauses: tuple[Clause, ...] = ()
@@ -52,6 +55,7 @@ class PartStatement:
     whole: bool = False
     open: bool = False
     override: str = ""
+    spoken: bool = False
 
     @property
     def naming(self) -> Clause | None:
@@ -150,7 +154,9 @@ class Decider:
             row = self._named(naming.phrase or material, material, said.first("stiffness"))
             why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
             choice = _choice(part, row, why, clause=naming, settled=not said.open)
-            return replace(choice, borrowed=said.borrowed), ()
+            # "The chair is beech": so are its legs.
+            of_object = said.whole and not said.spoken and names_object(naming)
+            return replace(choice, borrowed=said.borrowed and not of_object), ()
         label = self.table.exact(part.material) if part.material else None
         if label and not _ruled_out(label, said):
             why, understood = f"name: {part.material_label!r}", said.unknown is None

@@ -7,6 +7,7 @@ to be a guess: whoever predicts may know better. A part has one material.
 from __future__ import annotations
 
 import difflib
+import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -24,7 +25,7 @@ from ...fem.scene.materials import (
 )
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
-from ..hearing.vocabulary import vocabulary_of
+from ..hearing.vocabulary import stem, vocabulary_of
 from ..language.binding import GENERAL, Bound, BoundPart, parts_called
 from ..language.clauses import Clause, Sentence, Subject
 from ..language.reader import parse
@@ -143,7 +144,13 @@ class Lookup:
             parts[i].material for i, _ in whole
         ):
             lost |= {k for _, k in whole}
-        statements = [_statement_of(sentence, part, lost) for part in bound.parts]
+        spoken = {stem(word) for word in re.findall(r"[^\W\d_]+", sentence.text)}
+        statements = [
+            replace(said, spoken=bool(spoken & {*part.name_words}))
+            for part, said in zip(
+                parts, (_statement_of(sentence, part, lost) for part in bound.parts), strict=True
+            )
+        ]
         said = [sentence.clauses[k] for k in sorted(lost)]
         statements = allot(parts, statements, said, self.table, self.kernel)
         for name, free in overrides.items():

@@ -210,3 +210,19 @@ def test_two_numbers_for_one_quantity_of_a_part_are_told_and_none_is_used():
 def test_a_part_that_is_called_after_what_fills_it_is_that():
     (_, honey), _ = settled("jar honey", "a glass jar of honey")
     assert honey.row.name == "honey (contents)"
+
+
+def test_what_is_said_of_the_object_needs_no_warning_but_for_parts_that_the_text_speaks_of():
+    for text, warned in (("the chair is beech", False), ("a beech chair with a nice seat", True)):
+        labels = [["leg"], ["seat"]]
+        choices = choose(labels, text)
+        assert all(choice.row is TABLE.exact("beech") for choice in choices), text
+        assert [choice.elsewhere for choice in choices] == [False, warned], text
+
+
+def test_a_pot_of_clay_is_fired_and_the_clay_in_it_is_soil():
+    for text, row in (("pot: clay", "earthenware"), ("pot: stiff clay", "stiff clay")):
+        (choice,) = choose([["pot"]], text)
+        assert choice.row is TABLE.exact(row), text
+    (choice,) = choose([["soil"]], "the soil is clay")
+    assert choice.row.category == "soil"

@@ -72,3 +72,25 @@ def test_names_of_exporters_are_words():
         ("Knives2", ("knife", "2")),
     ]:
         assert part_name_words(name) == words
+
+
+def test_what_only_a_name_says_is_overruled_by_what_is_said_of_it(agree):
+    """Bones may be prints, a glass be sapphire; unsaid they stay so."""
+    agree("""
+        bones printed in PLA, skin of silicone => bone: PLA; skin: silicone
+        the glass is sapphire, the case is titanium => glass: sapphire; case: titanium
+        the glass sits in a brass frame => glass: glass; frame: brass
+        an oak trunk and leaves => trunk: oak; leaf: leaf
+    """)
+
+
+def test_wholes_exceptions_and_places_are_read_where_they_stand(agree):
+    agree("""
+        but for the track (rubber) and gun (tin) a tank is PLA => track: rubber; gun: tin; hull: PLA
+        the posts are oak, and the boards on top are larch => post: oak; board_1, board_2: larch
+        polycarbonate lenses, silicone strap => lens_L, lens_R: polycarbonate; strap: silicone
+        1x plate S355, 2x arm EN AW-6082 => plate: S355; arm_1, arm_2: aluminium
+        the skeg is cut from King StarBoard, the keel is lead => skeg: HDPE; keel: lead
+        the body is a blend of PC and ABS => body: PC/ABS
+        the post is fibreglass painted like cast iron => post: fibreglass
+    """)

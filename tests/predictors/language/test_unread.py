@@ -111,3 +111,16 @@ def test_a_level_as_of_something_is_of_its_part(clauses_of):
     for text in ("the lid is as stiff as steel", "the lid is stiff as steel"):
         (said,) = clauses_of(text, ["lid", "seat"])["lid"]
         assert said.stiffness == 5, text
+
+
+def test_what_a_number_of_a_steel_standard_says_is_no_guess(clauses_of):
+    """1.4301 is no ratio and no length: EN 10027-2 numbers are told only where they are unknown."""
+    (said,) = clauses_of("shaft 1.4301", ["shaft"])["shaft"]
+    assert said.material
+    assert not said.doubts
+
+
+def test_a_strange_word_one_letter_off_from_a_matter_is_read_as_it_and_told(agree, table):
+    agree("the gear is bras, the tap brasss => gear: brass; tap: brass")
+    (said,) = parse("the gear is bras", table, ["gear"]).clauses
+    assert any("'bras'" in doubt for doubt in said.doubts)
