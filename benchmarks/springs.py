@@ -12,6 +12,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import platform
+import shlex
+import sys
 import time
 from pathlib import Path
 
@@ -112,10 +116,20 @@ def main() -> None:
             except AutophyxError as error:
                 rows.append({"body": name, "failure": str(error)})
             print(rows[-1], flush=True)
-            if options.output:
-                options.output.write_text(json.dumps(rows, indent=1) + "\n")
     if options.output:
-        options.output.write_text(json.dumps(rows, indent=1) + "\n")
+        command = shlex.join(["python", *sys.argv])
+        document = {"command": command, "machine": machine(), "rows": rows}
+        options.output.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def machine() -> dict:
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0]),
+        "python": platform.python_version(),
+        "date": time.strftime("%Y-%m-%d"),
+    }
 
 
 if __name__ == "__main__":
