@@ -6,8 +6,9 @@ the file comes first: the command line has the last word.
 
 from __future__ import annotations
 
+import shlex
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +19,7 @@ from ..fem.errors import InputError, UsageError
 Options = TypeVar("Options")  # a dataclass of options
 # What belongs to one call, not to a configuration.
 _OF_THE_CALL = ("common", "output", "dry_run")
+_OF_THE_MACHINE = ("cache", "no_cache")
 _SHORT = {"field_output": "field", "target": "for"}  # names that the command line changes
 
 
@@ -34,6 +36,26 @@ def arguments(options: Mapping[str, Any]) -> list[str]:
             elif item is not False and item is not None:
                 found.append(f"{flag}={item}")
     return found
+
+
+def command_line(verb: str, *inputs: Any, options: Iterable[Any] = (), **given: Any) -> str:
+    """The call of a verb as a shell reads it; of ``options`` what is not its default.
+
+    Where results are remembered is left out: it changes no result.
+    """
+    said, words = [str(word) for word in inputs], []
+    for group in options:
+        for item in fields(group) if group is not None else ():
+            value, name = getattr(group, item.name), _SHORT.get(item.name, item.name)
+            if value == item.default or item.name in _OF_THE_MACHINE:
+                continue
+            turned_off = value is False
+            words += arguments({f"no_{name}" if turned_off else name: turned_off or value})
+    for word in [*words, *arguments(given)]:
+        flag, equals, value = word.partition("=")
+        # what starts with a dash would be taken for an option
+        said += [flag, value] if equals and not value.startswith("-") else [word]
+    return shlex.join(["autophyx-tet", verb, *said])
 
 
 def read_config(path: Path) -> list[str]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset
-from .config import with_given
+from .config import command_line, with_given
+from .io.document import now
 from .io.outputs import check_file, check_mesh, check_run
 from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
@@ -281,18 +282,19 @@ def run(
             clock.lap("assign")
             rows = {choice.part: choice.material for choice in body.choices}
             classes = {choice.part: choice.matter_class for choice in body.choices}
-            given = {"up": up, "materials": rows, "classes": classes, "progress": progress}
-            answer = simulate(body.mesh, options=simulate_options, **given)
-            cases.append(RunCase(body, answer))
+            known = {"up": up, "materials": rows, "classes": classes, "progress": progress}
+            cases.append(RunCase(body, simulate(body.mesh, options=simulate_options, **known)))
             clock.lap("simulate")
-        result = RunResult(solid, tuple(cases), clock.seconds)
+        given = (convert_options, walls, assign_options, simulate_options)
+        said = {"text": [*filter(None, texts)], "output": output}
+        again = command_line("run", solid.asset.source or "ASSET", options=given, **said)
+        result = RunResult(solid, tuple(cases), clock.seconds, command=again, date=now())
         if features:
             from .features import features as features_of
 
             result = replace(result, features=features_of(solid.asset).voxels)
             clock.lap("features")
         if picture is not None:
-            drawn = write_picture(picture, cases[0].simulation, up=up)
-            result = replace(result, files=(drawn,))
+            result = replace(result, files=(write_picture(picture, cases[0].simulation, up=up),))
         touch = simulate_options is not None and simulate_options.touch
         return write_folder(output, result, touch=touch)

@@ -49,4 +49,6 @@ class Visit:
         self.page.close()
         assert self.errors == []
         assert self.dialogs == []
-        assert [url for url in self.requests if url != self.home and url[:5] != "data:"] == []
+        assert [
+            url for url in self.requests if url != self.home and url[:5] not in ("data:", "blob:")
+        ] == []

@@ -1,5 +1,6 @@
 """The command line on bad input: one clear line, the exit code of its kind, nothing written."""
 
+import io
 import json
 import os
 import subprocess
@@ -7,6 +8,9 @@ import sys
 
 import pytest
 import trimesh
+from autophyx_tet.converters.mesh.mesh_file import read_mesh
+from autophyx_tet.toolkit.batch.manifest import read_manifest
+from autophyx_tet.toolkit.cli.main import main
 
 from .command import run_cli, run_here
 
@@ -145,3 +149,51 @@ def test_simulate_without_material_says_what_to_do(call, cube_msh, tmp_path):
 
 def test_unknown_option_is_exit_2(cube):
     assert run_cli("convert", cube, "--frobnicate").returncode == 2
+
+
+@pytest.mark.slow
+def test_a_mesh_goes_through_a_pipe(cube_msh, tmp_path):
+    """A dash is stdin and stdout: what came through has its materials, and no word more."""
+    cli = [sys.executable, "-m", "autophyx_tet.toolkit.cli"]
+    call = [*cli, "assign", "-", "--text", "the cube is oak", "-o", "-"]
+    done = subprocess.run(call, input=cube_msh.read_bytes(), capture_output=True, check=True)
+    (tmp_path / "oak.msh").write_bytes(done.stdout)
+    assert read_mesh(tmp_path / "oak.msh").mass == pytest.approx(0.7, rel=0.2)  # a litre of oak
+    seen = subprocess.run([*cli, "info", "-"], input=done.stdout, capture_output=True, check=True)
+    assert b"tets" in seen.stdout
+
+
+def test_stdout_holds_one_thing(cube_msh, tmp_path):
+    for words in (("assign", cube_msh, "-o", "-", "--json"), ("simulate", cube_msh, "-o", "-")):
+        done = run_here(*words)
+        assert done.returncode == 2, words
+        assert "stdout" in done.stderr
+
+
+def test_a_sentence_without_its_option_is_told_the_way(cube_msh, tmp_path):
+    done = run_here("assign", cube_msh, "the cube is oak", "-o", tmp_path / "m.msh")
+    assert done.returncode == 2
+    assert "--text 'the cube is oak'" in done.stderr
+
+
+def test_a_folder_is_a_batch(cube, tmp_path):
+    """`run` says which verb takes a folder; that verb reads every asset in it, in order."""
+    (tmp_path / "notes.txt").write_text("no asset")
+    (tmp_path / "a.stl").write_bytes(b"")
+    done = run_here("run", tmp_path, "-o", tmp_path / "out")
+    assert done.returncode == 3
+    assert "autophyx-tet batch" in done.stderr
+    assert [(job.id, job.asset) for job in read_manifest(tmp_path)] == [
+        ("a", "a.stl"),
+        ("cube", "cube.obj"),
+    ]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_narrow_terminals_get_whole_sentences(encoding, cube_msh, tmp_path, monkeypatch):
+    """Ticks, superscripts and Greek become what the terminal has; nothing crashes."""
+    out = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    monkeypatch.setattr(sys, "stdout", out)
+    assert main(["info", str(cube_msh)]) == 0
+    out.flush()
+    assert b"tets" in out.buffer.getvalue()

@@ -91,7 +91,7 @@ def test_the_page_refers_to_nothing_outside():
     elements = Elements(report_page(content(case(frames=5))))
     loading = [a for a in elements.attributes if a[1] in ("src", "srcset", "data", "action")]
     assert loading == []
-    assert [a[2] for a in elements.attributes if a[1] == "href"] == ["data:,"]
+    assert [a[2] for a in elements.attributes if a[:2] == ("link", "href")] == ["data:,"]
     policy = next(a[2] for a in elements.attributes if "default-src" in (a[2] or ""))
     assert "default-src 'none'" in policy
     assert "unsafe-eval" not in policy

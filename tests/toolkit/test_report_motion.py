@@ -80,6 +80,7 @@ def test_two_texts_share_exaggeration_scale_and_camera(moving):
     first = moving.page.evaluate(
         "Object.values(report.views[0].node._fullLayout.scene._scene.getCamera().eye)"
     )
+    moving.page.locator("#plot0").scroll_into_view_if_needed()
     box = moving.page.locator("#plot0").bounding_box()
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     moving.page.mouse.move(*middle)

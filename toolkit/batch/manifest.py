@@ -32,7 +32,7 @@ YES, NO = ("true", "yes", "1"), ("false", "no", "0")
 
 
 def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
-    """Rows of a manifest; ``common`` are arguments of ``run`` that all rows begin with.
+    """Rows of a manifest, or the assets of a folder; ``common`` are arguments of ``run`` for all.
 
     Raises
     ------
@@ -41,6 +41,8 @@ def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
     UsageError
         Where a column is unknown, or a row's id is doubled or no name of a folder.
     """
+    if path.is_dir():
+        return list(_jobs(path / "manifest", _assets_in(path), list(common)))
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
             reader = csv.DictReader(lines, strict=True)
@@ -51,6 +53,16 @@ def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
     if not rows:
         raise InputError(f"the manifest {path} has no row: one asset and its text a line")
     return list(_jobs(path, rows, list(common)))
+
+
+def _assets_in(folder: Path) -> list[dict[str, str]]:
+    """A row for every asset of a folder, by name; what they are made of says the configuration."""
+    from ..io.readers.asset_formats import ASSET_FORMATS
+
+    found = [p.name for p in sorted(folder.iterdir()) if p.suffix.lower() in ASSET_FORMATS]
+    if not found:
+        raise InputError(f"the folder {folder} has no asset: {', '.join(ASSET_FORMATS)}")
+    return [{"asset": name} for name in found]
 
 
 def _check_columns(path: Path, columns: list[str]) -> None:

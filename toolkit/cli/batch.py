@@ -19,11 +19,13 @@ class BatchCommand:
     The manifest is a CSV file with the columns asset (a path, relative to the manifest) and text;
     also id, and any option of `run` (size, units, up, scenario ...), an empty cell for its default.
 
+    A folder stands for all assets in it.
+
     Example: autophyx-tet batch chairs.csv -o out/chairs --workers 4 --time-limit 600
     """
 
     manifest: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MANIFEST")]]
-    """CSV file, one asset a row."""
+    """CSV file, one asset a row; or a folder of assets."""
     output: Output
     """Folder for a folder a row, results.csv, results.json and index.html."""
     run_config: Path | None = None

@@ -8,6 +8,8 @@ import os
 import sys
 import traceback
 from difflib import get_close_matches
+from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
@@ -20,6 +22,7 @@ from .help import BRIEF, WHOLE, asked, brief
 from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
+from .pipes import piped, writes_to_stdout
 from .transfer import COMMANDS as TRANSFER
 
 if TYPE_CHECKING:
@@ -93,15 +96,29 @@ def _parse(given: list[str]) -> Any:
             args=with_config(given, option_names(COMMANDS[verb]) if verb in COMMANDS else ()),
             config=(tyro.conf.DisallowNone,),
         )
+    except SystemExit as stop:
+        if stop.code and (lone := lone_sentence(verb, given)):
+            _say(f"autophyx-tet: {lone!r} stands alone: a sentence goes behind --text {lone!r}")
+        raise
     finally:
         if help_wanted in BRIEF:
             sys.stdout.write(f"Every option: autophyx-tet {verb} {WHOLE}\n")
 
 
+def lone_sentence(verb: str, given: list[str]) -> str:
+    """Return the sentence that stands in the place of a file, of a verb that takes one, or none."""
+    if verb not in ("run", "assign"):
+        return ""
+    pairs = pairwise(given)
+    lone = (w for before, w in pairs if " " in w and not w.startswith("-") and before[:1] != "-")
+    return next((word for word in lone if not Path(word).exists()), "")
+
+
 def _call(command: Any, common: Common) -> int:
     """Run the command, show its document, and turn errors into one line and an exit code."""
     try:
-        document = command()
+        with piped(command) as real:
+            document = real()
     except AutophyxError as error:
         _trace(common)
         _say(f"autophyx-tet: {_one_line(error)}")
@@ -120,7 +137,7 @@ def _call(command: Any, common: Common) -> int:
             "(run again with --traceback and report it)"
         )
         return EXIT_BUG
-    _show(document, common)
+    _show(document, common, silent=writes_to_stdout(command))
     return 0
 
 
@@ -142,8 +159,14 @@ def _say(line: str) -> None:
     sys.stderr.write(line + "\n")
 
 
-def _show(document: dict[str, Any], common: Common) -> None:
+def _show(document: dict[str, Any], common: Common, *, silent: bool) -> None:
+    """Print what was found; with a ``silent`` stdout its warnings alone."""
     from ..io.document import SCHEMA, dumps
+
+    if silent:
+        from .terminal import warn
+
+        return None if common.quiet else warn(document)
 
     if common.json:
         from .terminal import warn

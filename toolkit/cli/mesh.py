@@ -71,7 +71,7 @@ class AssignCommand:
     """
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
-    """Mesh made by `convert`: .msh, .vtu or .vtk."""
+    """Mesh made by `convert`: .msh, .vtu or .vtk; - reads a .msh from stdin."""
     output: Output
     """Mesh to write: .msh, .vtu or .vtk."""
     text: str = ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,11 @@ def write_json(path: Path, document: Any) -> None:
     """Write a document so that a reader sees all of it or none."""
     with writing(path) as temporary:
         temporary.write_text(dumps(document) + "\n", encoding="utf-8")
+
+
+def now() -> str:
+    """Date and time of this moment, with its zone."""
+    return datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
 
 
 def versions() -> dict[str, str]:

@@ -128,7 +128,10 @@ def _check_path(path: Path) -> None:
             "the snapshot (.ingp, .msgpack) or its density (.npz); `features` sees the photographs"
         )
     if path.is_dir():
-        raise InputError(f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}")
+        raise InputError(
+            f"{path}: is a folder, wanted one file of {', '.join(ASSET_FORMATS)}; "
+            "`autophyx-tet batch` takes a folder of them"
+        )
     if suffix not in ASSET_FORMATS:
         raise InputError(
             f"{path}: unknown suffix {suffix!r}, wanted one of {', '.join(ASSET_FORMATS)}"

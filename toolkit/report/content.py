@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -60,6 +61,10 @@ class Case:
         Time [s] of every frame, increasing, shape (frames,).
     frequencies
         Natural frequencies [Hz].
+    vibrations
+        Shapes that belong to them, of any size, shape (modes, points, 3).
+    state, clock
+        What ``displacement`` is called, and whether ``times`` are seconds or shares of the load.
     title, acting
         What was simulated, and everything that held and loaded the body, in words.
     marks
@@ -84,6 +89,9 @@ class Case:
     marks: Marks | None = None
     solved: tuple[tuple[str, str], ...] = ()
     touch: TouchBody | None = None
+    vibrations: Float[np.ndarray, "modes points 3"] | None = None
+    state: str = "Under load"
+    clock: Literal["time", "load"] = "time"
 
     def __post_init__(self) -> None:
         points, tets = len(self.mesh.points), len(self.mesh.tets)
@@ -95,6 +103,7 @@ class Case:
             "von_mises": (tets,),
             "motion": (frames, points, 3),
             "times": (frames,),
+            "vibrations": (len(self.frequencies), points, 3),
         }
         for name, shape in wanted.items():
             array = getattr(self, name)
@@ -116,7 +125,7 @@ class ReportContent:
     ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
     ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
     ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG or GIF's
-    bytes.
+    bytes. ``made`` says when and by what, ``command`` how to make it again.
     """
 
     title: str
@@ -126,6 +135,8 @@ class ReportContent:
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
     pictures: Mapping[str, bytes] = field(default_factory=dict)
+    made: str = ""
+    command: str = ""
 
     def __post_init__(self) -> None:
         if not self.cases:

@@ -33,7 +33,10 @@ def payload(content: ReportContent) -> str:
                 "geometry": index,
                 **_values(case),
                 **_motion(case, frames_shown(case, content)),
+                **_vibrations(case),
                 **_marks(case),
+                "state": case.state,
+                "clock": case.clock,
                 **_touch(case),
             }
         )
@@ -91,6 +94,15 @@ def _motion(case: Case, shown: np.ndarray) -> dict:
     if case.motion is None or case.times is None:
         return {}
     return {"motion": _quantised(case.motion[shown]), "times": case.times[shown].tolist()}
+
+
+def _vibrations(case: Case) -> dict:
+    """Shapes of a largest length of 1 m each, and their frequencies [Hz]."""
+    if case.vibrations is None or not case.frequencies:
+        return {}
+    largest = np.linalg.norm(case.vibrations, axis=2).max(axis=1)
+    shapes = case.vibrations / largest[:, None, None]
+    return {"vibrations": {**_quantised(shapes), "frequencies": list(case.frequencies)}}
 
 
 def _marks(case: Case) -> dict:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 from ...converters import npz
 from ...converters.files import writing_folder
@@ -23,9 +24,11 @@ def write_folder(folder: Path, result: RunResult, *, touch: bool = False) -> Run
     With ``touch`` the report has bodies to pull.
     """
     with writing_folder(folder) as home:
+        began = perf_counter()
         made = [*_write_files(home, result, touch), home / "run.json"]
+        seconds = {**result.seconds, "write": perf_counter() - began}
         files = (*result.files, *(folder / file.relative_to(home) for file in made))
-        result = replace(result, files=files)
+        result = replace(result, files=files, seconds=seconds)
         write_json(made[-1], {"schema": SCHEMA, **result.document()})
     return result
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from .data import frames_shown
 
 Fact = tuple[str, str]
 ALIKE = 1e-6  # of a value: what differs less is round-off, too little to be cut into bins
+_ADDRESS = re.compile(r"(https?://[^\s;,<>\"']+[^\s;,.<>\"')])")
 HEIGHT, WIDTH, BINS = 110, 360, 36  # of a histogram, in its own pixels
 GAP, ROOM = 1.2, 6  # between its bars, and above the highest
 
@@ -42,25 +44,27 @@ class TableRow(NamedTuple):
     name: str
     material: str
     words: str
-    numbers: tuple[Cell, ...]
+    numbers: tuple[tuple[str, Cell], ...]
     source: str
 
 
 class Column(NamedTuple):
     """One case on the page; ``letter`` tells it from the others, where there are any.
 
-    ``title`` and ``acting`` say what was simulated, ``touch`` how the body to pull is shown.
+    ``title`` and ``acting`` say what was simulated, ``solved`` how, ``touch`` how the body to pull
+    is shown. A source is its words in pieces, each with the address it leads to, or none.
     """
 
     letter: str
     text: str
     title: str
     acting: list[tuple[str, str]]
+    solved: list[Fact]
     findings: list[Finding]
     facts: list[Fact]
     touch: str
     rows: list[TableRow]
-    sources: list[str]
+    sources: list[list[tuple[str, str]]]
 
 
 class Bar(NamedTuple):
@@ -89,6 +93,8 @@ def page(content: ReportContent) -> dict[str, Any]:
     """Values of the report's template by their names in it."""
     return {
         "title": content.title,
+        "made": content.made,
+        "command": content.command,
         "warnings": [*_warnings(content)],
         "cases": [_column(case, i, content) for i, case in enumerate(content.cases)],
         "pictures": [
@@ -112,12 +118,26 @@ def _column(case: Case, index: int, content: ReportContent) -> Column:
         text=case.text,
         title=case.title,
         acting=[(acting.kind, acting.words) for acting in case.acting],
+        solved=[*case.solved, ("Mesh", _mesh_words(case))],
         findings=[*map(_finding, case.verdicts)],
         facts=[*_facts(case)],
         touch=case.touch.words if case.touch else "",
         rows=[_row(part, sources) for part in case.parts],
-        sources=sources,
+        sources=[_linked(source) for source in sources],
     )
+
+
+def _linked(words: str) -> list[tuple[str, str]]:
+    """Words in pieces; an address is told by its host alone, and leads where it says."""
+    pieces = _ADDRESS.split(words)
+    texts, addresses = pieces[::2], pieces[1::2]
+    links = [(address.split("/")[2], address) for address in addresses]
+    return [piece for pair in zip(((t, "") for t in texts), [*links, ("", "")], strict=True)
+            for piece in pair if piece[0]]  # fmt: skip
+
+
+def _mesh_words(case: Case) -> str:
+    return f"{len(case.mesh.tets):,} tets, {len(case.mesh.points):,} points"
 
 
 def _finding(verdict: Verdict) -> Finding:
@@ -139,13 +159,11 @@ def _facts(case: Case) -> Iterator[Fact]:
         yield "Largest displacement", si(_longest(case.displacement), "m")
     if case.von_mises is not None:
         yield "Largest von Mises stress", si(float(case.von_mises.max()), "Pa")
-    if case.motion is not None and case.times is not None:
+    if case.motion is not None and case.times is not None and case.clock == "time":
         lasts, reaches = si(float(np.ptp(case.times)), "s"), si(_longest(case.motion), "m")
         yield "Motion", f"{len(case.times)} frames, {lasts}, up to {reaches}"
     if case.frequencies:
         yield "Natural frequencies", ", ".join(si(f, "Hz") for f in case.frequencies)
-    yield from case.solved
-    yield "Mesh", f"{len(mesh.tets):,} tets, {len(mesh.points):,} points"
 
 
 def _longest(vectors: np.ndarray) -> float:
@@ -165,11 +183,11 @@ def _warnings(content: ReportContent) -> Iterator[str]:
 
 def _row(part: PartRow, sources: list[str]) -> TableRow:
     numbers = (
-        Cell(si(part.E, "Pa"), _stiffness_span(part.E_span)),
-        Cell(f"{part.nu:.3g}", _span(part.nu_span)),
-        Cell(f"{rounded(part.rho, 4)} kg/m³", _span(part.rho_span)),
-        Cell(volume_words(part.volume)),
-        Cell(mass_words(part.mass)),
+        ("E", Cell(si(part.E, "Pa"), _stiffness_span(part.E_span))),
+        ("ν", Cell(f"{part.nu:.3g}", _span(part.nu_span))),
+        ("ρ", Cell(f"{rounded(part.rho, 4)} kg/m³", _span(part.rho_span))),
+        ("Volume", Cell(volume_words(part.volume))),
+        ("Mass", Cell(mass_words(part.mass))),
     )
     source = f"[{sources.index(part.source) + 1}]" if part.source else "–"
     return TableRow(part.name, part.material, part.words or "–", numbers, source)

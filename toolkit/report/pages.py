@@ -7,15 +7,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ... import __version__
 from ...fem.errors import UsageError
 from ...fem.reduced.reduction import accuracy_warnings
 from ...fem.scene.materials import Span
 from ...predictors.asset import UpAxis
-from ..io.document import plain, versions
+from ..io.document import now, plain, versions
 from ..io.sidecar import Sidecar
 from ..meshing.quality import dihedral_angles, quality
 from ..results.conversion import Conversion
 from ..results.description import describe, marks
+from ..results.quantities import si
+from ..results.ringing import Ringing
 from ..results.run import RunResult
 from ..results.settled import Settled
 from ..results.simulation import Simulation
@@ -56,21 +59,23 @@ def run_page(
             "seconds": {name: round(value, 2) for name, value in result.seconds.items()},
         },
         pictures={**(pictures or {}), **_films(result.cases[0].simulation, asset.up)},
+        made=_made(result.date, sum(result.seconds.values())),
+        command=result.command,
     )
 
 
 def simulation_page(
-    name: str, simulation: Simulation, sidecar: Sidecar, *, touch: bool = False
+    name: str, simulation: Simulation, sidecar: Sidecar, *, touch: bool = False, command: str = ""
 ) -> ReportContent:
-    """Gather what the report shows of one simulation of the mesh called ``name``.
+    """Gather what the report shows of one simulation, headed by its asset or the mesh's ``name``.
 
-    With ``touch`` there is a body to pull, where it can be.
+    ``command`` makes it again. With ``touch`` there is a body to pull, where it can be.
     """
     mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
     found = quality(mesh)
     case = _case(chosen.get("text", ""), simulation, chosen.get("parts", []))
     return ReportContent(
-        title=name,
+        title=sidecar.source.get("name") or name,
         cases=(_touched(case, simulation) if touch else case,),
         up=sidecar.up,
         quality={
@@ -91,7 +96,14 @@ def simulation_page(
             "seconds": {"simulate": round(simulation.seconds, 2)},
         },
         pictures=_films(simulation, sidecar.up),
+        made=_made(now(), simulation.seconds),
+        command=command,
     )
+
+
+def _made(date: str, seconds: float) -> str:
+    """When, by what and in how long."""
+    return " · ".join([date, f"autophyx-tet {__version__}", si(seconds, "s")])
 
 
 def _films(simulation: Simulation, up: UpAxis) -> dict[str, bytes]:
@@ -123,15 +135,19 @@ def _case(
     parts: list[dict[str, Any]],
     verdicts: list[Verdict] | None = None,
 ) -> Case:
-    animation = simulation.animation
+    animation, modes = simulation.animation, simulation.vibrations
+    rings = isinstance(simulation, Ringing)
     return Case(
         text=text,
         mesh=simulation.mesh,
         parts=tuple(map(_part_row, parts)),
-        displacement=simulation.displacement,
+        displacement=None if rings else simulation.displacement,
         von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
-        motion=animation.displacement,
-        times=animation.times,
+        motion=None if rings else animation.displacement,
+        times=None if rings else animation.times,
+        vibrations=None if modes is None else modes.shapes[:, : len(simulation.mesh.points)],
+        state="Under load" if isinstance(simulation, Settled) else "At the end",
+        clock="load" if isinstance(simulation, Settled) else "time",
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
         title=simulation.title,

@@ -18,7 +18,8 @@ log = logging.getLogger(__name__)
 
 # The viewer, in the order of its parts.
 SCRIPTS = tuple(
-    f"report_{part}.js" for part in ("tets", "scale", "view", "reduced", "touch", "main")
+    f"report_{part}.js"
+    for part in ("tets", "cut", "scale", "view", "tools", "reduced", "touch", "main")
 )
 
 

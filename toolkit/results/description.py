@@ -38,7 +38,7 @@ class Marks(NamedTuple):
 
     Ways of one load have the lengths of its tractions, the largest of all loads 1; ``gravity`` is
     the direction (3,) of it, or zeros; ``outlines`` (n, 6) are the ends of lines around obstacles
-    where they start.
+    where they start, ``floors`` the corners of what is drawn of planes.
     """
 
     held: Float[np.ndarray, "held 3"]
@@ -46,6 +46,7 @@ class Marks(NamedTuple):
     arrows: Float[np.ndarray, "arrows 6"]
     gravity: Float[np.ndarray, "3"]
     outlines: Float[np.ndarray, "outlines 6"]
+    floors: Float[np.ndarray, "planes 4 3"]
 
 
 def describe(scene: Scene) -> tuple[Acting, ...]:
@@ -67,7 +68,10 @@ def marks(scene: Scene) -> Marks:
     size = float(np.linalg.norm(scene.gravity_vector))
     lines = [np.zeros((0, 6)), *(outline(o, scene.mesh.bounds) for o in scene.obstacles)]
     way = np.asarray(scene.gravity_vector) / (size or 1.0)
-    return Marks(points[ids], moved, joined, way, np.concatenate(lines))
+    planes = [o for o in scene.obstacles if isinstance(o, Plane)]
+    floors = [outline(o, scene.mesh.bounds)[None, :, :3] for o in planes]
+    floors = np.concatenate([np.zeros((0, 4, 3)), *floors])
+    return Marks(points[ids], moved, joined, way, np.concatenate(lines), floors)
 
 
 def vector_words(vector: np.ndarray, unit: str) -> str:

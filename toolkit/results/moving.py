@@ -12,6 +12,7 @@ from jaxtyping import Float
 from ...fem.particle_run import ParticleRun
 from ...fem.result import MotionResult
 from ...fem.scene.components import piece_names
+from .quantities import si
 from .simulation import Animation, Simulation
 from .verdict import Verdict
 
@@ -93,10 +94,17 @@ class Moving(Simulation):
         """Particles, grid and steps, where particles moved it; else what the method says."""
         run = self.motion.particles
         if run is None:
-            return self.motion.solution
+            count = len(self.motion.frames) - 1
+            steps = ("Steps", f"{count:,} of {si(self.motion.dt, 's')}")
+            return (*self._elements, *self.motion.solution, steps)
         grid = "x".join(map(str, run.nodes))
         words = f"{len(run.part):,} particles on {grid} nodes, {run.spacing:.3g} m apart"
         return (("material points", words), ("steps", f"{run.substeps:,}"))
+
+    @property
+    def _elements(self) -> tuple[tuple[str, str], ...]:
+        order = {1: "linear", 2: "quadratic"}.get(self.motion.order)
+        return (("Elements", f"{order} tets"),) if order else ()
 
     @property
     def warnings(self) -> tuple[str, ...]:

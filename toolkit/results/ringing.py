@@ -67,6 +67,11 @@ class Ringing(Simulation):
         return {"displacement": self.displacement, **shapes}
 
     @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations of the body as it stands."""
+        return self.modes
+
+    @property
     def frequencies(self) -> tuple[float, ...]:
         """Natural frequencies [Hz], the slowest first."""
         return tuple(self.modes.frequencies.tolist())

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..io.document import versions
 from .assignment import Assignment
 from .conversion import Conversion
 from .settled import Settled
@@ -30,7 +31,8 @@ class RunCase:
 class RunResult:
     """One conversion, and one case for every sentence, under identical loads.
 
-    ``features`` are what an image encoder sees of the asset, where that was asked for.
+    ``features`` are what an image encoder sees of the asset, where that was asked for; ``command``
+    makes it again, ``date`` is when it was made.
     """
 
     conversion: Conversion
@@ -38,6 +40,8 @@ class RunResult:
     seconds: dict[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
     features: VoxelFeatures | None = None
+    command: str = ""
+    date: str = ""
 
     def __repr__(self) -> str:
         return in_a_line(self)
@@ -80,6 +84,9 @@ class RunResult:
             "quality": self.conversion.report.quality,
             "report": self.conversion.report.as_dict(),
             "cases": cases,
+            "command": self.command,
+            "date": self.date,
+            "versions": versions(),
             "seconds": self.seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }

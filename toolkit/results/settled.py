@@ -107,6 +107,11 @@ class Settled(Simulation):
         return {"von_mises": self.solved.von_mises}
 
     @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations of the body as it stands."""
+        return self.modes
+
+    @property
     def frequencies(self) -> tuple[float, ...]:
         """First natural frequencies [Hz] of the body as it stands."""
         return () if self.modes is None else tuple(self.modes.frequencies.tolist())

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.particle_run import ParticleRun
+from ...fem.result import Modes
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
@@ -98,6 +99,11 @@ class Simulation(ABC):
     def frequencies(self) -> tuple[float, ...]:
         """First natural frequencies [Hz], where they are known."""
         return ()
+
+    @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations, where they are known."""
+        return None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from ...fem.errors import InputError, UsageError
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
+from ..config import command_line
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..io.outputs import check_file, check_folder
@@ -63,25 +64,30 @@ def simulate(
     options = changed_options(options or SimulateOptions(), given)
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
     drive = drive or _own_carrier(body, output)
+    wanted = {"output": output, "report": report, "picture": picture}
     output = _checked_output(drive, output)
     _check_pages(report, picture, touch=options.touch)
-    name = "mesh" if isinstance(mesh, TetMesh) else Path(mesh).stem
+    source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
     mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
     sidecar = replace(sidecar, up=up or sidecar.up)
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    _check_material(mesh)
     if materials is None:
         classes = classes or classes_on_record(sidecar)
         materials = rows_on_record(sidecar) or (body.materials if body is not None else {})
     known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
-        result = run_scenario(mesh, options, **known)
-    result = _noted(result, body)
+        result = _noted(run_scenario(mesh, options, **known), body)
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
-    files = {"output": output, "report": report, "picture": picture}
-    return _shown(result, name, sidecar, touch=options.touch, **files)
+    again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
+    files = {**wanted, "output": output, "touch": options.touch, "command": again}
+    return _shown(result, source.stem, sidecar, **files)
+
+
+def _check_material(mesh: TetMesh) -> None:
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
 
 
 def _driven(
@@ -137,10 +143,11 @@ def _shown(
     name: str,
     sidecar: Sidecar,
     *,
+    touch: bool,
+    command: str,
     output: Path | None,
     report: Path | None,
     picture: Path | None,
-    touch: bool,
 ) -> Simulation:
     """Write a result, its page and its picture; the files are on record."""
     from ..report.pages import simulation_page
@@ -150,7 +157,7 @@ def _shown(
     if output is not None:
         result = replace(result, files=(*result.write(output), *result.files))
     if report is not None:
-        page = simulation_page(name, result, sidecar, touch=touch)
+        page = simulation_page(name, result, sidecar, touch=touch, command=command)
         written = write_report(report, page)
         result = replace(result, files=(*result.files, written))
     if picture is not None:

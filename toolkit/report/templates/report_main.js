@@ -2,20 +2,23 @@
 
 const SHARE_SHOWN = 0.15; // the largest exaggerated displacement, as a share of the diagonal
 const MOST_IS_TRUE = 1.05; // motions this large need no exaggeration: the slider only weakens them
+const AIR = 0.005; // of the longest side of what is drawn, around it
 const FRAME_PAUSE = 40; // milliseconds between drawn frames: plotly's own limit is about 25 a second
 
 class Report {
   constructor(data) {
     const geometries = data.geometries.map((packed) => new Tets(packed));
     this.views = data.cases.map((packed, i) => new View(i, packed, geometries[packed.geometry], data.up));
-    this.motion = this.views.some((view) => view.frames.motion);
-    this.frameCount = Math.max(1, ...this.views.map((view) => view.times.length));
+    this.motion = this.views.some((view) => view.frames.motion || view.swings);
     this.largest = this.extent("moved")[1];
     const diagonal = Math.max(...this.views.map(({ tets }) => Math.hypot(...tets.hi.map((h, i) => h - tets.lo[i]))));
     this.most = this.largest > 0 ? Math.max(1, (SHARE_SHOWN * diagonal) / this.largest) : 1;
     this.room = this.commonRoom();
     this.position = this.most <= MOST_IS_TRUE ? 100 : 70; // of the exaggeration's slider
-    this.state = { map: "E", shape: this.shapes()[1]?.[0] || "rest", cut: null, marks: "shown", frame: 0, factor: this.factorAt(this.position) };
+    this.state = {
+      map: "E", shape: this.firstShape(), cut: null, hidden: new Set(), mode: 0, frame: 0, ranges: {},
+      shows: { marks: true, axes: true, largest: true, edges: false, ghost: false }, factor: this.factorAt(this.position),
+    };
     this.cut = { axis: 0, share: 0.5, flip: false };
     this.playing = 0;
   }
@@ -26,7 +29,9 @@ class Report {
   commonRoom() {
     const rooms = this.views.map((view) => view.room(this.most));
     const fold = (side, pick) => [0, 1, 2].map((axis) => pick(...rooms.map((room) => room[side][axis])));
-    return [fold(0, Math.min), fold(1, Math.max)];
+    const [lo, hi] = [fold(0, Math.min), fold(1, Math.max)];
+    const air = AIR * Math.max(...hi.map((h, i) => h - lo[i])); // what lies on the border is drawn too
+    return [lo.map((x) => x - air), hi.map((x) => x + air)];
   }
   // Exaggeration at a slider position 0..100: nothing at 0, then true scale to the most, in ratios.
   factorAt(position) {
@@ -34,12 +39,42 @@ class Report {
     return position < 1 ? 0 : this.most ** ((position - 1) / 99);
   }
   maps() {
-    const known = (name) => name === "part" || (name === "moved" ? this.largest > 0 : this.views.some((v) => v.values[name]));
+    const known = (name) => name !== "swing" && this.knows(name);
     return Object.keys(MAPS).filter(known).map((name) => [name, MAPS[name].label]);
   }
+  knows(name) {
+    return name === "part" || (name === "moved" ? this.largest > 0 || this.views.some((view) => view.swings) : this.views.some((v) => v.values[name]));
+  }
   shapes() {
-    const all = [["rest", "At rest"], ["displacement", "Under load"], ["motion", "In motion"]];
-    return all.filter(([name]) => name === "rest" || this.views.some((view) => view.frames[name]));
+    const { state, clock } = this.views[0];
+    const all = [["rest", "At rest"], ["displacement", state], ["motion", clock === "load" ? "Loading" : "In motion"], ["vibration", "Vibration"]];
+    const known = (name) => name === "rest" || this.views.some((view) => (name === "vibration" ? view.swings : view.frames[name]));
+    return all.filter(([name]) => known(name));
+  }
+  // What moves is shown moving, what rests under a load is shown there.
+  firstShape() {
+    const names = this.shapes().map(([name]) => name);
+    const moves = names.includes("motion") && this.views[0].clock === "time";
+    return moves ? "motion" : names[1] || "rest";
+  }
+  // Times [s] of the frames of the shape; of a vibration, one period.
+  times() {
+    if (this.state.shape === "vibration") {
+      const frequency = this.frequencies()[this.state.mode];
+      return Array.from({ length: SWING_FRAMES + 1 }, (_, i) => i / SWING_FRAMES / frequency);
+    }
+    return this.views.map((view) => view.times).reduce((a, b) => (b.length > a.length ? b : a), []);
+  }
+  frequencies() {
+    return this.views.map((view) => view.vibrations?.frequencies || []).reduce((a, b) => (b.length > a.length ? b : a), []);
+  }
+  // The scale of what is shown, within the range that a reader wants.
+  scale() {
+    const { map, shape, ranges } = this.state;
+    if (map === "part") return null;
+    const name = map === "moved" && shape === "vibration" ? "swing" : map;
+    const [lo, hi] = this.extent(name), [low, high] = ranges[name] || [];
+    return new Scale(MAPS[name], low ?? lo, high ?? hi);
   }
   async update(change = {}) {
     Object.assign(this.state, change);
@@ -53,7 +88,7 @@ class Report {
   async drawAll() {
     do {
       this.stale = false;
-      const scale = this.state.map === "part" ? null : new Scale(MAPS[this.state.map], ...this.extent(this.state.map));
+      const scale = this.scale();
       for (const view of this.views) await view.draw(this.state, scale, this.room);
       this.drawScale(scale);
     } while (this.stale);
@@ -62,7 +97,7 @@ class Report {
   drawScale(scale) {
     const place = document.getElementById("scale");
     if (scale) drawScale(place, scale);
-    else drawChips(place, this.views[0].tets.names);
+    else place.replaceChildren(element("p", { className: "scale-name" }, "Coloured by part"));
   }
   setCut(change) {
     Object.assign(this.cut, change);
@@ -70,6 +105,12 @@ class Report {
     if (axis < 0) return this.update({ cut: null });
     const { lo, hi } = this.views[0].tets;
     return this.update({ cut: { axis, at: lo[axis] + share * (hi[axis] - lo[axis]), flip } });
+  }
+  // All views look from a direction, at all that is ever drawn.
+  lookFrom(name) {
+    const [view] = this.views;
+    const camera = view.look(view.looks()[name], view.range(this.room));
+    return Promise.all(this.views.map((one) => one.turn(camera)));
   }
   // The others follow the view that is turned; while they do, only the newest camera is kept.
   async turnOthers(view, camera) {
@@ -93,10 +134,10 @@ class Report {
       view.node.on("plotly_relayout", follow);
       view.node.on("plotly_relayouting", follow);
       view.node.on("plotly_hover", (event) => {
-        const onPoints = Boolean(MAPS[this.state.map].onPoints);
+        const onPoints = Boolean(this.scale()?.map.onPoints);
         view.readout.textContent = view.describe(event.points[0].pointNumber, onPoints);
       });
-      view.node.on("plotly_unhover", () => { view.readout.textContent = ""; });
+      view.node.on("plotly_unhover", () => { view.readout.textContent = view.resting; });
     }
   }
 }
@@ -135,11 +176,11 @@ function nudge(control, steps) {
 function build(report) {
   const at = (id) => document.getElementById(id);
   const { state } = report;
-  choices(at("maps"), "map", report.maps(), state.map, (map) => report.update({ map }));
+  choices(at("maps"), "map", report.maps(), state.map, (map) => { report.update({ map }); reveal(); });
   choices(at("shapes"), "shape", report.shapes(), state.shape, (shape) => { report.update({ shape }); reveal(); });
   choices(at("cut"), "cut", [["-1", "Off"], ["0", "x"], ["1", "y"], ["2", "z"]], "-1", (axis) => { report.setCut({ axis: Number(axis) }); reveal(); });
-  const drawn = report.views.some((view) => view.marked().length);
-  choices(at("marks"), "marks", drawn ? [["shown", "Shown"], ["hidden", "Hidden"]] : [], state.marks, (marks) => report.update({ marks }));
+  switches(report);
+  partChips(report);
   report.cut.axis = -1;
   const cut = slider("cut-at", "Cut at", { min: 0, max: 1, step: 0.01, value: 0.5 }, (share) => {
     report.setCut({ share });
@@ -154,30 +195,46 @@ function build(report) {
     return `× ${rounded(report.state.factor)}`;
   });
   const player = play(report);
+  const modes = modePicker(report, () => reveal());
+  const range = rangeFields(report);
+  const tools = buildTools(report);
   function reveal() {
+    const moving = ["motion", "vibration"].includes(state.shape);
+    modes.hidden = state.shape !== "vibration";
+    range.show();
     cut.row.hidden = report.cut.axis < 0;
-    factor.row.hidden = state.shape === "rest";
-    player.row.hidden = state.shape !== "motion";
-    if (state.shape !== "motion") player.stop();
+    factor.row.hidden = ["rest", "vibration"].includes(state.shape);
+    player.row.hidden = !moving;
+    if (!moving) player.stop();
+    player.retime();
     for (const control of [cut, factor]) if (!control.row.hidden) control.show();
   }
+  tools.onReset = () => {
+    pressed("cut", -1);
+    document.querySelectorAll("#parts input:not(:checked)").forEach((box) => box.click());
+    report.update({ ranges: {} });
+    range.show();
+    return report.lookFrom("Start");
+  };
   reveal();
   keyboard(report, { cut, factor, player });
 }
 
 // Play and scrub: the clock follows the motion's own seconds, stretched to at least two.
 function play(report) {
-  const times = report.views.map((view) => view.times).reduce((a, b) => (b.length > a.length ? b : a), []);
-  const length = times.length ? times.at(-1) - times[0] : 0;
-  const control = slider("frame", "Time", { min: 0, max: Math.max(0, times.length - 1), step: 1, value: 0 }, (frame) => {
+  const ofLoad = () => report.views[0].clock === "load" && report.state.shape === "motion";
+  const control = slider("frame", "Time", { min: 0, max: 0, step: 1, value: 0 }, (frame) => {
+    const times = report.times();
     report.update({ frame });
-    return times.length ? words(times[frame], { unit: "s" }) : "";
+    if (!times.length) return "";
+    return ofLoad() ? `${rounded(100 * times[frame])} % of the load` : words(times[frame], { unit: "s" });
   });
   const button = element("button", { type: "button", id: "play" }, "Play");
-  const slow = Math.max(1, 2 / (length || 1));
   let started = 0, timer = 0;
+  const slow = (times) => Math.max(1, 2 / (times.at(-1) - times[0] || 1));
   const tick = async () => {
-    const now = times[0] + ((performance.now() - started) / 1000 / slow) % (length || 1);
+    const times = report.times(), length = times.at(-1) - times[0];
+    const now = times[0] + ((performance.now() - started) / 1000 / slow(times)) % (length || 1);
     let frame = times.findIndex((time) => time > now);
     if (frame < 0) frame = times.length;
     control.input.value = Math.max(0, frame - 1);
@@ -192,13 +249,22 @@ function play(report) {
   };
   const toggle = () => {
     if (timer) return stop();
-    started = performance.now() - (times[Number(control.input.value)] - times[0]) * slow * 1000;
+    const times = report.times();
+    started = performance.now() - (times[Number(control.input.value)] - times[0]) * slow(times) * 1000;
     button.textContent = "Pause";
     timer = setTimeout(tick, 0);
   };
   button.addEventListener("click", toggle);
   control.row.append(button);
-  return { ...control, stop, toggle };
+  // The frames of the shape that is shown now.
+  const retime = () => {
+    const last = Math.max(0, report.times().length - 1);
+    control.input.max = last;
+    if (report.state.frame > last) control.input.value = 0;
+    control.row.firstChild.textContent = ofLoad() ? "Load" : "Time";
+    if (!control.row.hidden) control.show();
+  };
+  return { ...control, stop, toggle, retime };
 }
 
 function keyboard(report, { cut, factor, player }) {

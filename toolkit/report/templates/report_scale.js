@@ -10,6 +10,7 @@ const MAPS = {
   nu: { label: "ν", long: "Poisson's ratio ν", unit: "", colors: PALETTES.nu },
   rho: { label: "ρ", long: "Density ρ", unit: "kg/m³", log: true, plain: true, colors: PALETTES.rho },
   moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PALETTES.displacement, onPoints: true },
+  swing: { label: "Amplitude", long: "Amplitude of the vibration as drawn: its size is free", unit: "m", colors: PALETTES.displacement, onPoints: true },
   von_mises: { label: "Stress", long: "Von Mises stress under load", unit: "Pa", log: true, colors: PALETTES.von_mises },
 };
 const STRESS_DECADES = 4; // stresses further below the largest look alike: nobody reads them
@@ -104,14 +105,4 @@ function drawScale(place, scale) {
   }
   const name = scale.map.long + (scale.log ? ", logarithmic" : "");
   place.replaceChildren(element("p", { className: "scale-name" }, name), bar, ticks);
-}
-
-function drawChips(place, names) {
-  const chips = element("div", { className: "chips" });
-  names.forEach((name, index) => {
-    const swatch = element("i");
-    swatch.style.background = partColor(index);
-    chips.append(element("span", {}, swatch, name));
-  });
-  place.replaceChildren(chips);
 }

@@ -32,14 +32,18 @@ class Frames {
     }
     return most * this.step;
   }
-  // Lower and upper displacement [m] along each axis over all frames.
-  bounds() {
-    const lo = [0, 0, 0], hi = [0, 0, 0];
-    for (let i = 0; i < this.steps.length; i += 1) {
-      lo[i % 3] = Math.min(lo[i % 3], this.steps[i] * this.step);
-      hi[i % 3] = Math.max(hi[i % 3], this.steps[i] * this.step);
-    }
-    return [lo, hi];
+  // Function of a factor: the lowest and highest corner [m] of points that move by that much of it.
+  // Between no motion and the factor the way is straight: its ends bound it.
+  reach(points) {
+    return (factor) => {
+      const lo = [Infinity, Infinity, Infinity], hi = [-Infinity, -Infinity, -Infinity];
+      for (let i = 0; i < this.steps.length; i += 1) {
+        const x = points[i % this.size] + factor * this.step * this.steps[i];
+        if (x < lo[i % 3]) lo[i % 3] = x;
+        if (x > hi[i % 3]) hi[i % 3] = x;
+      }
+      return [lo, hi];
+    };
   }
 }
 
@@ -85,30 +89,9 @@ class Tets {
     }
     return [lo, hi];
   }
-  // Whether the centroid of each tet at rest is on the kept side of the cut {axis, at [m], flip}.
-  kept(cut) {
-    const keep = new Uint8Array(this.count).fill(1);
-    if (!cut) return keep;
-    for (let t = 0; t < this.count; t += 1) {
-      let sum = 0;
-      for (let i = 0; i < 4; i += 1) sum += this.points[3 * this.tets[4 * t + i] + cut.axis];
-      keep[t] = cut.flip ? sum / 4 >= cut.at : sum / 4 <= cut.at;
-    }
-    return keep;
-  }
-  // Faces between kept tets and the rest: corner ids a, b, c and the tet that owns each face.
-  boundary(keep) {
-    const a = [], b = [], c = [], owner = [];
-    for (let id = 0; id < this.neighbours.length; id += 1) {
-      const tet = id >> 2, behind = this.neighbours[id];
-      if (!keep[tet] || (behind >= 0 && keep[behind])) continue;
-      const corners = this.face(tet, id & 3);
-      a.push(corners[0]);
-      b.push(corners[1]);
-      c.push(corners[2]);
-      owner.push(tet);
-    }
-    return { a, b, c, owner };
+  // Which tets are shown: those whose part is not hidden.
+  shown(hidden) {
+    return Uint8Array.from(this.region, (region) => (hidden.has(this.names[region]) ? 0 : 1));
   }
   // Unit normal at rest of the face a, b, c.
   normal(a, b, c) {
@@ -118,23 +101,5 @@ class Tets {
     const n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
     const size = Math.hypot(...n) || 1;
     return n.map((part) => part / size);
-  }
-  // The boundary with its points doubled along sharp edges, so that only gentle ones look smooth:
-  // corners a, b, c point into `origin`, the ids of the mesh's points.
-  surface(keep) {
-    const faces = this.boundary(keep);
-    const origin = [], copies = new Map();
-    const copyFor = (point, normal) => {
-      const known = copies.get(point) || [];
-      let copy = known.find((one) => dot(one.normal, normal) > SMOOTH_COSINE);
-      if (!copy) {
-        copy = { normal, id: origin.push(point) - 1 };
-        copies.set(point, [...known, copy]);
-      }
-      return copy.id;
-    };
-    const normals = faces.a.map((a, f) => this.normal(a, faces.b[f], faces.c[f]));
-    const [a, b, c] = ["a", "b", "c"].map((corner) => faces[corner].map((point, f) => copyFor(point, normals[f])));
-    return { a, b, c, owner: faces.owner, origin };
   }
 }

@@ -6,6 +6,13 @@ const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
 const DRAWN_SIZE = 100;
 const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
 const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
+// From where the other looks come, in the drawing's axes: glTF faces z (drawn x), CAD faces -y.
+const LOOKS = {
+  y: { Front: [1, 0, 0.02], Side: [0, 1, 0.02], Top: [0.02, 0, 1] },
+  z: { Front: [0, -1, 0.02], Side: [1, 0, 0.02], Top: [0, -0.02, 1] },
+};
+const AXES_SHARE = 0.2; // of the longest side: the axes, a round length
+const SWING_SHARE = 0.05, SWING_FRAMES = 24; // a vibration's size is free: this share of the diagonal
 const HALF_VIEW = Math.tan(Math.PI / 8); // plotly's field of view is 45 degrees, top to bottom
 const MARGIN = 1.02;
 const HELD_COLOR = "#2f7fd1", LOAD_COLOR = "#d33a2c", MOVE_COLOR = "#8a4fc0", OBSTACLE_COLOR = "#6b7178";
@@ -14,17 +21,23 @@ const HEAD_SHARE = 0.35, HEAD_WIDTH = 0.25; // of the arrow, and of its head
 const FAINTEST = 0.02; // of the largest load: arrows below it would be dots
 
 // Distance from the middle of a box of half extents `half` at which all its corners are in view.
-function fittingDistance(half, aspect) {
-  const level = Math.hypot(EYE[0], EYE[1]);
-  const right = [-EYE[1] / level, EYE[0] / level, 0];
-  const up = [-EYE[2] * EYE[0] / level, -EYE[2] * EYE[1] / level, level];
+function fittingDistance(half, aspect, from) {
+  const level = Math.hypot(from[0], from[1]);
+  const right = [-from[1] / level, from[0] / level, 0];
+  const up = [-from[2] * from[0] / level, -from[2] * from[1] / level, level];
   const signs = [-1, 1];
   const corners = signs.flatMap((i) => signs.flatMap((j) => signs.map((k) => [i * half[0], j * half[1], k * half[2]])));
   const reach = (c) => Math.max(Math.abs(dot(c, up)), Math.abs(dot(c, right)) / aspect);
-  return MARGIN * Math.max(...corners.map((c) => dot(c, EYE) + reach(c) / HALF_VIEW));
+  return MARGIN * Math.max(...corners.map((c) => dot(c, from) + reach(c) / HALF_VIEW));
 }
 
 const HEAD_SIDES = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [1, 3, 2], [1, 4, 3]];
+
+// The largest of 1, 2, 5, 10, 20 ... that is not above `most`.
+function roundBelow(most) {
+  const power = 10 ** Math.floor(Math.log10(most));
+  return power * [5, 2, 1].find((m) => m * power <= most);
+}
 
 function arrowTail(row, length) {
   return [0, 1, 2].map((i) => row[i] - length * row[3 + i]);
@@ -41,8 +54,22 @@ function arrowHead(row, length) {
   return [row.slice(0, 3), base(1, 1), base(-1, 1), base(-1, -1), base(1, -1)];
 }
 
+// A vibration has a size of its own, everything else the one that the slider says.
+function factorOf(state) {
+  return state.shape === "vibration" ? 1 : state.factor;
+}
+
+function inkColor() {
+  return getComputedStyle(document.body).color;
+}
+
+function panelColor() {
+  return getComputedStyle(document.body).backgroundColor;
+}
+
 class View {
   constructor(index, packed, tets, up) {
+    this.index = index;
     this.node = document.getElementById(`plot${index}`);
     this.readout = document.getElementById(`readout${index}`);
     this.tets = tets;
@@ -55,6 +82,12 @@ class View {
     for (const shape of ["displacement", "motion"]) {
       if (packed[shape]) this.frames[shape] = new Frames(packed[shape], tets.pointCount);
     }
+    this.up = up;
+    this.diagonal = Math.hypot(...tets.hi.map((h, i) => h - tets.lo[i]));
+    this.vibrations = packed.vibrations || null; // of largest length 1 m each
+    if (this.vibrations) this.swings = new Frames(this.vibrations, tets.pointCount);
+    this.state = packed.state || "Under load";
+    this.clock = packed.clock || "time";
     this.times = packed.times || [];
     this.marks = packed.marks || null;
     this.arrowLength = ARROW_SHARE * Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
@@ -62,15 +95,22 @@ class View {
   }
   // Displacement [m] of all points in this state, or null at rest.
   displacement(state) {
+    if (state.shape === "vibration") return this.swing(state);
     const frames = this.frames[state.shape];
     if (!frames) return null;
     return frames.at(state.shape === "motion" ? Math.min(state.frame, frames.count - 1) : 0);
+  }
+  swing({ mode, frame }) {
+    if (!this.swings) return null;
+    const size = SWING_SHARE * this.diagonal * Math.cos((2 * Math.PI * frame) / SWING_FRAMES);
+    return this.swings.at(Math.min(mode, this.swings.count - 1)).map((u) => size * u);
   }
   // [smallest, largest] of what the map shows, over all frames for displacements.
   extent(name) {
     if (name === "moved") {
       return [0, Math.max(0, ...Object.values(this.frames).map((f) => f.largest()))];
     }
+    if (name === "swing") return [0, SWING_SHARE * this.diagonal];
     const values = this.values[name];
     if (!values) return [Infinity, -Infinity];
     return [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
@@ -78,13 +118,17 @@ class View {
   // Room [m] that the shape takes at rest and at the largest exaggeration.
   room(factor) {
     const lo = [...this.tets.lo], hi = [...this.tets.hi];
-    for (const frames of Object.values(this.frames)) {
-      const [down, up] = frames.bounds();
+    const ways = Object.values(this.frames).map((frames) => [frames.reach(this.tets.points), factor]);
+    if (this.swings) for (const sign of [-1, 1]) ways.push([this.swings.reach(this.tets.points), sign * SWING_SHARE * this.diagonal]);
+    for (const [reach, size] of ways) {
+      const [down, up] = reach(size);
       for (let axis = 0; axis < 3; axis += 1) {
-        lo[axis] = Math.min(lo[axis], this.tets.lo[axis] + factor * down[axis]);
-        hi[axis] = Math.max(hi[axis], this.tets.hi[axis] + factor * up[axis]);
+        lo[axis] = Math.min(lo[axis], down[axis]);
+        hi[axis] = Math.max(hi[axis], up[axis]);
       }
     }
+    const { corner, length } = this.corner;
+    hi[this.order[0]] = Math.max(hi[this.order[0]], corner[this.order[0]] + length);
     const { arrows, moved, outlines } = this.marks || { arrows: [], moved: [], outlines: [] };
     const tails = [...arrows, ...moved].map((row) => arrowTail(row, this.arrowLength));
     for (const tail of [...tails, ...outlines.map((row) => row.slice(0, 3))]) {
@@ -96,22 +140,86 @@ class View {
     return [lo, hi];
   }
   trace(state, scale) {
-    if (this.cut !== state.cut || !this.faces) {
-      this.faces = this.tets.surface(this.tets.kept(state.cut));
-      this.cut = state.cut;
+    if (this.cut !== state.cut || this.hidden !== state.hidden || !this.faces) {
+      this.faces = new Surface(this.tets, this.tets.shown(state.hidden), state.cut);
+      [this.cut, this.hidden] = [state.cut, state.hidden];
     }
     this.moved = this.displacement(state);
     const { a, b, c } = this.faces;
-    const [x, y, z] = this.order.map((axis) => this.coordinates(axis, state.factor));
-    const paint = scale ? this.paint(state.map, scale) : this.paintParts();
+    const [x, y, z] = this.order.map((axis) => this.coordinates(axis, factorOf(state)));
+    const paint = scale ? this.paint(scale) : this.paintParts();
     return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: false,
       lighting: LIGHT, lightposition: { x: 1400, y: 400, z: 1500 }, showscale: false, ...paint };
+  }
+  // Beside the body, what the state asks for.
+  extras(state) {
+    const { shows } = state;
+    return [
+      ...(shows.marks ? this.marked() : []),
+      ...(shows.edges ? this.edges(state) : []),
+      ...(shows.ghost && this.moved ? this.ghost() : []),
+      ...(shows.axes ? this.axes() : []),
+    ];
+  }
+  edges(state) {
+    const ends = this.order.map((axis) => this.coordinates(axis, factorOf(state)));
+    const [x, y, z] = ends.map((at) => this.faces.edges().flatMap(([p, q]) => [at[p], at[q], null]));
+    return [{ type: "scatter3d", mode: "lines", line: { width: 1, color: "rgba(20,22,24,.55)" }, x, y, z, hoverinfo: "none", showlegend: false }];
+  }
+  // The body as it was.
+  ghost() {
+    const { a, b, c } = this.faces;
+    const [x, y, z] = this.order.map((axis) => this.coordinates(axis, 0));
+    return [{ type: "mesh3d", x, y, z, i: a, j: b, k: c, color: "#8b9096", opacity: 0.22, hoverinfo: "none" }];
+  }
+  // Where the axes start: at the lower corner of the body that is nearest to the first look.
+  get corner() {
+    const { lo, hi } = this.tets, corner = [...lo];
+    corner[this.order[0]] = hi[this.order[0]];
+    return { corner, length: roundBelow(AXES_SHARE * Math.max(...hi.map((h, i) => h - lo[i]))) };
+  }
+  // Three axes of a round length: the scale of the drawing.
+  axes() {
+    const { corner, length } = this.corner;
+    const ends = [0, 1, 2].map((axis) => corner.map((x, i) => x + (i === axis ? length : 0)));
+    const text = ["x", "y", "z"].map((name, axis) => (axis === 0 ? `x  ${words(length, MAPS.moved)}` : name));
+    const font = { size: 12, color: inkColor() };
+    return [
+      { type: "scatter3d", mode: "lines", line: { width: 3, color: font.color }, ...this.placed(ends.flatMap((end) => [corner, end, null])) },
+      { type: "scatter3d", mode: "text", text, textfont: font, textposition: "top center", ...this.placed(ends) },
+    ];
+  }
+  // Where the map is largest: its value, the place at rest [m], the part, and a drawn point.
+  peak({ map }) {
+    if (map.onPoints ? !this.moved : map !== MAPS.von_mises || !this.values.von_mises) return null;
+    const { tets } = this, values = map.onPoints ? null : this.values.von_mises;
+    let best = 0, most = -Infinity;
+    for (let i = 0; i < (values ? values.length : tets.pointCount); i += 1) {
+      const value = values ? values[i] : Math.hypot(...this.moved.subarray(3 * i, 3 * i + 3));
+      if (value > most) [best, most] = [i, value];
+    }
+    const tet = values ? best : tets.tets.indexOf(best) >> 2;
+    const corners = values ? [0, 1, 2, 3].map((i) => tets.tets[4 * best + i]) : [best];
+    const place = [0, 1, 2].map((i) => corners.reduce((sum, p) => sum + tets.points[3 * p + i], 0) / corners.length);
+    return { value: most, place, part: tets.names[tets.region[tet]] };
+  }
+  // A flag on the drawn surface, as near to the largest value as it comes; it is never hidden.
+  peakFlag(scale, state) {
+    const peak = state.shows.largest && scale && this.peak(scale);
+    if (!peak || !(peak.value > 0) || !this.faces.origin.length) return [];
+    const rest = [0, 1, 2].map((axis) => this.faces.atRest(axis));
+    const away = (k) => Math.hypot(...rest.map((x, i) => x[k] - peak.place[i]));
+    let nearest = 0;
+    for (let k = 1; k < rest[0].length; k += 1) if (away(k) < away(nearest)) nearest = k;
+    const [x, y, z] = this.order.map((axis) => this.coordinates(axis, factorOf(state))[nearest]);
+    const text = `largest: ${words(peak.value, scale.map)}`, color = inkColor();
+    return [{ x, y, z, text, ax: 46, ay: -38, arrowcolor: color, arrowwidth: 1.5, arrowhead: 6, bgcolor: panelColor(), bordercolor: color, borderpad: 3, font: { size: 12, color } }];
   }
   // What holds and loads the body, at rest: squares where it is held, arrows where it is pushed.
   marked() {
     if (!this.marks) return [];
-    const { held, moved, arrows, outlines } = this.marks, length = this.arrowLength;
-    return [this.squares(held), this.lines(outlines), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
+    const { held, moved, arrows, outlines, floors } = this.marks, length = this.arrowLength;
+    return [this.squares(held), this.lines(outlines), this.planes(floors), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
   }
   placed(rows) {
     const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * row[axis])));
@@ -127,6 +235,10 @@ class View {
     const ends = outlines.flatMap((row) => [row.slice(0, 3), row.slice(3), null]);
     return [{ type: "scatter3d", mode: "lines", line: { width: 3, color: OBSTACLE_COLOR }, ...this.placed(ends) }];
   }
+  planes(floors) {
+    const fill = { type: "mesh3d", i: [0, 0], j: [1, 2], k: [2, 3], color: OBSTACLE_COLOR, opacity: 0.25 };
+    return floors.map((corners) => ({ ...fill, ...this.placed(corners) }));
+  }
   // Shafts, and pyramids whose tips are where the load meets the surface.
   arrows(rows, color, length) {
     const shown = rows.filter((row) => Math.hypot(...row.slice(3)) > FAINTEST);
@@ -141,21 +253,27 @@ class View {
       { type: "mesh3d", i, j, k, color, flatshading: true, lighting: LIGHT, ...this.placed(corners) },
     ];
   }
+  // Drawn coordinates of the surface along an axis of the mesh.
   coordinates(axis, factor) {
-    return Float32Array.from(this.faces.origin, (point) => {
-      const moved = this.moved ? factor * this.moved[3 * point + axis] : 0;
-      return this.zoom * (this.tets.points[3 * point + axis] + moved);
-    });
+    const { points } = this.tets;
+    const at = (point) => points[3 * point + axis] + (this.moved ? factor * this.moved[3 * point + axis] : 0);
+    const { origin, other, share } = this.faces;
+    return Float32Array.from(origin, (p, k) => this.zoom * ((1 - share[k]) * at(p) + share[k] * at(other[k])));
   }
-  length(point) {
-    return this.moved ? Math.hypot(...this.moved.subarray(3 * point, 3 * point + 3)) : 0;
+  // How far [m] a point of the surface has moved.
+  length(k) {
+    if (!this.moved) return 0;
+    const { origin, other, share } = this.faces;
+    const along = (i) => (1 - share[k]) * this.moved[3 * origin[k] + i] + share[k] * this.moved[3 * other[k] + i];
+    return Math.hypot(along(0), along(1), along(2));
   }
-  paint(name, scale) {
+  paint(scale) {
     const shade = { colorscale: scale.colorscale, cmin: 0, cmax: 1 };
-    if (name === "moved") {
-      const intensity = Float32Array.from(this.faces.origin, (point) => scale.share(this.length(point)));
+    if (scale.map.onPoints) {
+      const intensity = Float32Array.from(this.faces.origin, (_, k) => scale.share(this.length(k)));
       return { ...shade, intensity, intensitymode: "vertex" };
     }
+    const name = Object.keys(MAPS).find((one) => MAPS[one] === scale.map);
     const intensity = this.faces.owner.map((tet) => scale.share(this.values[name][tet]));
     return { ...shade, intensity, intensitymode: "cell" };
   }
@@ -166,8 +284,8 @@ class View {
     const intensity = this.faces.owner.map((tet) => ((this.tets.region[tet] % count) + 0.5) / count);
     return { colorscale, cmin: 0, cmax: 1, intensity, intensitymode: "cell" };
   }
-  layout(room) {
-    const range = this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
+  layout(room, annotations) {
+    const range = this.range(room);
     const axis = (i) => ({ visible: false, range: range[i] });
     const size = range.map(([lo, hi]) => hi - lo || 1e-9);
     const most = Math.max(...size);
@@ -176,23 +294,39 @@ class View {
       scene: {
         xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), dragmode: "turntable",
         aspectmode: "manual", aspectratio: { x: size[0] / most, y: size[1] / most, z: size[2] / most },
-        camera: this.camera || this.firstCamera(range, most),
+        annotations, camera: this.camera || this.look(EYE, range),
       },
     };
   }
-  // Looks at the middle of the shape at rest; `unit` is how much of the drawing is one camera unit.
-  firstCamera(range, unit) {
-    const rest = this.order.map((axis) => [this.tets.lo[axis], this.tets.hi[axis]].map((x) => (this.zoom * x) / unit));
-    const middle = rest.map(([lo, hi], i) => (lo + hi) / 2 - (range[i][0] + range[i][1]) / 2 / unit);
+  // Looks at the middle of all that is ever drawn, from a direction and so far that it is in view.
+  look(from, range) {
+    const size = range.map(([lo, hi]) => hi - lo || 1e-9), most = Math.max(...size);
+    const way = from.map((x) => x / Math.hypot(...from));
     const aspect = this.node.clientWidth / this.node.clientHeight || 1;
-    const away = fittingDistance(rest.map(([lo, hi]) => (hi - lo) / 2), aspect);
+    const away = fittingDistance(size.map((x) => x / 2 / most), aspect, way);
     const named = ([x, y, z]) => ({ x, y, z });
-    return { center: named(middle), eye: named(EYE.map((part, i) => middle[i] + away * part)), up: { x: 0, y: 0, z: 1 } };
+    return { center: named([0, 0, 0]), eye: named(way.map((part) => away * part)), up: { x: 0, y: 0, z: 1 } };
+  }
+  // Range of the drawing along its three axes.
+  range(room) {
+    return this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
+  }
+  looks() {
+    return { Start: EYE, ...(LOOKS[this.up] || LOOKS.y) };
   }
   async draw(state, scale, room) {
     const config = { displayModeBar: false, responsive: true, scrollZoom: true };
-    const marks = state.marks === "shown" ? this.marked() : [];
-    await Plotly.react(this.node, [this.trace(state, scale), ...marks], this.layout(room), config);
+    const traces = [this.trace(state, scale), ...this.extras(state)];
+    await Plotly.react(this.node, traces, this.layout(room, this.peakFlag(scale, state)), config);
+    this.resting = this.peakWords(scale);
+    this.readout.textContent = this.resting;
+  }
+  // Where the map is largest, in words: what stands below the view until a pointer asks.
+  peakWords(scale) {
+    const peak = scale && this.peak(scale);
+    if (!peak || !(peak.value > 0)) return "";
+    const place = peak.place.map((x) => words(x, MAPS.moved)).join(", ");
+    return `largest ${words(peak.value, scale.map)} in ${peak.part}, at (${place}) of the body at rest`;
   }
   async turn(camera) {
     this.camera = camera;
@@ -202,7 +336,7 @@ class View {
   }
   // What is under the pointer, in words. Plotly names a face, or a point where points are coloured.
   describe(index, onPoints) {
-    const { a, b, c, owner, origin } = this.faces;
+    const { a, b, c, owner } = this.faces;
     const touches = (_, f) => a[f] === index || b[f] === index || c[f] === index;
     const face = onPoints ? owner.findIndex(touches) : index;
     const tet = owner[face];
@@ -212,7 +346,7 @@ class View {
       said.push(`${name === "von_mises" ? "stress" : MAPS[name].label} ${words(values[tet], MAPS[name])}`);
     }
     const corners = onPoints ? [index] : [a[face], b[face], c[face]];
-    const moved = corners.reduce((sum, point) => sum + this.length(origin[point]), 0) / corners.length;
+    const moved = corners.reduce((sum, point) => sum + this.length(point), 0) / corners.length;
     if (this.moved) said.push(`moved ${words(moved, MAPS.moved)}`);
     return said.join("  ·  ");
   }
