@@ -25,6 +25,7 @@ _HOME = {
     "materials": ".toolkit.listing",
     "info": ".toolkit.listing",
     "doctor": ".toolkit.doctor",
+    "show_report": ".toolkit.report.pages",
     "load_asset": ".toolkit.io.load",
     "ConvertOptions": ".toolkit.options",
     "AssignOptions": ".toolkit.options",

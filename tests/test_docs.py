@@ -30,7 +30,9 @@ def _shell_lines(path):
     return [line.split("#")[0] for line in lines if line.startswith("autophyx-tet ")]
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/index.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "docs/index.md", "docs/tutorial.md", "docs/programs.md"]
+)
 def test_commands_of_the_page_exist(root, name):
     """Every command line shown parses: its command and options are the program's own."""
     lines = _shell_lines(root / name)

@@ -1,10 +1,14 @@
 """At a prompt and in a notebook: options by name; results as a line and a table, no arrays."""
 
+import html
+
 import autophyx_tet as apx
 import numpy as np
 import pytest
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.toolkit.cli.main import main
+from PIL import Image
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +48,28 @@ def test_a_simulation_tells_its_verdicts(assigned):
     found = apx.simulate(assigned.mesh)
     assert repr(found).startswith("<Settled: 2 parts, 12 tets, 15.")
     assert "It holds its shape" in found._repr_html_()
+
+
+def test_a_report_is_a_frame_in_a_notebook(assigned):
+    """The page is an attribute of the frame, which keeps it to itself; its words are in it once."""
+    framed = apx.show_report(apx.simulate(assigned.mesh), height=300)
+    page = framed._repr_html_()
+    assert repr(framed).startswith("<Framed: a report of")
+    assert page.count("<") == 2  # the frame and its end
+    assert html.unescape(page.split('srcdoc="')[1].rpartition('"')[0]) == framed.page
+    assert "Sag under its own weight" in framed.page
+
+
+@pytest.mark.slow
+def test_a_result_is_looked_at(assigned, tmp_path):
+    """Without a window the view is a picture: a steel column, coloured by its stress."""
+    pytest.importorskip("pyvista")
+    apx.simulate(assigned.mesh, output=tmp_path / "sag.pvd")
+    for source in ("sag.pvd", "sag_00005.vtu"):
+        picture = tmp_path / f"{source}.png"
+        assert main(["view", str(tmp_path / source), "--picture", str(picture), "-q"]) == 0
+        with Image.open(picture) as image:
+            assert np.asarray(image.convert("L")).std() > 5
+    assert main(["view", str(tmp_path), "--picture", "no.png", "-q"]) == 3
+    call = ["view", str(tmp_path / "sag.pvd"), "--colour", "taste", "--picture", "no.png"]
+    assert main(call) == 3

@@ -24,6 +24,7 @@ from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
 from .pipes import piped, writes_to_stdout
 from .transfer import COMMANDS as TRANSFER
+from .view import COMMANDS as VIEW
 
 if TYPE_CHECKING:
     from ..options import Common
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # what shells return when nobody reads any more: `--help | head`
-COMMANDS = {**MESH, **TRANSFER, **LOOK, **BATCH, **LEARNING}
+COMMANDS = {**MESH, **TRANSFER, **LOOK, **VIEW, **BATCH, **LEARNING}
 
 
 DESCRIPTION = """From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.

@@ -116,7 +116,7 @@ class SimulateCommand:
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
     """Mesh with E, nu and rho, made by `assign`; for particles also a field or splats with them."""
     output: Output
-    """Result to write: .vtu or .vtk (the last state), .pvd (the motion), or a folder of --drive."""
+    """Result to write: .vtu, .vtk (the last state), .pvd, .glb (the motion); --drive: a folder."""
     drive: Path | None = None
     """Gaussian splats or points that move with the mesh: written a file a frame into -o."""
     drive_scale: float | None = None

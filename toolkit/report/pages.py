@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from html import escape
+from typing import Any, NamedTuple
 
 from ... import __version__
 from ...fem.errors import UsageError
@@ -24,9 +25,11 @@ from ..results.settled import Settled
 from ..results.simulation import Simulation
 from ..results.verdict import Verdict
 from .content import Case, PartRow, ReportContent
+from .report import report_page
 from .snapshot import PARTICLES, particle_film
 from .touch import touch_of
 
+AXES: tuple[UpAxis, ...] = ("x", "y", "z")
 log = logging.getLogger(__name__)
 
 
@@ -99,6 +102,29 @@ def simulation_page(
         made=_made(now(), simulation.seconds),
         command=command,
     )
+
+
+class Framed(NamedTuple):
+    """A report as a notebook shows it: the page in a frame of its own."""
+
+    page: str
+    height: int
+
+    def __repr__(self) -> str:
+        return f"<Framed: a report of {len(self.page) / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        allowed = 'sandbox="allow-scripts allow-downloads" style="border:0"'
+        sized = f'width="100%" height="{self.height}"'
+        return f'<iframe {allowed} {sized} srcdoc="{escape(self.page)}"></iframe>'
+
+
+def show_report(result: RunResult | Simulation, *, height: int = 820) -> Framed:
+    """Return the report of a run or of a simulation, for a notebook; ``height`` in pixels."""
+    if isinstance(result, RunResult):
+        return Framed(report_page(run_page(result)), height)
+    page = simulation_page("mesh", result, Sidecar(up=AXES[result.scene.up]))
+    return Framed(report_page(page), height)
 
 
 def _made(date: str, seconds: float) -> str:

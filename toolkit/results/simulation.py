@@ -120,10 +120,13 @@ class Simulation(ABC):
         return []
 
     def write(self, path: Path) -> list[Path]:
-        """Write the state shown as .vtu or .vtk, or the whole motion as .pvd; return the files."""
+        """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
+        from ...converters.mesh.gltf_motion import write_motion_glb
         from ...converters.mesh.mesh_file import write_mesh
         from ...converters.mesh.pvd import write_pvd
 
+        if path.suffix.lower() == ".glb":
+            return [write_motion_glb(path, self.mesh, *self.animation, up=self.scene.up)]
         if path.suffix.lower() != ".pvd":
             fields = {"point_data": self.point_data, "cell_data": self.cell_data}
             write_mesh(path, self.mesh, **fields)

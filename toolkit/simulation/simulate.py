@@ -42,7 +42,7 @@ def simulate(
 
     Options may be ``given`` by name too: ``simulate(mesh, fix=["part:handle"],
     load={"part:head": (0, 0, -10)})``. ``output`` takes the last state as .vtu or .vtk, or the
-    whole motion as .pvd; ``report`` the page, .html; ``picture`` the last state as .png, or the
+    motion as .pvd or .glb; ``report`` the page, .html; ``picture`` the last state as .png, or the
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
@@ -170,7 +170,7 @@ def _checked_output(drive: Path | None, output: Path | None) -> Path | None:
     """The output if it can be written: with a driven carrier the .pvd in its folder."""
     if drive is None:
         if output is not None:
-            check_file(output, (".vtu", ".vtk", ".pvd"))
+            check_file(output, (".vtu", ".vtk", ".pvd", ".glb"))
         return output
     if output is None:
         raise UsageError("--drive writes files: give a folder by -o")
