@@ -44,7 +44,9 @@ def iterative(monkeypatch):
     """A factor of the whole is said to be slow, one of the corners to be quick."""
     monkeypatch.setattr(solver, "DIRECT", 0)
     slow = solver.MAX_ITERATIONS
-    monkeypatch.setattr(solver, "_worth", lambda p, m: slow if len(p.order) == m.nodes else 0)
+    monkeypatch.setattr(
+        solver, "iterations_worth", lambda p, m: slow if len(p.order) == m.nodes else 0
+    )
 
 
 def shaken(ratio: float):
@@ -64,7 +66,7 @@ def test_bad_tets_and_contrasts_take_few_iterations(iterative, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(solver, "_level_edges", lambda matrix, edges: None)
             over_aggregates = solve_static(mesh, held, **options)
-            patch.setattr(solver, "_worth", lambda plan, matrix: 0)
+            patch.setattr(solver, "iterations_worth", lambda plan, matrix: 0)
             exact = solve_static(mesh, held, **options)
         solvers = [r.solver for r in (found, over_aggregates, exact)]
         assert solvers == [solver.CG_LINEAR, solver.CG_AGGREGATES, solver.CHOLESKY]

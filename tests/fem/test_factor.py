@@ -156,7 +156,7 @@ def test_cg_that_takes_too_long_is_followed_by_the_factor(monkeypatch):
     """Out of patience: the factor answers, and the result says what was tried first."""
     monkeypatch.setattr(solver, "DIRECT", 0)
     monkeypatch.setattr(solver, "USUAL", 10)
-    monkeypatch.setattr(solver, "_worth", lambda plan, matrix: 11)
+    monkeypatch.setattr(solver, "iterations_worth", lambda plan, matrix: 11)
     mesh = with_uniform(box_mesh((1, 0.1, 0.1), (20, 2, 2)), E=1e6, nu=0.49, rho=1e3)
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     found = solve_static(mesh, held, gravity_vector=(0, 0, -1), order=2)
