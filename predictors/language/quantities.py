@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from .clauses import Blend, Measure, Quantity
+from .number_words import in_digits
 
 _DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
@@ -62,7 +63,7 @@ _SHORE = re.compile(
     rf"(?:[ -]?(?i:hardness))?{_GAP}(?P<n1>\d{{1,3}})\s?°?(?:\s?[-(]?(?P<s2>[ADad])\b\)?)?"
     rf"(?:\s?(?i:shore))?(?![\w%]|\.\d)"
     rf"|(?i:hardness){_GAP}(?P<n4>\d{{1,3}})\s?°?\s?(?P<s6>[AD])(?!\w)"
-    rf"|(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
+    rf"|(?<!\d-)(?P<n2>\d{{1,3}})(?:\s?(?:±|\+/-)\s?\d+)?\s?°?\s?-?(?P<s3>[ADad])?\s?-?"
     rf"(?:on the )?{_HARD}(?:[\s-]*(?P<s4>[AD])(?!\w))?(?: scale)?(?!\w)"
     rf"|(?P<n3>(?:10|[1-9])\d)(?:-?(?P<s5>[ADad])| (?P<s7>[AD]))(?![\w-]))"
 )
@@ -91,12 +92,6 @@ _BARE = {
 }
 
 
-_WORD = rf"(?i:{_any(_DATA['words'])})"
-_THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
-_WORDS = re.compile(
-    rf"(?<![\w-])({_WORD}(?:{_THEN}{_WORD})*)"
-    rf"(?: point ({_WORD}(?: {_WORD})*)|( and a half))?(?![\w-])"
-)
 _DIRECTED = re.compile(r"E_?(?:x|L|1|11|xx)\b")
 _MINUS = re.compile(r"[=:]\s*[-−]$")
 _MOST = {"E": 2e12, "rho": 25e3}  # beyond, a comma before three digits is a decimal point
@@ -115,8 +110,7 @@ class Numeral(NamedTuple):
 def numerals(text: str) -> list[Numeral]:
     """Return the numbers of a text that measure something, none over another."""
     found: list[Numeral] = []
-    worded = [match.span() for match in _WORDS.finditer(text)]
-    text = _WORDS.sub(_digits, text)
+    text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
     for finder in (_blends, _shores, _measures):
@@ -124,34 +118,7 @@ def numerals(text: str) -> list[Numeral]:
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
     # A number in words begins where its first word does.
-    starts = {at: start for start, end in worded for at in range(start, end)}
     return sorted(f._replace(start=starts.get(f.start, f.start)) for f in found)
-
-
-def _digits(match: re.Match) -> str:
-    """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
-    whole = _counted(re.findall(_WORD, match[1]))
-    after = [_DATA["words"][word.lower()] for word in re.findall(_WORD, match[2] or "")]
-    after = [5] if match[3] else after
-    if whole is None or any(digit > 9 for digit in after):
-        return match[0]
-    return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
-
-
-def _counted(said: list[str]) -> int | None:
-    """What words count, "two hundred and five" 205; None where they are no one number."""
-    total, run, below = 0, 0, 100
-    for word in said:
-        n = _DATA["words"][word.lower()]
-        if n >= 1000:
-            total, run, below = total + max(run, 1) * n, 0, 100
-        elif n == 100 and run < 100:
-            run, below = 100 * max(run, 1), 100
-        elif n < below:
-            run, below = run + n, 10 if n >= 20 else 0
-        else:
-            return None
-    return total + run
 
 
 def _blends(text: str) -> Iterator[Numeral]:
@@ -198,6 +165,8 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     dimension, factor = _si(group["unit"]) if group["unit"] else (None, 1.0)
     words = (m for m in _DATA["cues"] if cued and group[f"cue_{m}"])
     measure: Any = next(words, dimension)
+    if (measure, dimension) == ("mass", "rho"):
+        measure = "rho"  # "it weighs 1.6 kg/l"
     low, high = number(group["low"]), number(group["high"] or "")
     note = f"{said!r}: the middle of the range is taken" if high else ""
     value = factor * ((low * high) ** 0.5 if high else low)

@@ -16,7 +16,7 @@ from ..language.clauses import Clause, Degree, Measure, Quantity
 from ..prediction import PartChoice
 from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
-from .numbers import with_numbers
+from .numbers import may_have, rubber_of, with_numbers
 
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
@@ -191,9 +191,14 @@ class Decider:
         )  # fmt: skip
         fitting = [row for row in rows if said.kind in (None, row.category)]
         rows = fitting or self.kernel.rows
+        rubber = None if said.kind else rubber_of(self.table.rows, said.numbers)
+        if rubber is not None:
+            return _choice(part, rubber, deciding.text, clause=deciding, guessed=True), ()
+        rows = [row for row in rows if may_have(row, said.numbers)] or rows
         usual = {self.table.exact(word).name for word in (*COMMON, *ALSO_COMMON)}
         names = {row.name for row in rows}
-        near = self.kernel.nearest(_query(part, said), among=names, common=names & usual)
+        common = names & usual or names
+        near = self.kernel.nearest(_query(part, said), among=names, common=common)
         doubt = (
             f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
             f"{near.row.name} is no more than the nearest in meaning"

@@ -20,6 +20,8 @@ from .derivation import (
 
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume
 
+HARDNESSES = (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d))
+
 SAME = 1.02  # two numbers that differ by less are one, in another unit and rounded
 
 BESIDE = 2.0  # how far beyond the table's range a grade of the same name may lie
@@ -72,7 +74,7 @@ def with_numbers(
         else:
             value, line = with_fibres(value, fibre, blend.share)
             how.append(line)
-    for measure, relation in (("shore_a", modulus_of_shore_a), ("shore_d", modulus_of_shore_d)):
+    for measure, relation in HARDNESSES:
         if measure in said:
             E, line = relation(said[measure].value)
             value = value._replace(E=E, nu=RUBBER_NU if E < ELASTIC else value.nu)
@@ -91,6 +93,25 @@ def with_numbers(
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
+
+
+def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:
+    """Whether a row may have what numbers say: E and rho near its own."""
+    said = {number.measure: number.value for number in numbers}
+    for measure, relation in HARDNESSES:
+        if measure in said:
+            said.setdefault("E", relation(said[measure]).value)
+    return all(_near(getattr(row, name), said[name]) for name in ("E", "rho") if name in said)
+
+
+def rubber_of(rows: Sequence[Material], numbers: Sequence[Quantity]) -> Material | None:
+    """The rubber of the table that is nearest to a hardness that is said, None without one."""
+    said = {number.measure: number.value for number in numbers}
+    moduli = [relation(said[name]).value for name, relation in HARDNESSES if name in said]
+    rubbers = [row for row in rows if row.name.startswith("rubber Shore")]
+    if not moduli or moduli[0] >= ELASTIC or not rubbers:
+        return None
+    return min(rubbers, key=lambda row: abs(math.log(row.value().E / moduli[0])))
 
 
 def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> dict[str, Quantity]:

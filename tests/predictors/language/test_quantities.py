@@ -27,13 +27,14 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             elastic modulus 2 000 MPa | E = 2·10⁹ Pa | tensile modulus: 2x10^3 MPa | Ex = 2 GPa |
             flexural modulus 290.0754754 ksi | 2 GPa modulus | stiffness approx. 2 Gpa | E=2E9 |
             E = 20394.32425 kgf/cm2 | modulus two gigapascals | modulus (ISO 527) 2000 MPa |
-            E = 2*10^9 Pa | between 1 and 4 GPa""",
+            E = 2*10^9 Pa | between 1 and 4 GPa | 2 thousand MPa | 2 billion Pa |
+            0.29007547540 million psi | modulus of 2,000 million pascals""",
         ("rho", 7850.0): """
             density 7.85 g/cm³ | ρ = 7.85 g/cc | rho=7850 kg/m3 | 7.85 kg/dm³ | 7.85 t/m3 |
             7850 kg/m^3 | 7.85 kg/l | 490.0594885 lb/ft³ | 490.0594885 pcf |
             0.2835991256 lb/in3 | 7850 kg per cubic metre | 7.85 g·cm⁻³ | 7850 kg m-3 |
             rho = 7850 | density of 7,850 kg/m³ | 490.0594885 pounds per cubic foot | SG 7.85 |
-            7.85e3 kg/m**3 | density 7.850 kg/m³ | specific gravity 7.85""",
+            it weighs 7.85 g/cm3 | 7.85e3 kg/m**3 | density 7.850 kg/m³ | specific gravity 7.85""",
         ("nu", 0.4): """
             nu=0.4 | ν = .4 | Poisson's ratio 0.40 | poisson ratio of 0,4 | v=0.4 | Poisson 0.4 |
             nu 0.4 | v 0.4""",

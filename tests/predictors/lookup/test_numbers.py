@@ -2,7 +2,9 @@
 
 import pytest
 from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.predictors.language.binding import bind
 from autophyx_tet.predictors.language.clauses import Blend, Quantity
+from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.lookup.derivation import (
     FIBRES,
     modulus_of_shore_a,
@@ -10,7 +12,8 @@ from autophyx_tet.predictors.lookup.derivation import (
     of_infill,
     with_fibres,
 )
-from autophyx_tet.predictors.lookup.numbers import with_numbers
+from autophyx_tet.predictors.lookup.lookup import lookup_of
+from autophyx_tet.predictors.lookup.numbers import may_have, rubber_of, with_numbers
 
 TABLE = load_table()
 OAK, NYLON, RUBBER = (TABLE.exact(name) for name in ("oak", "nylon", "rubber"))
@@ -100,3 +103,35 @@ def test_what_cannot_be_used_is_told():
     whole = with_numbers("lid", RUBBER, value, [Quantity("nu", 0.5, "nu 0.5")])
     assert whole.value.nu < 0.5
     assert "nu = 0.5" in whole.warnings[0]
+
+
+def test_what_only_numbers_speak_of_is_matter_that_can_have_them():
+    """Where E alone is said, rho is that of a row with such an E; a hardness is a rubber's."""
+    for numbers, fits, does_not in (
+        ([Quantity("E", 3.5e9, "3500 N/mm2")], "plastic", "steel"),
+        ([Quantity("E", 2.1e11, "210 GPa")], "steel", "concrete"),
+        ([Quantity("rho", 30.0, "30 kg/m3")], "soft foam", "oak"),
+    ):
+        assert may_have(TABLE.exact(fits), numbers), fits
+        assert not may_have(TABLE.exact(does_not), numbers), does_not
+    assert may_have(OAK, [])
+    for hardness in (40, 60, 80):
+        found = rubber_of(TABLE.rows, [Quantity("shore_a", hardness, f"{hardness} Shore A")])
+        assert found is TABLE.exact(f"rubber Shore A{hardness}")
+    assert rubber_of(TABLE.rows, [Quantity("shore_d", 80.0, "80 Shore D")]) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "E", "rho"),
+    [("10 million psi", (6.89e10, 6.90e10), (2000, 5000)),
+     ("200 thousand MPa", (2e11, 2e11), (7000, 9000)),
+     ("hardness 60 Shore A", (3e6, 4.5e6), (1000, 1300)),
+     ("E = 69 GPa, poisson's ratio one third, density 2.7 kg/l", (69e9, 69e9), (2700, 2700))],
+)  # fmt: skip
+def test_numbers_alone_settle_a_plausible_matter(text, E, rho):
+    """What is not said is that of matter which can have what is; what is said comes out."""
+    lookup = lookup_of(TABLE)
+    (choice,) = lookup.settle([["part"]], bind(parse(text, TABLE, ["part"]), [["part"]])).choices
+    assert E[0] * (1 - 1e-9) <= choice.value.E <= E[1] * (1 + 1e-9)
+    assert rho[0] <= choice.value.rho <= rho[1]
+    assert choice.guessed or {"E", "rho"} <= {q.measure for q in choice.clause.numbers}
