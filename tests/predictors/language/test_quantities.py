@@ -28,13 +28,16 @@ def test_a_number_is_read_in_every_notation(clauses_of):
             flexural modulus 290.0754754 ksi | 2 GPa modulus | stiffness approx. 2 Gpa | E=2E9 |
             E = 20394.32425 kgf/cm2 | modulus two gigapascals | modulus (ISO 527) 2000 MPa |
             E = 2*10^9 Pa | between 1 and 4 GPa | 2 thousand MPa | 2 billion Pa |
-            0.29007547540 million psi | modulus of 2,000 million pascals""",
+            0.29007547540 million psi | modulus of 2,000 million pascals |
+            MOE 2 GPa | E [GPa] = 2 | modulus (MPa): 2000 | Elastizitätsmodul 2 GPa |
+            módulo de Young 2 GPa""",
         ("rho", 7850.0): """
             density 7.85 g/cm³ | ρ = 7.85 g/cc | rho=7850 kg/m3 | 7.85 kg/dm³ | 7.85 t/m3 |
             7850 kg/m^3 | 7.85 kg/l | 490.0594885 lb/ft³ | 490.0594885 pcf |
             0.2835991256 lb/in3 | 7850 kg per cubic metre | 7.85 g·cm⁻³ | 7850 kg m-3 |
             rho = 7850 | density of 7,850 kg/m³ | 490.0594885 pounds per cubic foot | SG 7.85 |
-            it weighs 7.85 g/cm3 | 7.85e3 kg/m**3 | density 7.850 kg/m³ | specific gravity 7.85""",
+            it weighs 7.85 g/cm3 | rho (kg/m3) = 7850 | Dichte 7,85 g/cm3 | densidad 7,85 g/cm3 |
+            7.85e3 kg/m**3 | density 7.850 kg/m³ | specific gravity 7.85""",
         ("nu", 0.4): """
             nu=0.4 | ν = .4 | Poisson's ratio 0.40 | poisson ratio of 0,4 | v=0.4 | Poisson 0.4 |
             nu 0.4 | v 0.4""",
@@ -147,3 +150,13 @@ def test_one_number_stands_for_one_quantity(clauses_of, table):
         assert any("Shore A and D" in doubt for doubt in said.doubts), text
     (said,) = clauses_of("rod: 3 MPa < E < 12 MPa", ["rod"])["rod"]
     assert [q.value for q in said.numbers] == [pytest.approx(6e6)]
+
+
+def test_respectively_gives_each_its_own(clauses_of):
+    for text in (
+        "the moduli of leg and seat are 12 GPa and 3 GPa respectively",
+        "leg and seat are 12 GPa and 3 GPa, respectively",
+    ):
+        found = clauses_of(text, ["leg", "seat"])
+        moduli = [[q.value for q in found[part][0].numbers] for part in ("leg", "seat")]
+        assert moduli == [[12e9], [3e9]], text
