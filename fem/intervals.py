@@ -168,7 +168,7 @@ def row_ranges(mesh: TetMesh, materials: Mapping[str, str]) -> tuple[RowRange, .
     found = []
     for name, own in tets.items():
         row, values = rows[name], (material.E[own], material.nu[own], material.rho[own])
-        spans = (row.E, Span(*np.minimum(row.nu, NU_CAP)), row.rho)
+        spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
         E, nu, rho = (
             Span(min(span.min, x.min()), max(span.max, x.max()))
             for span, x in zip(spans, values, strict=True)

@@ -57,7 +57,8 @@ def shell_surface(
     near = solid & (np.abs(away - below) < _BAND * grid.h)
     triangles = np.ascontiguousarray(outer.vertices), np.ascontiguousarray(outer.faces)
     away[near] = np.sqrt(igl.point_mesh_squared_distance(grid.centers()[near], *triangles)[0])
-    return _marched(away, grid, below) if below > 0 else outer
+    # A body that is thinner than that all over stays as its cut is.
+    return _marched(away, grid, below) if 0 < below < away.max() else outer
 
 
 def _cut(density: np.ndarray, solid: np.ndarray, grid: Grid, level: float) -> trimesh.Trimesh:

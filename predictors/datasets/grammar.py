@@ -65,7 +65,9 @@ def spoken_names(material: Material) -> list[str]:
     name = material.name.split(" (")[0]
     names = [*material.aliases, *([] if "," in name or "/" in name else [name])]
     phrases = load_table().phrases
-    known = [word for word in dict.fromkeys(names) if phrases.get(key_of(word)) is material]
+    unseen = {word for kind in part_kinds().values() if kind.held_out for word in kind.words}
+    names = [word for word in dict.fromkeys(names) if word not in unseen]
+    known = [word for word in names if phrases.get(key_of(word)) is material]
     return known or [name]
 
 

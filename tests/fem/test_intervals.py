@@ -8,6 +8,7 @@ from autophyx_tet.fem.intervals import (
     likely_answers,
     mass_range,
     material_ranges,
+    row_ranges,
 )
 from autophyx_tet.fem.scenarios.sag import Sag
 from autophyx_tet.fem.scene.material import ElementMaterial
@@ -102,3 +103,11 @@ def test_what_is_likely_of_one_material_is_its_law():
         assert u / result.max_displacement == pytest.approx(np.exp(middle + sign * reach), rel=0.01)
         wanted = np.exp(-(middle + sign * reach) / 2)
         assert f / modes.frequencies[0] == pytest.approx(wanted, rel=0.01)
+
+
+def test_draws_are_bodies_that_the_solver_takes():
+    """A foam whose Poisson's ratio may be below 0, which no mesh may have, is drawn from 0 on."""
+    foam = load_table().exact("flexible PU foam")
+    assert foam.nu.min < 0
+    for row in row_ranges(bar(second=foam), {"foot": "carbon steel", "head": foam.name}):
+        assert 0 <= row.nu.min <= row.nu.max < 0.5
