@@ -14,15 +14,16 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-from autophyx_tet.predictors.datasets.objects import HELD_OUT, make_objects
 from autophyx_tet.predictors.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.training.unipixie.config import EvidenceShares, MatterConfig
+from autophyx_tet.predictors.training.unipixie.config import (
+    BARE_WORDS,
+    EvidenceShares,
+    MatterConfig,
+)
 from autophyx_tet.predictors.training.unipixie.names_on_device import Names
 from autophyx_tet.predictors.training.unipixie.range_scores import RangeScores, range_scores
-from autophyx_tet.predictors.training.unipixie.recipe import shapes_of
-from autophyx_tet.predictors.training.unipixie.sampler import MatterSampler
+from autophyx_tet.predictors.training.unipixie.recipe import new_objects_sampler
 from autophyx_tet.predictors.unipixie.checkpoint import (
     RangeCalibration,
     load_unipixie,
@@ -31,7 +32,7 @@ from autophyx_tet.predictors.unipixie.checkpoint import (
 from autophyx_tet.predictors.unipixie.inference import WEIGHTS
 
 EVIDENCE = {
-    "words": EvidenceShares(exact=1, silent=0, swapped=0, named=0, foreign=0),
+    "words": BARE_WORDS,
     "seen": EvidenceShares(exact=0, silent=0, swapped=0),
     "mixed": EvidenceShares(),
 }
@@ -53,10 +54,8 @@ def main() -> None:
     config = MatterConfig(device="cpu", voxels=VOXELS, network=loaded.network.config)
 
     def scored(split: str, evidence: str, seed: int, calibration: RangeCalibration) -> RangeScores:
-        categories = list(HELD_OUT) if split == "unseen" else None
-        objects = make_objects(given.objects, np.random.default_rng(seed), names=categories)
         drawn = replace(config, evidence=EVIDENCE[evidence])
-        sampler = MatterSampler(names, shapes_of(objects, drawn), None, drawn, seed)
+        sampler = new_objects_sampler(names, drawn, given.objects, seed, held_out=split == "unseen")
         return range_scores(loaded.network, sampler, objects=given.objects, calibration=calibration)
 
     calibration = loaded.calibration

@@ -11,7 +11,7 @@ from ..cholesky.factor import CholeskyFactor, NotPositive
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .krylov import ConjugateGradients
-from .solver import MOST_ENTRIES, USUAL, iterations_worth
+from .solver import affordable
 from .two_level import Scaled, TwoLevel, scale
 
 # Unknowns up to which the preconditioner is a direct factor without anything being estimated.
@@ -131,10 +131,7 @@ def _factor_pays(matrix: BlockMatrix) -> bool:
     """
     if matrix.values.device.is_cuda:  # a graph of a GPU could not call it
         return False
-    if 3 * matrix.nodes <= DIRECT:
-        return True
-    plan = planned_elimination(matrix)
-    return plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
+    return 3 * matrix.nodes <= DIRECT or affordable(planned_elimination(matrix), matrix)
 
 
 def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _Kept:

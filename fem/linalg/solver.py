@@ -115,8 +115,12 @@ def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | 
     if edges is None or not len(edges) or matrix.values.device.is_cuda:
         return None
     plan = planned_elimination(corner_pattern(edges, matrix.nodes))
-    affordable = plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
-    return edges if affordable else None
+    return edges if affordable(plan, matrix) else None
+
+
+def affordable(plan: Elimination, matrix: BlockMatrix) -> bool:
+    """Whether a factor fits into memory and takes no longer than CG usually does."""
+    return plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
 
 
 def iterations_worth(plan: Elimination, matrix: BlockMatrix) -> int:

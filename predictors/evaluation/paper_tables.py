@@ -10,10 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
-from ..datasets.objects import HELD_OUT, make_objects
-from ..training.unipixie.config import MatterConfig
+from ..training.unipixie.config import BARE_WORDS, MatterConfig
 
 Table = Literal["S6", "S7"]
 Split = Literal["seen", "unseen"]
@@ -110,20 +107,16 @@ def _trained(
     from ..datasets.ranges import RangeTable
     from ..training.unipixie.names_on_device import Names
     from ..training.unipixie.range_scores import range_scores
-    from ..training.unipixie.recipe import shapes_of, train_matter
-    from ..training.unipixie.sampler import MatterSampler
+    from ..training.unipixie.recipe import new_objects_sampler, train_matter
 
     began = time.monotonic()
     trained = train_matter(config, ranges=ranges, real=real)
     minutes = (time.monotonic() - began) / 60
     names = Names(RangeTable.load(ranges), config.device)
-    told = replace(config.evidence, exact=1, silent=0, swapped=0, named=0, foreign=0)
+    drawn = replace(config, evidence=BARE_WORDS)
     rows = []
     for split in SPLITS:
-        categories = list(HELD_OUT) if split == "unseen" else None
-        made = make_objects(objects, np.random.default_rng(_SEED), names=categories)
-        drawn = replace(config, evidence=told)
-        sampler = MatterSampler(names, shapes_of(made, drawn), None, drawn, _SEED)
+        sampler = new_objects_sampler(names, drawn, objects, _SEED, held_out=split == "unseen")
         torch.manual_seed(_SEED)
         scores = range_scores(trained.network.eval(), sampler, objects=objects, samples=2)
         soft, middle, stiff = scores.mse.values()

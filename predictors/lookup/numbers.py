@@ -98,20 +98,30 @@ def with_numbers(
 def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:
     """Whether a row may have what numbers say: E and rho near its own."""
     said = {number.measure: number.value for number in numbers}
-    for measure, relation in HARDNESSES:
-        if measure in said:
-            said.setdefault("E", relation(said[measure]).value)
+    hardness = _modulus_of_hardness(numbers)
+    if hardness is not None:
+        said.setdefault("E", hardness)
     return all(_near(getattr(row, name), said[name]) for name in ("E", "rho") if name in said)
 
 
 def rubber_of(rows: Sequence[Material], numbers: Sequence[Quantity]) -> Material | None:
     """The rubber of the table that is nearest to a hardness that is said, None without one."""
-    said = {number.measure: number.value for number in numbers}
-    moduli = [relation(said[name]).value for name, relation in HARDNESSES if name in said]
-    rubbers = [row for row in rows if row.name.startswith("rubber Shore")]
-    if not moduli or moduli[0] >= ELASTIC or not rubbers:
+    E = _modulus_of_hardness(numbers)
+    if E is None or E >= ELASTIC:
         return None
-    return min(rubbers, key=lambda row: abs(math.log(row.value().E / moduli[0])))
+    rubbers = (row for row in rows if row.name.startswith("rubber Shore"))
+    return min(rubbers, key=lambda row: abs(math.log(row.value().E / E)), default=None)
+
+
+def _modulus_of_hardness(numbers: Sequence[Quantity]) -> float | None:
+    """E [Pa] of a hardness among what is said, None without one."""
+    hard = (
+        relation(number.value).value
+        for name, relation in HARDNESSES
+        for number in numbers
+        if number.measure == name
+    )
+    return next(hard, None)
 
 
 def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> dict[str, Quantity]:

@@ -66,9 +66,17 @@ def simulate_features(words: Tensor, generator: torch.Generator) -> Tensor:
 
     other = words.reshape(n * p, dim)[(draw(n, p) * n * p).long()]
     mixed = draw(n, p, 1)
-    wrong = mixed * other + (1 - mixed) * draw(n, p, dim, normal=True) / dim**0.5
-    quality = draw(n, 1, 1)
-    return F.normalize(quality * words + (1 - quality) * wrong, dim=-1)
+    noise = draw(n, p, dim, normal=True)
+    return blurred(words, draw(n, 1, 1), mixed * other, (1 - mixed) * noise)
+
+
+def blurred(words: Tensor, quality: Tensor, other: Tensor, noise: Tensor) -> Tensor:
+    """Unit features (n, P, F): ``words`` as far as ``quality`` goes, else what is not them.
+
+    That is a share of ``other`` words and one of ``noise`` of unit deviation.
+    """
+    wrong = other + noise / words.shape[-1] ** 0.5
+    return F.normalize(quality * words + (1 - quality) * wrong, dim=-1, eps=1e-6)
 
 
 def spread_features(features: Tensor, part: Tensor, generator: torch.Generator) -> Tensor:

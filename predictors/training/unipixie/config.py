@@ -35,6 +35,10 @@ class EvidenceShares:
     at_start: float = 0.25
 
 
+# The words of every part, exact, and none of its matter: what networks are compared on.
+BARE_WORDS = EvidenceShares(exact=1, silent=0, named=0, foreign=0, swapped=0)
+
+
 @dataclass(frozen=True)
 class MatterConfig:
     """A run. ``model`` is the network, or one of the U-Nets that it is compared with.

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ...datasets.ranges import RangeTable
+from ...images.surface_colour import D65, LINEAR_OF_XYZ
 
 CLASSES = 8
 
@@ -87,11 +88,6 @@ def rgb_of_lab(lab: Tensor) -> Tensor:
     fy = (L + 16) / 116
     f = torch.stack([fy + a / 500, fy, fy - b / 200], -1)
     xyz = torch.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29))
-    xyz = xyz * xyz.new_tensor([0.95047, 1.0, 1.08883])
-    to_linear = xyz.new_tensor(
-        [[3.2404542, -1.5371385, -0.4985314],
-         [-0.9692660, 1.8760108, 0.0415560],
-         [0.0556434, -0.2040259, 1.0572252]]
-    )  # fmt: skip
-    linear = (xyz @ to_linear.T).clamp(0, 1)
+    xyz = xyz * xyz.new_tensor(D65)
+    linear = (xyz @ xyz.new_tensor(LINEAR_OF_XYZ).T).clamp(0, 1)
     return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

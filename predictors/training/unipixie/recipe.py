@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...datasets.objects import Objects, make_objects
+from ...datasets.objects import HELD_OUT, Objects, make_objects
 from ...datasets.ranges import RangeTable
 from ...datasets.real import RealObject, load_real
 from ...datasets.shapes import MAX_PARTS
@@ -93,6 +93,15 @@ def make_matter_sampler(config: MatterConfig, ranges: Path, real: Path | None) -
     shapes = shapes_of(make_objects(config.objects, rng), config)
     known = real_shapes(load_real(real), config) if real and config.real else None
     return MatterSampler(names, shapes, known, config, config.seed + _APART * rank())
+
+
+def new_objects_sampler(
+    names: Names, config: MatterConfig, count: int, seed: int, *, held_out: bool
+) -> MatterSampler:
+    """Draw from ``count`` new objects, of categories that training saw or of the ``held_out``."""
+    categories = list(HELD_OUT) if held_out else None
+    made = make_objects(count, np.random.default_rng(seed), names=categories)
+    return MatterSampler(names, shapes_of(made, config), None, config, seed)
 
 
 def shapes_of(objects: Objects, config: MatterConfig) -> Shapes:

@@ -15,6 +15,7 @@ from ...unipixie.evidence import known_of
 from ...unipixie.flow import coherent_noise
 from ...unipixie.inference import ANY
 from ..film.augmentation import shrunk, turned
+from ..film.simulated_evidence import blurred
 from .batch import MatterBatch
 from .config import EvidenceShares, MatterConfig
 from .names_on_device import Names, rgb_of_lab
@@ -161,10 +162,8 @@ class MatterSampler:
         quality = torch.where(self._rand(n) < share.exact, 1.0, self._rand(n))[:, None, None]
         wrong = (self._rand(n, MAX_PARTS) * len(self.names.embedding)).long()
         mixed = self._rand(n, MAX_PARTS, 1)
-        noise = self._normal(*words.shape) / words.shape[-1] ** 0.5
-        noise = mixed * self.names.embed(wrong) + (1 - mixed) * noise
-        found = quality * words + (1 - quality) * noise
-        return found / found.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        noise = self._normal(*words.shape)
+        return blurred(words, quality, mixed * self.names.embed(wrong), (1 - mixed) * noise)
 
     def _colours(self, item: Shapes, row: Tensor) -> Tensor:
         """Colours (n, 6, 3) in [0, 1]: of the matter itself, painted, or those of real slots."""
