@@ -275,14 +275,14 @@ def run(
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
         cases, up = [], solid.asset.up
+        known = {"up": up, "differences": solid.report.differences, "progress": progress}
         for text in texts:
             body = assign(
                 solid.mesh, text, asset=solid.asset, options=assigning, walls=solid.known_walls
             )
             clock.lap("assign")
-            rows = {choice.part: choice.material for choice in body.choices}
-            classes = {choice.part: choice.matter_class for choice in body.choices}
-            known = {"up": up, "materials": rows, "classes": classes, "progress": progress}
+            known["materials"] = {choice.part: choice.material for choice in body.choices}
+            known["classes"] = {choice.part: choice.matter_class for choice in body.choices}
             cases.append(RunCase(body, simulate(body.mesh, options=simulate_options, **known)))
             clock.lap("simulate")
         given = (convert_options, walls, assign_options, simulate_options)

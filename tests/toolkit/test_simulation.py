@@ -12,6 +12,7 @@ from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.result import Motion, MotionResult
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.results.moving import Moving
@@ -48,6 +49,24 @@ def test_modal_writes_shapes_and_one_period(column, tmp_path):
     drawn = np.linalg.norm(result.animation.displacement, axis=2).max()
     assert drawn == pytest.approx(0.05 * np.linalg.norm([SIDE, SIDE, LENGTH]))
     assert result.animation.times[-1] < 1 / result.frequencies[0]
+
+
+def test_what_the_mesh_lacks_of_its_file_is_a_verdict(column, tmp_path):
+    """Gaps that `convert` closed, on record beside the mesh: warned of first, and nothing is good.
+
+    The same mesh without a record, or with an empty one, has no such verdict.
+    """
+    path, gaps = tmp_path / "column.msh", "gaps narrower than the lattice's edge are filled"
+    shape = ("holds shape", "first frequency")
+    for told in ((gaps,), (), None):
+        write_mesh(path, column)
+        if told is not None:
+            Sidecar("z").with_record(convert={"report": {"differences": told}}).write(path)
+        first, *others = simulate(path).verdicts()
+        assert (gaps in first.sentence and first.mark == "warning") == bool(told)
+        marks = {verdict.detail: verdict.mark for verdict in (first, *others)}
+        assert {marks[name] for name in shape} == {"note" if told else "good"}
+        Sidecar.path(path).unlink(missing_ok=True)
 
 
 @pytest.mark.slow

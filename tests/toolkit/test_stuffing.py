@@ -120,6 +120,7 @@ def test_gaps_that_a_lattice_closes_are_said():
         # A sixth of each block looks at the other, a twelfth of all surface; rims stay apart.
         assert all(0.5 / 12 < share < 1.1 / 12 for share in told.values())
         assert any("join what is apart" in w for w in report.warnings) == (bodies == 1)
+        assert any("join what is apart" in w for w in report.differences) == (bodies == 1)
 
 
 @pytest.mark.slow

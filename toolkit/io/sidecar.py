@@ -113,6 +113,11 @@ def classes_on_record(sidecar: Sidecar) -> dict[str, str]:
     return {part["name"]: part["class"] for part in parts if part.get("class")}
 
 
+def differences_on_record(sidecar: Sidecar) -> tuple[str, ...]:
+    """What ``convert`` told of the mesh that is not as in its file."""
+    return tuple(sidecar.record.get("convert", {}).get("report", {}).get("differences", ()))
+
+
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
     from .load import load_asset

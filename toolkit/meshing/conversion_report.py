@@ -135,11 +135,11 @@ class ConversionReport:
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
     the share of their surface; of those ``fallen_apart`` a share of volume has come off, and
     from those with ``closed_gaps`` tets reach to other walls over air, from a share of all surface.
-    ``losses`` are those of the solids against the file as read.
-    ``sheets`` are parts that enclose nothing and are not meshed, ``thin`` closed pieces that are
-    not meshed either, ``lost`` are parts that enclose a volume but got no tet, ``hollow`` parts
-    taken as solid whose names suggest a shell, ``walls`` parts that have got a wall of tets. As a
-    ``whole``, open pieces enclose what their winding number calls inside.
+    ``losses`` are those of the solids against the file as read. ``sheets`` are parts that enclose
+    nothing and are not meshed, ``thin`` closed pieces that are not meshed either, ``lost`` are
+    parts that enclose a volume but got no tet, ``hollow`` parts taken as solid whose names suggest
+    a shell, ``walls`` parts that have got a wall of tets. As a ``whole``, open pieces enclose what
+    their winding number calls inside. ``differences``: ``warnings`` that it is another body.
     """
 
     repair: RepairReport
@@ -168,6 +168,7 @@ class ConversionReport:
     whole: bool = False
     lost: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    differences: tuple[str, ...] = ()
     seed: int = 0
 
     @property

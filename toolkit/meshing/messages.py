@@ -22,7 +22,7 @@ FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many ``layers``."""
-    sentences = [*report.failed, *_closed(report), *_of_lattice(report, layers)]
+    sentences = [*_closed(report), *_of_lattice(report, layers), *differences(report)]
     if report.layers < layers and report.mesher != STUFFING:
         sentences.append(
             f"{layers} layers of tets through thin places are more than --max-tets allows: "
@@ -30,27 +30,6 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
         )
     if report.repair.crossing_faces is None:
         sentences.append(f"self-intersections are not counted: more than {MOST_CROSSED} triangles")
-    if report.sheets:
-        sentences.append(
-            f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
-        )
-    if report.thin.count:
-        sentences.append(_thin(report))
-    if report.lost:
-        sentences.append(
-            f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
-            f"has no tets; {_finer(report)} keeps thin parts"
-        )
-    if report.distances.sheet_share > SHARE_TOLD:
-        sentences.append(
-            f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
-            "not in the mesh"
-        )
-    if report.distances.missed_share > SHARE_TOLD:
-        sentences.append(
-            f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
-            f"{_thinnest(report)}, which the mesh lacks or blurs; {_finer(report)} keeps them"
-        )
     if report.hollow:
         sentences.append(
             f"{listed(report.hollow)}: filled with tets, though by its name a shell is likely; "
@@ -69,6 +48,34 @@ def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
             f"{report.asked_epsilon:.3g} m asked for; the wanted edge is {report.edge_length:.3g} m"
         )
     return tuple(sentences)
+
+
+def differences(report: ConversionReport) -> tuple[str, ...]:
+    """Sentences about what the mesh joins, cuts off, blurs or leaves out of the file's body."""
+    return (*report.failed, *_misfits(report), *_left_out(report))
+
+
+def _left_out(report: ConversionReport) -> Iterator[str]:
+    """What of the file is not in the mesh."""
+    if report.sheets:
+        yield f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
+    if report.thin.count:
+        yield _thin(report)
+    if report.lost:
+        yield (
+            f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
+            f"has no tets; {_finer(report)} keeps thin parts"
+        )
+    if report.distances.sheet_share > SHARE_TOLD:
+        yield (
+            f"{report.distances.sheet_share:.1%} of the surface has no volume on either side, is "
+            "not in the mesh"
+        )
+    if report.distances.missed_share > SHARE_TOLD:
+        yield (
+            f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
+            f"{_thinnest(report)}, which the mesh lacks or blurs; {_finer(report)} keeps them"
+        )
 
 
 def _thin(report: ConversionReport) -> str:
@@ -114,7 +121,20 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
             f"fTetWild took too long: a lattice of {report.edge_length:.3g} m was cut to the "
             "surface instead, which keeps no epsilon; --mesher ftetwild tries on"
         )
-    edge = f"the lattice's edge of {report.edge_length:.3g} m"
+    far, at = max(
+        (report.distances.to_input, "the boundary is {} from the input"),
+        (report.distances.from_input, "the input is {} from the boundary"),
+    )
+    if far > report.edge_length:
+        away = at.format(f"up to {far:.3g} m")
+        yield f"{away}, more than {_lattice_edge(report)}; --mesher ftetwild keeps epsilon"
+    if layers > 1:
+        yield "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
+
+
+def _misfits(report: ConversionReport) -> Iterator[str]:
+    """What a lattice is too coarse for; nothing of another mesher."""
+    edge = _lattice_edge(report)
     for what, shares, form in (
         ("volumes are off", report.off_volume, "+.1%"),
         ("shares of volumes fell off", report.fallen_apart, ".1%"),
@@ -127,15 +147,10 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
     ):
         if shares:
             yield f"{what}: {_worst(shares, form)}; {_finer(report)} keeps them"
-    far, at = max(
-        (report.distances.to_input, "the boundary is {} from the input"),
-        (report.distances.from_input, "the input is {} from the boundary"),
-    )
-    if far > report.edge_length:
-        away = at.format(f"up to {far:.3g} m")
-        yield f"{away}, more than {edge}; --mesher ftetwild keeps epsilon"
-    if layers > 1:
-        yield "--layers is for --mesher ftetwild: a lattice has the same edge everywhere"
+
+
+def _lattice_edge(report: ConversionReport) -> str:
+    return f"the lattice's edge of {report.edge_length:.3g} m"
 
 
 def _worst(shares: Sequence[tuple[str, float]], form: str) -> str:

@@ -30,7 +30,7 @@ from .engine_run import EngineTarget, Filling, LatticeFit
 from .lattice_guarantees import lattice_guarantees
 from .losses import MOST_LOST
 from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
-from .messages import left_out, likely_hollow, listed, no_mesh, no_volume, said
+from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .preparation import Preparation, Prepared
 from .quality import quality
 
@@ -98,7 +98,8 @@ def tetrahedralize(
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
-    return mesh, replace(report, warnings=said(report, layers=layers))
+    told = {"warnings": said(report, layers=layers), "differences": differences(report)}
+    return mesh, replace(report, **told)
 
 
 def _problem(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +15,9 @@ from ...fem.result import MotionResult
 from ...fem.scene.components import piece_names
 from .quantities import si
 from .simulation import Animation, Simulation
-from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -112,12 +115,12 @@ class Moving(Simulation):
         run = self.motion.particles
         return (*self.scene.warnings, *self.motion.notes, *(run.notes if run is not None else ()))
 
-    def verdicts(self) -> list[Verdict]:
+    def checks(self) -> Sequence[Check]:
         """Nothing went through an obstacle; who presses whom; the elements suit the material."""
         from ...fem.verdicts import contact_forces, follows, in_the_grid, locking, no_penetration
 
         if self.motion.particles is not None:
-            return [Verdict.of(in_the_grid(self.motion.particles))]
+            return [in_the_grid(self.motion.particles)]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
-        return [*map(Verdict.of, (*met, *suits, *follows(self.motion)))]
+        return [*met, *suits, *follows(self.motion)]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,9 @@ from jaxtyping import Float
 from ...fem.intervals import frequency_intervals, likely_answers, mass_range, material_ranges
 from ...fem.result import Modes
 from .simulation import Animation, Simulation
-from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
 
 # Frames of one period of a natural vibration.
 SWING = np.arange(24) / 24
@@ -76,7 +78,7 @@ class Ringing(Simulation):
         """Natural frequencies [Hz], the slowest first."""
         return tuple(self.modes.frequencies.tolist())
 
-    def verdicts(self) -> list[Verdict]:
+    def checks(self) -> Sequence[Check]:
         """Rings or wobbles; within which range."""
         from ...fem.verdicts import first_frequency, span_of_answers
 
@@ -85,4 +87,4 @@ class Ringing(Simulation):
             checks.append(
                 span_of_answers(known["mass"], None, known["frequencies"], known["likely"])
             )
-        return [*map(Verdict.of, checks)]
+        return checks

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +22,9 @@ from ...fem.result import Modes, SagResult
 from ...fem.safety import Safety, part_safety
 from .description import vector_words
 from .simulation import Animation, Simulation
-from .verdict import Verdict
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
 
 # Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
 RAMP = np.linspace(0, 1, 6)
@@ -121,7 +123,7 @@ class Settled(Simulation):
         """What the solver assumed."""
         return self.solved.warnings
 
-    def verdicts(self) -> list[Verdict]:
+    def checks(self) -> Sequence[Check]:
         """Shape, buckling, discretisation, explicit step, size, strength, frequency, range."""
         from ...fem.verdicts import first_frequency, span_of_answers, static_checks, strength
 
@@ -130,4 +132,4 @@ class Settled(Simulation):
             checks.append(first_frequency(self.modes))
         if self.intervals is not None:
             checks.append(span_of_answers(*self.intervals.values()))
-        return [*map(Verdict.of, checks)]
+        return checks

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +20,10 @@ from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
 from .summary import as_table, in_a_line
-from .verdict import Verdict
+from .verdict import Verdict, of_another_body
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
 
 
 class Animation(NamedTuple):
@@ -35,7 +38,8 @@ class Simulation(ABC):
     """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
 
     ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
-    moved with the mesh, ``materials`` the row of the table that each part is of.
+    moved with the mesh, ``materials`` the row of the table that each part is of, ``differences``
+    what the mesh has otherwise than the file that it was made of.
     """
 
     scene: Scene
@@ -44,6 +48,7 @@ class Simulation(ABC):
     seconds: float = 0.0
     driven: DriveRecord | None = None
     materials: Mapping[str, str] = field(default_factory=dict)
+    differences: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.
@@ -115,9 +120,13 @@ class Simulation(ABC):
         """What happens, in a few words."""
         return "Under the stated loads" if self.stated else SCENARIOS[self.scenario].title
 
+    def checks(self) -> Sequence[Check]:
+        """What the answer is held against, each with its number and threshold."""
+        return ()
+
     def verdicts(self) -> list[Verdict]:
-        """Findings in plain words, each with its number and threshold."""
-        return []
+        """Findings in plain words: whether the mesh is the file's body, then every check."""
+        return of_another_body([*map(Verdict.of, self.checks())], self.differences)
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -23,10 +24,13 @@ ADVICE = {
     "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
     "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
+    "body": "Convert it again as the sentence says, before the answer is relied on.",
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
 }
 # Checks whose failure changes what the body can be used for.
 SERIOUS = ("holds shape", "buckling", "strength", "size", "no penetration")
+# Checks whose answer is another one where the mesh is another body than the file.
+OF_THE_BODY = ("holds shape", "buckling", "strength", "first frequency", "range", "mass")
 
 
 @dataclass(frozen=True)
@@ -45,3 +49,17 @@ class Verdict:
             return cls("good", check.sentence, check.name)
         mark = "warning" if check.name in SERIOUS else "note"
         return cls(mark, check.sentence, check.name, ADVICE.get(check.name, ""))
+
+
+def of_another_body(found: Sequence[Verdict], differences: Sequence[str]) -> list[Verdict]:
+    """Verdicts on a mesh with ``differences`` from its file: these first, and no sure good."""
+    if not differences:
+        return list(found)
+    first = f"The mesh differs from the file: {'; '.join(differences)}."
+    doubted = [
+        replace(one, mark="note", sentence=f"{one.sentence} That is the mesh's.")
+        if one.mark == "good" and one.detail in OF_THE_BODY
+        else one
+        for one in found
+    ]
+    return [Verdict("warning", first, "body", ADVICE["body"]), *doubted]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,13 @@ from ..config import command_line
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..io.outputs import check_file, check_folder
-from ..io.sidecar import Sidecar, classes_on_record, read_known, rows_on_record
+from ..io.sidecar import (
+    Sidecar,
+    classes_on_record,
+    differences_on_record,
+    read_known,
+    rows_on_record,
+)
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
@@ -34,6 +40,7 @@ def simulate(
     drive_scale: float | None = None,
     materials: Mapping[str, str] | None = None,
     classes: Mapping[str, str] | None = None,
+    differences: Sequence[str] | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -46,9 +53,10 @@ def simulate(
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
-    they have strengths and a grain; ``classes`` of matter for particles go with them. For
-    particles, ``mesh`` may be a field (.npz), or splats or points with E, nu and rho as `transfer`
-    writes them, which follow into a folder ``output``.
+    they have strengths and a grain; ``classes`` of matter for particles go with them, and the
+    ``differences`` of the mesh from its file, which the verdicts say. For particles, ``mesh`` may
+    be a field (.npz), or splats or points with E, nu and rho as `transfer` writes them, which
+    follow into a folder ``output``.
 
     Raises
     ------
@@ -75,9 +83,11 @@ def simulate(
     if materials is None:
         classes = classes or classes_on_record(sidecar)
         materials = rows_on_record(sidecar) or (body.materials if body is not None else {})
+    differences = differences_on_record(sidecar) if differences is None else differences
     known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
         result = _noted(run_scenario(mesh, options, **known), body)
+    result = replace(result, differences=tuple(differences))
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
