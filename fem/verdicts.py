@@ -12,8 +12,7 @@ from .model_error import MOTION_LIMIT
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
-from .scene.material import wave_speed
-from .scene.mesh import TetMesh, altitudes, material_of
+from .scene.mesh import TetMesh, largest_explicit_step
 
 # A body holds its shape if no point moves more than this share of its height.
 HOLDS = 0.05
@@ -105,13 +104,6 @@ def first_frequency(modes: Modes) -> Check:
         "first frequency", passed, value, WOBBLES,
         f"It {does}: its first natural frequency is {value:.3g} Hz (limit {WOBBLES:g} Hz).",
     )  # fmt: skip
-
-
-def largest_explicit_step(mesh: TetMesh) -> float:
-    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less."""
-    material = material_of(mesh)
-    speed = wave_speed(material.E, material.nu, material.rho)
-    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
 def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:

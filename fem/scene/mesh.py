@@ -15,7 +15,7 @@ from .boundary import (
     edge_vectors,
     tet_area_vectors,
 )
-from .material import ElementMaterial
+from .material import ElementMaterial, wave_speed
 
 
 def signed_volumes(
@@ -171,6 +171,13 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
     if mesh.material is None:
         raise InputError("the mesh has no material yet: run `assign` first")
     return mesh.material
+
+
+def largest_explicit_step(mesh: TetMesh) -> float:
+    """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less."""
+    material = material_of(mesh)
+    speed = wave_speed(material.E, material.nu, material.rho)
+    return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
 def _frozen(given, dtype: type) -> np.ndarray:

@@ -20,7 +20,7 @@ KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 
-def said(report: ConversionReport, *, layers: int = 1) -> tuple[str, ...]:
+def said(report: ConversionReport, layers: int = 1) -> tuple[str, ...]:
     """Sentences about whatever a user would not expect who asked for so many ``layers``."""
     sentences = [*_closed(report), *_of_lattice(report, layers), *differences(report)]
     if report.layers < layers and report.mesher != STUFFING:

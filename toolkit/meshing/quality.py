@@ -14,8 +14,7 @@ from ...fem.scene.boundary import (
     tet_area_vectors,
 )
 from ...fem.scene.material import wave_speed
-from ...fem.scene.mesh import TetMesh, altitudes, signed_volumes
-from ...fem.verdicts import largest_explicit_step
+from ...fem.scene.mesh import TetMesh, altitudes, largest_explicit_step, signed_volumes
 from ..surfaces.rows import face_edges
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.

@@ -98,8 +98,7 @@ def tetrahedralize(
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
-    told = {"warnings": said(report, layers=layers), "differences": differences(report)}
-    return mesh, replace(report, **told)
+    return mesh, replace(report, warnings=said(report, layers), differences=differences(report))
 
 
 def _problem(

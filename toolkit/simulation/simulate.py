@@ -58,14 +58,8 @@ def simulate(
     be a field (.npz), or splats or points with E, nu and rho as `transfer` writes them, which
     follow into a folder ``output``.
 
-    Raises
-    ------
-    InputError
-        Where the mesh has no material.
-    UsageError
-        Where a place of the mesh is stated that is not there.
-    ConvergenceError
-        Where the solver does not reach its tolerance.
+    Raises InputError where the mesh has no material, UsageError where a place of it is stated that
+    is not there, and ConvergenceError where the solver does not reach its tolerance.
     """
     from .scenario import run_scenario
 
