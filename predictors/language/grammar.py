@@ -175,7 +175,7 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 
 # What a rule's groups say of its head.
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
-    "head": _more, "pure": _names, "names": _names, "owner": _owned, "coating": _coat,
+    "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned, "coating": _coat,
     "filling": _fill, "contents": _fill, "unknown": _unknown, "strange": _unknown,
     "stuff": _unknown,
     "excluded": _negated,
@@ -191,6 +191,7 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,
     "first": lambda _, head, other: head.material is None and not head.unknown,
+    "bearers": lambda _, head, other: not head.comparisons,
     "names": lambda _, head, other: not other.own,
     "pure": lambda _, head, other: not (other.mixed or other.own),
     "strange": lambda _, head, other: any(not x.known for x in other.lexemes),

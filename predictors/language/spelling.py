@@ -120,6 +120,8 @@ def _near_phrase(atom: Atom, after: Atom, lexicon: ReaderLexicon) -> str | None:
         return None
     if {atom.stem, atom.text.lower()} & {*firsts} or (atom.text.lower(),) in lexicon.meanings:
         return None
+    if lexicon.model.is_word(atom.text.lower(), ("verb",)):  # "we took steel" is of no tool steel
+        return None
     near = [word for word in firsts if OSA.distance(atom.text.lower(), word, score_cutoff=1) <= 1]
     return near[0] if len(near) == 1 else None
 
