@@ -8,7 +8,7 @@ STAMP := $(VENV)/.ready
 # Rewritten tests and checked modules are kept: making them anew costs ten seconds a run.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo check quick test test-all newest wheel bench lint types notebooks docs clean
+.PHONY: setup demo check quick test test-all newest wheel bench lint types notebooks docs figures clean
 
 setup: $(STAMP)
 
@@ -58,6 +58,12 @@ bench: $(STAMP)
 
 notebooks: $(STAMP)
 	@$(PY) .ci/notebooks
+
+# The figures of README.md from docs/data, and the pictures whose scripts take seconds.
+figures: demo
+	@$(PY) .ci/figures
+	@cp out/demo/picture.png docs/bonsai.png
+	@$(PY) benchmarks/driven_picture.py docs/driven_splats.png
 
 docs: $(STAMP)
 	@$(PY) -m mkdocs build -q --strict -d out/docs

@@ -104,6 +104,23 @@ def measured(name: str, *columns: str) -> str:
     return f"{_table(heads, rows)}\n\n{_origin(document)}"
 
 
+def gallery() -> str:
+    """A picture, its command and what came out, for every thing of the gallery."""
+    from autophyx_tet.toolkit.results.quantities import mass_words, si
+
+    shown = []
+    for row in json.loads((DATA / "gallery.json").read_text())["rows"]:
+        name = row["asset"].partition("/")[2]
+        said = f"{row['tets']:,} tets, {mass_words(row['mass_kg'])}, moves by at most "
+        said += f"{si(row['largest_displacement_m'], 'm')}; {row['cpu_seconds']:.0f} CPU seconds"
+        shown += [
+            f"## {row['name']}",
+            f"![{row['name']}: asset, stiffness, load](gallery/{name}.webp)",
+        ]
+        shown += [f"```bash\n{row['command']}\n```", said]
+    return "\n\n".join(shown)
+
+
 def batch(name: str) -> str:
     """What became of a batch: the counts, then the rows that failed or were tried again."""
     document = json.loads((DATA / f"{name}.json").read_text())
@@ -131,4 +148,10 @@ def _table(heads, rows) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-FILLERS = {"batch": batch, "commands": commands, "formats": formats, "measured": measured}
+FILLERS = {
+    "batch": batch,
+    "commands": commands,
+    "formats": formats,
+    "gallery": gallery,
+    "measured": measured,
+}

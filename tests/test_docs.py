@@ -42,6 +42,16 @@ def test_commands_of_the_page_exist(root, name):
         tyro.cli(COMMANDS[command], args=words)
 
 
+def test_commands_of_the_gallery_exist(root):
+    """Each runs as it is shown: its options are the program's own; its picture is there, small."""
+    rows = json.loads((root / "docs" / "data" / "gallery.json").read_text())["rows"]
+    pictures = [root / "docs/gallery" / f"{row['asset'].partition('/')[2]}.webp" for row in rows]
+    for row in rows:
+        tyro.cli(COMMANDS["run"], args=shlex.split(row["command"])[2:])
+    assert sum(picture.stat().st_size for picture in pictures) < 1.5e6
+    assert {*pictures} == {*(root / "docs/gallery").iterdir()}
+
+
 def test_measured_numbers_say_how_and_where(root):
     """Each file of numbers has its command, its machine and at least one row."""
     files = sorted((root / "docs" / "data").glob("*.json"))
@@ -51,3 +61,24 @@ def test_measured_numbers_say_how_and_where(root):
         assert document["command"]
         assert document["machine"]
         assert document["rows"]
+
+
+def test_figures_of_the_readme_are_those_of_the_data(root):
+    """`make figures` would change nothing; real objects stand before procedural ones."""
+    words = [sys.executable, ".ci/figures", "--check"]
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    readme = (root / "README.md").read_text()
+    assert readme.index("real furniture") < readme.index("*procedural*")
+
+
+def test_recorded_figures_stand_on_their_pages(root):
+    """Each number that is not scored again is in the lines of the page that it names."""
+    for row in json.loads((root / "docs" / "data" / "recorded.json").read_text())["rows"]:
+        page = " ".join((root / row["page"]).read_text().split())
+        assert [line for line in row["says"] if line not in page] == []
+        said = set(re.findall(r"\d*\.\d+|\d+", " ".join(row["says"])))
+        said = {float(number) for number in said}
+        for name, value in row.items():
+            if isinstance(value, int | float):
+                assert {value, round(100 * value, 3)} & said, (row["name"], name)

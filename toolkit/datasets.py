@@ -146,9 +146,9 @@ def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, An
 def _draw(output: Path, labels: np.ndarray, titles: Sequence[str]) -> None:
     from ..predictors.datasets.shapes import EMPTY, MAX_PARTS
     from ..predictors.grid import Grid
-    from .report.feature_picture import voxel_shell
-    from .report.picture import Panel, render_png
-    from .report.tracer import ColouredSurface
+    from .report.picture.feature_picture import voxel_shell
+    from .report.picture.panels import Panel, render_png
+    from .report.picture.tracer import ColouredSurface
 
     hues = np.random.default_rng(3).uniform(0.25, 0.95, (MAX_PARTS, 3))
     panels = []

@@ -103,7 +103,7 @@ def features(
         labels = {} if parts is None else parts.arrays()
         save_npz(output, **voxels.arrays(), **labels)
     if picture is not None:
-        from .report.feature_picture import feature_png
+        from .report.picture.feature_picture import feature_png
 
         feature_png(picture, voxels, seen)
     files = tuple(path for path in (output, picture) if path is not None)

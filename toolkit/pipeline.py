@@ -264,7 +264,7 @@ def run(
     """
     from ..converters.files import alone
     from .report.folder import write_folder
-    from .report.snapshot import SUFFIXES, write_picture
+    from .report.picture.snapshot import SUFFIXES, write_picture
 
     check_run(output)
     assigning = (assign_options or AssignOptions()).checked()

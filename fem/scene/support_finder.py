@@ -52,8 +52,7 @@ def find_supports(
     labels = face_components(mesh)
     used = np.unique(mesh.tets)
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
-    warnings: list[str] = []
-    assumed = 0.0
+    loose, assumed = 0, 0.0
     place = _three_points if three_point else _clamp_lowest
     points = mesh.points * np.where(np.arange(3) == axis, -1.0, 1.0) if from_top else mesh.points
     place(points, used, axis, fixed)
@@ -65,21 +64,25 @@ def find_supports(
         if not done:  # the biggest loose component gets a support of its own
             k = max(waiting, key=lambda k: len(members[k]))
             _clamp_lowest(points, members[k], axis, fixed)
-            share = mesh.volumes[labels == k].sum() / mesh.volume
-            assumed += share
-            warnings.append(_loose(k, len(members), share, "highest" if from_top else "lowest"))
+            assumed += mesh.volumes[labels == k].sum() / mesh.volume
+            loose += 1
             done = {k}
         for k in done:
             held[members[k]] = True
         waiting -= done
     supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
-    return FoundSupports(supports, tuple(warnings))
+    where = "highest" if from_top else "lowest"
+    return FoundSupports(supports, _told(loose, len(members), assumed, where))
 
 
-def _loose(piece: int, pieces: int, share: float, where: str) -> str:
+def _told(loose: int, pieces: int, share: float, where: str) -> tuple[str, ...]:
+    """What is said of pieces that nothing else holds: one sentence for all of them."""
+    if not loose:
+        return ()
+    does = "are" if loose > 1 else "is"
     return (
-        f"piece {piece + 1} of {pieces} ({share:.1%} of the volume) is not attached to the base: "
-        f"held at its own {where} points"
+        f"{loose} of {pieces} pieces ({share:.1%} of the volume) {does} attached to nothing that "
+        f"is held: held at {'their' if loose > 1 else 'its'} own {where} points",
     )
 
 

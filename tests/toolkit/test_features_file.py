@@ -8,7 +8,7 @@ import trimesh
 from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.report.feature_picture import voxel_shell
+from autophyx_tet.toolkit.report.picture.feature_picture import voxel_shell
 from PIL import Image
 
 

@@ -17,8 +17,8 @@ from autophyx_tet.toolkit.report.picture import (
     render_png,
     story,
 )
+from autophyx_tet.toolkit.report.picture.tracer import ColouredSurface, trace
 from autophyx_tet.toolkit.report.scale import Scale, rgb
-from autophyx_tet.toolkit.report.tracer import ColouredSurface, trace
 from PIL import Image
 
 

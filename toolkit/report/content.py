@@ -17,6 +17,8 @@ from ..results.description import Acting, Marks
 from ..results.verdict import Verdict
 from .touch import TouchBody
 
+Fact = tuple[str, str]  # a label, and words
+
 
 @dataclass(frozen=True)
 class PartRow:
@@ -71,6 +73,8 @@ class Case:
         Where supports and loads are drawn.
     solved
         How it was solved: law, elements, solver ..., label and words.
+    answers
+        What a reader asks first: what moves most, whether it gives way ...
     touch
         The body to pull; None: the page has none.
     """
@@ -87,7 +91,8 @@ class Case:
     title: str = ""
     acting: tuple[Acting, ...] = ()
     marks: Marks | None = None
-    solved: tuple[tuple[str, str], ...] = ()
+    solved: tuple[Fact, ...] = ()
+    answers: tuple[Fact, ...] = ()
     touch: TouchBody | None = None
     vibrations: Float[np.ndarray, "modes points 3"] | None = None
     state: str = "Under load"
@@ -125,7 +130,8 @@ class ReportContent:
     ``quality`` maps a label to a number or word, or to a 1-D array, which becomes a histogram.
     ``provenance`` maps a label to a value or to a mapping of such (hashes, versions, options).
     ``up`` is the axis of the mesh that points up. ``pictures`` maps a caption to a PNG or GIF's
-    bytes. ``made`` says when and by what, ``command`` how to make it again.
+    bytes. ``made`` says when and by what, ``command`` how to make it again, ``loaded`` what was
+    read and meshed.
     """
 
     title: str
@@ -137,6 +143,7 @@ class ReportContent:
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     made: str = ""
     command: str = ""
+    loaded: tuple[Fact, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.cases:

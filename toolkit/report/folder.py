@@ -12,7 +12,7 @@ from ...converters.mesh.mesh_file import write_mesh
 from ..io.document import SCHEMA, write_json
 from ..results.run import RunCase, RunResult
 from .pages import run_page
-from .picture import render_png, story
+from .picture.panels import render_png, story
 from .report import write_report
 
 PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
@@ -41,7 +41,7 @@ def _write_files(folder: Path, result: RunResult, touch: bool) -> list[Path]:
         files += _write_case(home, case, bare_mesh=number == 1)
     pictures = {}
     if result.features is not None:
-        from .feature_picture import CAPTION, feature_png
+        from .picture.feature_picture import CAPTION, feature_png
 
         asset = result.conversion.asset
         files.append(feature_png(folder / "features.png", result.features, asset))

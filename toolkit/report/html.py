@@ -12,10 +12,9 @@ import numpy as np
 from ...fem.scene.materials import Span
 from ..results.quantities import mass_words, rounded, si, si_span, value_words, volume_words
 from ..results.verdict import MARKS, Verdict
-from .content import Case, PartRow, ReportContent
+from .content import Case, Fact, PartRow, ReportContent
 from .data import frames_shown
 
-Fact = tuple[str, str]
 ALIKE = 1e-6  # of a value: what differs less is round-off, too little to be cut into bins
 _ADDRESS = re.compile(r"(https?://[^\s;,<>\"']+[^\s;,.<>\"')])")
 HEIGHT, WIDTH, BINS = 110, 360, 36  # of a histogram, in its own pixels
@@ -51,13 +50,15 @@ class TableRow(NamedTuple):
 class Column(NamedTuple):
     """One case on the page; ``letter`` tells it from the others, where there are any.
 
-    ``title`` and ``acting`` say what was simulated, ``solved`` how, ``touch`` how the body to pull
-    is shown. A source is its words in pieces, each with the address it leads to, or none.
+    ``title`` and ``acting`` say what was simulated, ``answers`` what came of it, ``solved`` how,
+    ``touch`` how the body to pull is shown. A source is its words in pieces, each with the address
+    it leads to, or none.
     """
 
     letter: str
     text: str
     title: str
+    answers: tuple[Fact, ...]
     acting: list[tuple[str, str]]
     solved: list[Fact]
     findings: list[Finding]
@@ -95,6 +96,7 @@ def page(content: ReportContent) -> dict[str, Any]:
         "title": content.title,
         "made": content.made,
         "command": content.command,
+        "loaded": content.loaded,
         "warnings": [*_warnings(content)],
         "cases": [_column(case, i, content) for i, case in enumerate(content.cases)],
         "pictures": [
@@ -117,6 +119,7 @@ def _column(case: Case, index: int, content: ReportContent) -> Column:
         letter=chr(65 + index) if len(content.cases) > 1 else "",
         text=case.text,
         title=case.title,
+        answers=case.answers,
         acting=[(acting.kind, acting.words) for acting in case.acting],
         solved=[*case.solved, ("Mesh", _mesh_words(case))],
         findings=[*map(_finding, case.verdicts)],

@@ -24,9 +24,10 @@ from ..results.run import RunResult
 from ..results.settled import Settled
 from ..results.simulation import Simulation
 from ..results.verdict import Verdict
+from .answers import found, loaded, unheard
 from .content import Case, PartRow, ReportContent
+from .picture.snapshot import PARTICLES, particle_film
 from .report import report_page
-from .snapshot import PARTICLES, particle_film
 from .touch import touch_of
 
 AXES: tuple[UpAxis, ...] = ("x", "y", "z")
@@ -43,7 +44,7 @@ def run_page(
     conversion, document = result.conversion, result.document()
     asset = conversion.asset
     cases = [
-        _case(c.assignment.text, c.simulation, c.assignment.part_rows(), verdicts)
+        _case(c.assignment.text, c.simulation, c.assignment.document(), verdicts)
         for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
     ]
     if touch:
@@ -64,6 +65,7 @@ def run_page(
         pictures={**(pictures or {}), **_films(result.cases[0].simulation, asset.up)},
         made=_made(result.date, sum(result.seconds.values())),
         command=result.command,
+        loaded=tuple(loaded(conversion)),
     )
 
 
@@ -76,7 +78,7 @@ def simulation_page(
     """
     mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
     found = quality(mesh)
-    case = _case(chosen.get("text", ""), simulation, chosen.get("parts", []))
+    case = _case(chosen.get("text", ""), simulation, chosen)
     return ReportContent(
         title=sidecar.source.get("name") or name,
         cases=(_touched(case, simulation) if touch else case,),
@@ -91,7 +93,7 @@ def simulation_page(
                 1
             ),
         },
-        warnings=simulation.warnings,
+        warnings=_warnings(simulation, sidecar),
         provenance={
             **{key: value for key, value in sidecar.source.items() if value},
             "scenario": simulation.scenario,
@@ -102,6 +104,12 @@ def simulation_page(
         made=_made(now(), simulation.seconds),
         command=command,
     )
+
+
+def _warnings(simulation: Simulation, sidecar: Sidecar) -> tuple[str, ...]:
+    """Those of the simulation, after those of what made its mesh."""
+    before = (w for stage in sidecar.record.values() for w in stage.get("warnings", ()))
+    return tuple(dict.fromkeys((*before, *simulation.warnings)))
 
 
 class Framed(NamedTuple):
@@ -158,10 +166,11 @@ def _quality(conversion: Conversion) -> dict[str, object]:
 def _case(
     text: str,
     simulation: Simulation,
-    parts: list[dict[str, Any]],
+    chosen: Mapping[str, Any],
     verdicts: list[Verdict] | None = None,
 ) -> Case:
     animation, modes = simulation.animation, simulation.vibrations
+    parts, doubts = chosen.get("parts", []), chosen.get("doubts")
     rings = isinstance(simulation, Ringing)
     return Case(
         text=text,
@@ -180,6 +189,7 @@ def _case(
         acting=describe(simulation.scene),
         marks=marks(simulation.scene),
         solved=simulation.solution,
+        answers=(*found(simulation, parts), *([] if doubts is None else [unheard(doubts)])),
     )
 
 

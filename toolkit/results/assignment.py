@@ -145,6 +145,7 @@ class Assignment:
             "mass_interval": list(self.mass_interval()),
             "parts": self.part_rows(),
             "verdicts": self.verdicts(),
+            "doubts": self.doubts,
             "warnings": self.warnings,
         }
 

@@ -132,7 +132,7 @@ def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
 
 
 def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> None:
-    from ..report.snapshot import SUFFIXES
+    from ..report.picture.snapshot import SUFFIXES
 
     if touch and report is None:
         raise UsageError("--touch: a body to pull is a part of the page: give --report FILE.html")
@@ -155,8 +155,8 @@ def _shown(
 ) -> Simulation:
     """Write a result, its page and its picture; the files are on record."""
     from ..report.pages import simulation_page
+    from ..report.picture.snapshot import write_picture
     from ..report.report import write_report
-    from ..report.snapshot import write_picture
 
     if output is not None:
         result = replace(result, files=(*result.write(output), *result.files))

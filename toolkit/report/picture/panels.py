@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from jaxtyping import Float
 
-from ...converters.files import writing
-from ...fem.errors import InputError, UsageError
-from ...fem.scene.mesh import TetMesh
-from ...predictors.asset import Asset, UpAxis, up_vector
-from ...predictors.images.cameras import Camera, look_at
-from ...predictors.images.surface_colour import skin_of
-from ..results.quantities import si
-from .scale import PALETTES, PARTS, Scale, rgb
+from ....converters.files import writing
+from ....fem.errors import InputError, UsageError
+from ....fem.scene.mesh import TetMesh
+from ....predictors.asset import Asset, UpAxis, up_vector
+from ....predictors.images.cameras import Camera, look_at
+from ....predictors.images.surface_colour import skin_of
+from ...results.quantities import si
+from ..scale import PALETTES, PARTS, Scale, rgb
 from .tracer import ColouredSurface, trace
 
 if TYPE_CHECKING:

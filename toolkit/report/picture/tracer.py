@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...predictors.asset import UpAxis, up_vector
-from ...predictors.images.cameras import Camera
-from ...predictors.images.surface_colour import to_linear, to_srgb
+from ....predictors.asset import UpAxis, up_vector
+from ....predictors.images.cameras import Camera
+from ....predictors.images.surface_colour import to_linear, to_srgb
 
 SMOOTH_COSINE = np.cos(np.deg2rad(40))  # sharper edges than this are drawn sharp
 SKY, SUN = (

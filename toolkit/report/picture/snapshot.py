@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...converters.points.splats.gaussians import SH_C0, standard_columns
-from ...converters.points.splats.splat_views import splat_view
-from ...converters.points.table import XYZ, PointTable
-from ...fem.particle_run import ParticleRun
-from ...predictors.asset import UpAxis
-from ...predictors.images.cameras import hemisphere
-from ..results.simulation import Simulation
-from .picture import Panel, exaggeration, mesh_panel, render_animation, render_png
-from .scale import PARTS, Scale, rgb
+from ....converters.points.splats.gaussians import SH_C0, standard_columns
+from ....converters.points.splats.splat_views import splat_view
+from ....converters.points.table import XYZ, PointTable
+from ....fem.particle_run import ParticleRun
+from ....predictors.asset import UpAxis
+from ....predictors.images.cameras import hemisphere
+from ...results.simulation import Simulation
+from ..scale import PARTS, Scale, rgb
+from .panels import Panel, exaggeration, mesh_panel, render_animation, render_png
 
 STILL = ".png"
 SUFFIXES = (STILL, ".gif", ".webp")

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...predictors.asset import Asset, UpAxis
-from ...predictors.grid import Grid
-from ...predictors.images.features import VoxelFeatures
-from .picture import Panel, asset_panel, render_png
+from ....predictors.asset import Asset, UpAxis
+from ....predictors.grid import Grid
+from ....predictors.images.features import VoxelFeatures
+from .panels import Panel, asset_panel, render_png
 from .tracer import ColouredSurface
 
 CAPTION = (
