@@ -175,7 +175,8 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 
 # What a rule's groups say of its head.
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
-    "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned, "coating": _coat,
+    "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned,
+    "coating": _coat,
     "filling": _fill, "contents": _fill, "unknown": _unknown, "strange": _unknown,
     "stuff": _unknown,
     "excluded": _negated,
