@@ -140,7 +140,9 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
         head = draft.same[-1:]
         alike = (d for d in others if not head or any(name[-1:] == head for name in d.names))
         found = next(alike, None)
-        if found is None:
+        if found is None and draft.material and head:  # "the lid is oak like the box"
+            draft.names.append(draft.same)
+        elif found is None:
             who = " ".join(draft.same) or "what came before"
             lexed.notes.append(f"'the same as {who}': nothing is said of it")
         else:

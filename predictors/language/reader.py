@@ -17,7 +17,7 @@ from .grammar import Cascade, Constituent, grammar
 from .groups import Group, groups_of
 from .lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
 from .lexing import Lexeme, lex
-from .phrases import bare_numbers, first_phrase, join_comparisons, lone_grades
+from .phrases import bare_numbers, first_phrase, join_comparisons, lone_grades, point_back
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
@@ -50,7 +50,7 @@ def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentenc
         raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
     lexicon = lexicon_of(table)
     lexed = lex(text, lexicon, names)
-    lexed.lexemes = lone_grades(bare_numbers(lexed.lexemes))
+    lexed.lexemes = point_back(lone_grades(bare_numbers(lexed.lexemes)))
     cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
     left = cascade.run()
     told = {name for draft in left if draft.says for name in draft.names}
