@@ -147,7 +147,7 @@ def _measures(text: str) -> Iterator[Numeral]:
     """Numbers with the word that says what they measure before them, after them, or with a unit."""
     taken: list[tuple[int, int]] = []
     for pattern in (_BEFORE, _AFTER, _ALONE):
-        for match in pattern.finditer(text):
+        for match in _matches(pattern, text):
             if any(match.start() < end and start < match.end() for start, end in taken):
                 continue
             read = _read(match, cued=pattern is not _ALONE)
@@ -157,6 +157,17 @@ def _measures(text: str) -> Iterator[Numeral]:
             if read:
                 taken.append(match.span())
                 yield read
+
+
+def _matches(pattern: re.Pattern, text: str) -> Iterator[re.Match]:
+    """Matches from left to right; two numbers too far apart for one measure are two: "0.3 / 900"."""
+    at = 0
+    while match := pattern.search(text, at):
+        at = max(match.end(), at + 1)
+        if match["also"] and number(match["also"]) > 100 * number(match["low"]):
+            at = match.start("also")
+        else:
+            yield match
 
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:

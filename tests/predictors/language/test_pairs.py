@@ -130,3 +130,30 @@ def test_contrasts_and_exchanges(agree):
         the client asked for oak in the lid and plywood in the knob => lid: oak; knob: plywood
         nylon: bracket, shelf; rubber: leg => bracket, shelf: nylon; leg: rubber
     """)
+
+
+NUMBERS = """
+    {p}: E = {E} GPa, rho = {rho} kg/m3
+    {p}: {E} GPa / 0.31 / {rho} kg/m3
+    {E} GPa and {rho} kg/m3 for the {p}
+    the {p} is oak; it has E = {E} GPa and {rho} kg/m3
+    the {p} is oak, which has E = {E} GPa and {rho} kg/m3
+    oak with E = {E} GPa and {rho} kg/m3 for the {p}
+    the Young's modulus of the {p} is {E} GPa and its density is {rho} kg/m3
+    Young's modulus of the {p}: {E} GPa; density: {rho} kg/m3
+    for the {p} take {E} GPa and {rho} kg/m3
+    for the {p} E = {E} GPa, rho = {rho} kg/m3
+    set E of the {p} to {E} GPa and rho to {rho} kg/m3
+"""
+
+
+@pytest.mark.parametrize("form", [line.strip() for line in NUMBERS.strip().splitlines()])
+@pytest.mark.parametrize("joint", ["{}; {}", "{}, {}", "{}. {}"])
+def test_each_part_has_its_own_numbers(clauses_of, form, joint):
+    wanted = {"lid": {"E": 11e9, "rho": 640.0}, "frame": {"E": 14e9, "rho": 905.0}}
+    said = (form.format(p=p, E=v["E"] / 1e9, rho=v["rho"]) for p, v in wanted.items())
+    found = clauses_of(joint.format(*said), list(wanted))
+    for part, clauses in found.items():
+        numbers = {q.measure: q.value for clause in clauses for q in clause.numbers}
+        numbers.pop("nu", None)  # of one form
+        assert numbers == pytest.approx(wanted[part])
