@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from static_case import STRENGTH_OF_GRAVITY, TOLERANCE, Case, make_row
 
+MOST = 2000  # iterations of pyamg, which stops at 100 unasked
 # The system's Python, for which Debian packages dolfinx.
 SYSTEM_PYTHON = "/usr/bin/python3"
 
@@ -52,7 +53,7 @@ def pyamg(case: Case, order: int) -> dict:
         bsr_matrix(A), B=rigid(grid.space.nodes, held.fixed), max_coarse=500, coarse_solver="splu"
     )
     residuals: list[float] = []
-    x = hierarchy.solve(b, tol=TOLERANCE, accel="cg", residuals=residuals)
+    x = hierarchy.solve(b, tol=TOLERANCE, maxiter=MOST, accel="cg", residuals=residuals)
     residual = np.linalg.norm(b - A @ x) / np.linalg.norm(b)
     return make_row(case, b.size, start, middle, x.reshape(-1, 3), len(residuals) - 1, residual)
 
@@ -95,7 +96,7 @@ def scikit_fem(case: Case, order: int) -> dict:
     hierarchy = amg.smoothed_aggregation_solver(
         A.tocsr(), B=modes[inner], max_coarse=500, coarse_solver="splu"
     )
-    y = hierarchy.solve(b, tol=TOLERANCE, accel="cg", residuals=residuals)
+    y = hierarchy.solve(b, tol=TOLERANCE, maxiter=MOST, accel="cg", residuals=residuals)
     x[inner] = y
     residual = np.linalg.norm(b - A @ y) / np.linalg.norm(b)
     points = x[basis.nodal_dofs].T

@@ -99,11 +99,9 @@ def likely_answers(
     """What displacement and frequencies likely are; None where no row, or no member, is known.
 
     E and rho are drawn evenly in their logarithm, nu evenly, independent of each other and the same
-    for all parts of one row, by a scrambled Sobol sequence (Owen 1998). How much the answers change
+    for all parts of one row, by a Latin hypercube (McKay et al. 1979). How much the answers change
     is found with linear elements, as in ``displacement_interval``.
     """
-    from scipy.stats import qmc
-
     mesh, held = scene.mesh, scene.held
     rows = row_ranges(mesh, materials)
     if not rows or (held.values * held.fixed).any() or not _stands(mesh, held):
@@ -122,7 +120,9 @@ def likely_answers(
     )
     if not family.affordable():
         return None
-    drawn = qmc.Sobol(3 * len(rows), scramble=True, rng=np.random.default_rng(seed)).random(samples)
+    rng = np.random.default_rng(seed)
+    parts = rng.permuted(np.tile(np.arange(samples), (3 * len(rows), 1)), axis=1).T
+    drawn = (parts + rng.random(parts.shape)) / samples
     members = [_member(rows, shares) for shares in drawn]
     ends = [_member(rows, np.tile(end, (len(rows), 1)).ravel()) for end in ENDS]
     try:

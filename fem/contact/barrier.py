@@ -76,11 +76,11 @@ class Contact:
             SurfaceSites(mesh, space, stiffness * self.thickness, obstacle)
             for obstacle in self.obstacles
         ]
-        self.stick = STICK_SHARE * diagonal
-        self.time, self.step = 0.0, 1.0
+        self.time, self.step, self.stick = 0.0, 1.0, STICK_SHARE * diagonal
         self.lagged: list[Lagged] = []
         self.mesh, self.space = mesh, space
         self.own = SelfContact(mesh, space, self.thickness, friction) if self_contact else None
+        self.acts = bool(self.surfaces) or self_contact
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -165,10 +165,11 @@ class Contact:
 
         It is added in place but for pairs of nodes that share no tet: there the matrix grows.
         """
-        diagonal, pairs = self.hessian_blocks(u, sharp=sharp)
-        add_diagonal(matrix, diagonal)
-        for i, j, blocks in pairs:
-            add_blocks(matrix, i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3))
+        if self.surfaces:
+            diagonal, pairs = self.hessian_blocks(u, sharp=sharp)
+            add_diagonal(matrix, diagonal)
+            for i, j, blocks in pairs:
+                add_blocks(matrix, i.ravel(), j.ravel(), blocks.reshape(-1, 3, 3))
         return self.own.with_hessian(u, matrix) if self.own else matrix
 
     def _slope(self, sites: Sites, gap: np.ndarray) -> np.ndarray:
@@ -179,8 +180,7 @@ class Contact:
 
     def begin(self, u: np.ndarray, time: float, step: float) -> None:
         """Move the obstacles to ``time`` [s], the end of a ``step`` [s] that starts at ``u``."""
-        self.time, self.step = time, step
-        self.lagged = []
+        self.time, self.step, self.lagged = time, step, []
         self._start = u.copy()
         if self.own:
             self.own.begin(u, step)
@@ -245,7 +245,7 @@ class Contact:
         Distance changes no faster than position, so a site may always move by its distance.
         """
         share = self.own.longest_step(u, step) if self.own else 1.0
-        farthest = float(np.linalg.norm(step, axis=1).max()) / GAP_SHARE
+        farthest = np.linalg.norm(step, axis=1).max() / GAP_SHARE if self.surfaces else 0.0
         for k, sites, first in self._touching(u, farthest):
             p = sites.moved(step)
             speed = np.linalg.norm(p, axis=1)

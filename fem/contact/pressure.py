@@ -41,11 +41,11 @@ def largest_pressure(
     carries nothing of what presses the base. Forces in the middle of quadratic edges are halved
     between their ends, which leaves a uniform pressure uniform.
     """
+    if not force.any():
+        return 0.0
     points = force[: space.points].copy()
     np.add.at(points, space.edges, 0.5 * force[space.points :, None])
     size = np.linalg.norm(points, axis=1)
-    if not size.any():
-        return 0.0
     faces = mesh.boundary.faces
     way = points / np.where(size > 0, size, 1.0)[:, None]
     vectors = area_vectors(mesh.points + u[: space.points], faces)

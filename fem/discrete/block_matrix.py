@@ -72,15 +72,16 @@ def add_blocks(matrix: BlockMatrix, i: np.ndarray, j: np.ndarray, blocks: np.nda
     wp.launch(k.add_pairs, len(blocks), inputs=inputs, device=device)
 
 
-def add_diagonal(matrix: BlockMatrix, blocks: np.ndarray) -> None:
-    """Add 3 x 3 ``blocks`` (nodes, 3, 3) [N/m] to the diagonal, in place."""
+def add_diagonal(matrix: BlockMatrix, added: np.ndarray) -> None:
+    """Add 3 x 3 blocks (nodes, 3, 3) [N/m], or their diagonals (nodes, 3), in place."""
     from . import kernels_matrix as k
 
     wp = start_warp()
-    device = matrix.values.device
-    added = wp.array(blocks, dtype=wp.mat33d, device=device)
-    inputs = [matrix.rows, matrix.columns, added, matrix.values]
-    wp.launch(k.add_diagonal, matrix.nodes, inputs=inputs, device=device)
+    device, alone = matrix.values.device, added.ndim == 2
+    given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, given, matrix.values]
+    kernel = k.add_diagonal_numbers if alone else k.add_diagonal
+    wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)
 
 
 class GrownPattern:

@@ -37,7 +37,7 @@ def apply_supports(
     wp = start_warp()
     device = matrix.values.device
     if springs is not None and springs.any():
-        add_diagonal(matrix, springs[:, :, None] * np.eye(3))
+        add_diagonal(matrix, springs)
     free = wp.array(~fixed, dtype=wp.vec3d, device=device)
     inputs = [matrix.rows, matrix.columns, free, matrix.values]
     wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)

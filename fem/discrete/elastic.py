@@ -65,7 +65,9 @@ class ElasticBody:
         energy = wp.empty(tets, dtype=wp.float64, device=self.grid.device)
         force = wp.zeros_like(field)
         self._launch(self._kernels.energy_and_force, [*self._arrays, field, energy, force])
-        return Response(float(energy.numpy().sum()), force.numpy())
+        # On a GPU the sum is made there: one number comes back.
+        total = wp.utils.array_sum(energy) if energy.device.is_cuda else energy.numpy().sum()
+        return Response(float(total), force.numpy())
 
     def tangent(self, u: Float[np.ndarray, "nodes 3"], *, projected: bool = False) -> BlockMatrix:
         """Second derivative of W [N/m] at ``u`` [m].

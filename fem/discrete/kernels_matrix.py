@@ -98,6 +98,18 @@ def add_diagonal(
 
 
 @wp.kernel
+def add_diagonal_numbers(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.vec3d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    i = wp.tid()
+    s = find_slot(rows, columns, i, i)
+    values[s] = values[s] + wp.diag(numbers[i])
+
+
+@wp.kernel
 def add_pairs(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
@@ -122,16 +134,19 @@ def fix_rows(
     A node of no element has a zero row: it gets a 1, and stays where it is.
     """
     i = wp.tid()
+    all = wp.float64(3.0)
+    mine = wp.length_sq(free[i])
     for s in range(rows[i], rows[i + 1]):
         j = columns[s]
-        block = values[s]
-        for a in range(3):
-            for b in range(3):
-                if i != j or a != b:
-                    block[a, b] = block[a, b] * free[i][a] * free[j][b]
-            if i == j and block[a, a] == wp.float64(0.0):
-                block[a, a] = wp.float64(1.0)
-        values[s] = block
+        if i == j or mine < all or wp.length_sq(free[j]) < all:
+            block = values[s]
+            for a in range(3):
+                for b in range(3):
+                    if i != j or a != b:
+                        block[a, b] = block[a, b] * free[i][a] * free[j][b]
+                if i == j and block[a, a] == wp.float64(0.0):
+                    block[a, a] = wp.float64(1.0)
+            values[s] = block
 
 
 @wp.func

@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 # Boxes of the coarse space, six unknowns each. A dense factor of 1536 takes a CPU 50 ms; a GPU
 # inverts the matrix, for which fewer unknowns pay.
 BOXES = 256
-BOXES_GPU = 64
+BOXES_GPU = 128
 NODES_PER_BOX = 100
 # Share by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent rigid
 # modes of small groups leave it singular to round-off.
@@ -37,10 +37,11 @@ SMALLEST = 4
 class Groups:
     """Groups of nodes, arrays on a device.
 
-    ``label`` (nodes,) is the group of every node, ``centre`` (groups, 3) [m] its mean, ``extent``
-    (groups,) [m] the largest distance from it along an axis.
+    ``points`` (nodes, 3) [m] are the nodes, ``label`` (nodes,) the group of every one, ``centre``
+    (groups, 3) [m] its mean, ``extent`` (groups,) [m] the largest distance from it along an axis.
     """
 
+    points: Any
     label: Any
     centre: Any
     extent: Any
@@ -126,6 +127,7 @@ def make_groups(points: np.ndarray, label: np.ndarray, device: Any) -> Groups:
     extent = np.maximum.reduceat(reach[np.argsort(label, kind="stable")], start)
     extent[extent == 0] = 1.0
     return Groups(
+        wp.array(points, dtype=wp.vec3d, device=device),
         wp.array(label, dtype=wp.int32, device=device),
         wp.array(centre, dtype=wp.vec3d, device=device),
         wp.array(extent, dtype=wp.float64, device=device),
@@ -163,18 +165,17 @@ def _groups(A: BlockMatrix, points: np.ndarray, free: Any) -> Groups:
     return make_groups(points, label, device)
 
 
-def _motions(groups: Groups, points: np.ndarray, lower: Any, free: Any) -> Any:
+def _motions(groups: Groups, lower: Any, free: Any) -> Any:
     """Orthonormal rigid motions of every group in scaled unknowns, (nodes,) blocks of 3 x 6."""
     from . import kernels_coarse as k
 
     wp = start_warp()
     device, count = lower.device, len(groups.extent)
-    launch = Recorder(len(points), device)
-    where = wp.array(points, dtype=wp.vec3d, device=device)
-    motion = wp.empty(len(points), dtype=k.mat36d, device=device)
+    launch = Recorder(len(free), device)
+    motion = wp.empty(len(free), dtype=k.mat36d, device=device)
     gram, weight = (wp.zeros(count, dtype=k.mat66d, device=device) for _ in range(2))
     of = [groups.label, groups.centre, groups.extent]
-    launch(k.rigid_motions, [where, *of, lower, free, motion, gram]).launch()
+    launch(k.rigid_motions, [groups.points, *of, lower, free, motion, gram]).launch()
     launch(k.orthonormalise, [gram, weight], size=count).launch()
     launch(k.weigh, [groups.label, weight, motion]).launch()
     return motion
@@ -194,7 +195,7 @@ def coarsen(
     device, pattern = A.values.device, [A.rows, A.columns]
     free = wp.array(~fixed, dtype=wp.vec3d, device=device)
     groups = _groups(A, points, free)
-    motion = _motions(groups, points, lower, free)
+    motion = _motions(groups, lower, free)
     launch = Recorder(A.nodes, device)
     start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
     launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()

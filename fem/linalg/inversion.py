@@ -6,19 +6,22 @@ from functools import lru_cache
 from typing import Any
 
 from ..device import Recorder, start_warp
+from .krylov import whole_blocks
 
 
 class Inversion:
-    """Inverts dense symmetric positive matrices of ``size``, 6 x 6 blocks, on one device.
+    """Inverts dense symmetric positive matrices of ``size`` on one device.
 
     Block Gauss-Jordan: on a GPU its hundreds of launches are one graph.
     """
 
     def __init__(self, size: int, device: Any) -> None:
+        from .kernels_gpu import PIVOT
+
         wp = start_warp()
         self.matrix = wp.zeros((size, size), dtype=wp.float64, device=device)
-        self.row = wp.empty((6, size), dtype=wp.float64, device=device)
-        self.column = wp.empty((size, 6), dtype=wp.float64, device=device)
+        self.row = wp.empty((PIVOT, size), dtype=wp.float64, device=device)
+        self.column = wp.empty((size, PIVOT), dtype=wp.float64, device=device)
         self.graph = None
 
     def __call__(self, matrix: Any) -> Any:
@@ -43,15 +46,17 @@ class Inversion:
     def _sweep(self) -> None:
         from . import kernels_gpu as k
 
-        size = len(self.matrix)
+        size, width = len(self.matrix), k.PIVOT
         launch = Recorder(size, self.matrix.device)
-        pivot = launch(k.take_pivot, [self.matrix, 0, self.row, self.column])
-        step = launch(k.eliminate, [self.row, self.column, 0, self.matrix], size=(size, size))
-        for block in range(size // 6):
-            pivot.set_param_at_index(1, block)
-            step.set_param_at_index(2, block)
-            pivot.launch()
-            step.launch()
+        given = [self.matrix, 0, width, self.row, self.column]
+        pivot = launch(k.take_pivot, given, size=whole_blocks(width * size))
+        given = [self.row, self.column, 0, width, self.matrix]
+        step = launch(k.eliminate, given, size=(size, size))
+        for first in range(0, size, width):
+            for command, place in ((pivot, 1), (step, 2)):
+                command.set_param_at_index(place, first)
+                command.set_param_at_index(place + 1, min(width, size - first))
+                command.launch()
 
 
 @lru_cache(maxsize=4)

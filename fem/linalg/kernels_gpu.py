@@ -8,7 +8,8 @@ inverted, in double precision.
 
 import warp as wp
 
-from .kernels_coarse import RANK, mat66d
+from .kernels_coarse import RANK
+from .kernels_krylov import single_row_times
 from .kernels_solver import vec6d
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 6})
@@ -18,25 +19,6 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 6})
 def narrow(given: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
     i = wp.tid()
     out[i] = wp.float32(given[i])
-
-
-@wp.func
-def scalar_row_times(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-    i: int,
-) -> wp.float32:
-    """Scalar row i of A x."""
-    node = i // 3
-    c = 3 * (i - 3 * node)
-    total = wp.float32(0.0)
-    for s in range(rows[node], rows[node + 1]):
-        j = 3 * columns[s]
-        k = 9 * s + c
-        total += values[k] * x[j] + values[k + 1] * x[j + 1] + values[k + 2] * x[j + 2]
-    return total
 
 
 @wp.kernel
@@ -57,7 +39,7 @@ def single_start(
 
 @wp.kernel
 def single_restart(
-    rows: wp.array(dtype=wp.int32),
+    base: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.float32),
     b: wp.array(dtype=wp.float64),
@@ -68,14 +50,14 @@ def single_restart(
 ):
     """First Chebyshev step from a given x, which takes it in with the next: others read it now."""
     i = wp.tid()
-    res = wp.float32(b[i]) - scalar_row_times(rows, columns, values, x, i)
+    res = wp.float32(b[i]) - single_row_times(base, columns, values, x, i)
     r[i] = res
     d[i] = scale * res
 
 
 @wp.kernel
 def single_step(
-    rows: wp.array(dtype=wp.int32),
+    base: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.float32),
     old: wp.array(dtype=wp.float32),
@@ -89,7 +71,7 @@ def single_step(
 ):
     """Chebyshev step: r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
     i = wp.tid()
-    res = r[i] - scalar_row_times(rows, columns, values, old, i)
+    res = r[i] - single_row_times(base, columns, values, old, i)
     r[i] = res
     change = keep * old[i] + scale * res
     d[i] = change
@@ -100,7 +82,7 @@ def single_step(
 
 @wp.kernel
 def single_subtract(
-    rows: wp.array(dtype=wp.int32),
+    base: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.float32),
     d: wp.array(dtype=wp.float32),
@@ -108,7 +90,7 @@ def single_subtract(
 ):
     """Update r -= A d."""
     i = wp.tid()
-    r[i] = r[i] - scalar_row_times(rows, columns, values, d, i)
+    r[i] = r[i] - single_row_times(base, columns, values, d, i)
 
 
 @wp.kernel
@@ -168,68 +150,96 @@ def dense_multiply(
     wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)
 
 
-@wp.func
-def inverted(A: mat66d) -> mat66d:
-    """Inverse of a symmetric positive block by sweeps, zero where a row depends on those above."""
-    S = mat66d(A)
-    for k in range(6):
-        column = vec6d()
-        pivot = S[k, k]
-        if pivot > RANK * A[k, k]:
-            for i in range(6):
-                column[i] = S[i, k] / pivot
-            for i in range(6):
-                for j in range(6):
-                    if i != k and j != k:
-                        S[i, j] = S[i, j] - column[i] * S[k, j]
-            column[k] = -wp.float64(1.0) / pivot
-        for i in range(6):
-            S[i, k] = column[i]
-            S[k, i] = column[i]
-    return -S
+# Inverse, by sweeps, of a symmetric block within the threads of a block: zero where a row depends
+# on those above. Then row ``a`` of what it takes the rows of the matrix to, column ``c``.
+_PIVOT = """
+#if defined(__CUDA_ARCH__)
+    __shared__ double S[2][12][12];
+    __shared__ double least[12];
+    const int me = threadIdx.x, all = blockDim.x;
+    #define MEET __syncthreads()
+#else
+    double S[2][12][12], least[12];
+    const int me = 0, all = 1;
+    #define MEET
+#endif
+    const int n = matrix.shape[0], now = width & 1;
+    const double* A = matrix.data + first * size_t(n);
+    for (int e = me; e < width * width; e += all) {
+        const double value = A[(e / width) * size_t(n) + first + e % width];
+        S[0][e / width][e % width] = value;
+        if (e / width == e % width) least[e / width] = rank * value;
+    }
+    MEET;
+    for (int k = 0; k < width; ++k) {
+        const double (*old)[12] = S[k & 1];
+        const double pivot = old[k][k], inverse = pivot > least[k] ? 1.0 / pivot : 0.0;
+        for (int e = me; e < width * width; e += all) {
+            const int i = e / width, j = e % width;
+            double value = old[i][j] * inverse;
+            if (i == k && j == k) value = -inverse;
+            if (i != k && j != k) value = old[i][j] - old[i][k] * old[k][j] * inverse;
+            S[(k + 1) & 1][i][j] = value;
+        }
+        MEET;
+    }
+    const int a = index / n, c = index - a * n;
+    if (a < width) {
+        double total = 0.0;
+        if (c >= first && c < first + width) total = -S[now][a][c - first];
+        else for (int b = 0; b < width; ++b) total -= S[now][a][b] * A[b * size_t(n) + c];
+        row.data[a * size_t(n) + c] = total;
+        column.data[12 * c + a] = matrix.data[c * size_t(n) + first + a];
+    }
+    #undef MEET
+"""
+# Rows that Gauss-Jordan eliminates at once: their inverse has one entry a thread of a block.
+PIVOT = 12
+
+
+@wp.func_native(_PIVOT)
+def pivot_entry(
+    matrix: wp.array2d(dtype=wp.float64),
+    first: int,
+    width: int,
+    rank: wp.float64,
+    row: wp.array2d(dtype=wp.float64),
+    column: wp.array2d(dtype=wp.float64),
+    index: int,
+): ...
 
 
 @wp.kernel
 def take_pivot(
     matrix: wp.array2d(dtype=wp.float64),
-    k: wp.int32,
+    first: wp.int32,
+    width: wp.int32,
     row: wp.array2d(dtype=wp.float64),
     column: wp.array2d(dtype=wp.float64),
 ):
-    """Block Gauss-Jordan: ``row`` = pivot^-1 times block row k, ``column`` = block column k."""
-    c = wp.tid()
-    pivot = mat66d()
-    for a in range(6):
-        for b in range(6):
-            pivot[a, b] = matrix[6 * k + a, 6 * k + b]
-    inverse = inverted(pivot)
-    inside = c // 6 == k
-    for a in range(6):
-        total = wp.float64(0.0)
-        for b in range(6):
-            if inside:
-                total = inverse[a, c - 6 * k]
-            else:
-                total += inverse[a, b] * matrix[6 * k + b, c]
-        row[a, c] = total
-        column[c, a] = matrix[c, 6 * k + a]
+    """Block Gauss-Jordan: ``row`` = pivot^-1 times rows of the matrix, ``column`` its columns.
+
+    The pivot has ``width`` rows from ``first`` on. To be launched in whole blocks of threads.
+    """
+    pivot_entry(matrix, first, width, RANK, row, column, wp.tid())
 
 
 @wp.kernel
 def eliminate(
     row: wp.array2d(dtype=wp.float64),
     column: wp.array2d(dtype=wp.float64),
-    k: wp.int32,
+    first: wp.int32,
+    width: wp.int32,
     matrix: wp.array2d(dtype=wp.float64),
 ):
     """Block Gauss-Jordan: one step towards the inverse of ``matrix``, in place."""
     i, j = wp.tid()
-    if i // 6 == k:
-        matrix[i, j] = row[i - 6 * k, j]
+    if i >= first and i < first + width:
+        matrix[i, j] = row[i - first, j]
         return
     total = matrix[i, j]
-    if j // 6 == k:
+    if j >= first and j < first + width:
         total = wp.float64(0.0)
-    for a in range(6):
+    for a in range(width):
         total -= column[i, a] * row[a, j]
     matrix[i, j] = total

@@ -1,5 +1,7 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels of Krylov methods: inner products, conjugate gradients, Lanczos."""
+"""Warp kernels of Krylov methods: products, inner ones too, conjugate gradients, Lanczos."""
+
+from typing import Any
 
 import warp as wp
 
@@ -17,6 +19,84 @@ GO = wp.constant(0)
 COUNT = wp.constant(1)
 LIMIT = wp.constant(2)
 INDEFINITE = wp.constant(3)
+
+
+# Nodes of a slice: the threads of a GPU's warp then read numbers that lie together.
+SLICE = wp.constant(32)
+
+
+@wp.kernel
+def slice_columns(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    base: wp.array(dtype=wp.int32),
+    sliced: wp.array(dtype=wp.int32),
+):
+    """First scalar of the column of every block; a block that only fills a slice has its row's."""
+    i = wp.tid()
+    part = i // SLICE
+    for s in range(base[part + 1] - base[part]):
+        j = i
+        if rows[i] + s < rows[i + 1]:
+            j = columns[rows[i] + s]
+        sliced[SLICE * (base[part] + s) + i - SLICE * part] = 3 * j
+
+
+@wp.kernel
+def slice_values(
+    rows: wp.array(dtype=wp.int32),
+    base: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    sliced: wp.array(dtype=Any),
+):
+    """Numbers of the blocks, a thread a scalar row: s-th block, column of it, row of the slice."""
+    i = wp.tid()
+    node = i // 3
+    part = node // SLICE
+    lane = i - 3 * SLICE * part
+    given = 9 * rows[node] + 3 * (i - 3 * node)
+    for s in range(base[part + 1] - base[part]):
+        for c in range(3):
+            value = wp.float64(0.0)
+            if rows[node] + s < rows[node + 1]:
+                value = values[given + 9 * s + c]
+            sliced[3 * SLICE * (3 * (base[part] + s) + c) + lane] = sliced.dtype(value)
+
+
+# Scalar row i of A x. Warp's own indexing costs as much again as the reading.
+_ROW_TIMES = """
+    const int part = i / 96, lane = i - 96 * part;
+    const int first = base.data[part], count = base.data[part + 1] - first;
+    const int* __restrict__ column = columns.data + 32 * size_t(first) + lane / 3;
+    const auto* __restrict__ a = values.data + 288 * size_t(first) + lane;
+    auto sum = 0 * x.data[0];
+    #pragma unroll 4
+    for (int s = 0; s < count; ++s) {
+        const auto* __restrict__ v = x.data + column[32 * s];
+        sum += a[288 * s] * v[0] + a[288 * s + 96] * v[1] + a[288 * s + 192] * v[2];
+    }
+    return sum;
+"""
+
+
+@wp.func_native(_ROW_TIMES)
+def single_row_times(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float32),
+    x: wp.array(dtype=wp.float32),
+    i: int,
+) -> wp.float32: ...
+
+
+@wp.func_native(_ROW_TIMES)
+def double_row_times(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    i: int,
+) -> wp.float64: ...
 
 
 @wp.kernel
@@ -51,6 +131,46 @@ def cg_advance(
     res = r[i] - alpha * q[i]
     r[i] = res
     unscaled[i] = lower[i] * res
+
+
+@wp.kernel
+def multiply_and_measure(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    p: wp.array(dtype=wp.float64),
+    q: wp.array(dtype=wp.float64),
+    scalars: wp.array(dtype=wp.float64),
+):
+    """Product q = A p and its curvature p . q; the last block of threads may reach past the end."""
+    i = wp.tid()
+    product = wp.float64(0.0)
+    if i < p.shape[0]:
+        here = double_row_times(base, columns, values, p, i)
+        q[i] = here
+        product = here * p[i]
+    wp.tile_atomic_add(scalars, wp.tile_sum(wp.tile(product)), offset=PAP)
+
+
+@wp.kernel
+def advance_and_measure(
+    p: wp.array(dtype=wp.vec3d),
+    q: wp.array(dtype=wp.vec3d),
+    lower: wp.array(dtype=wp.mat33d),
+    scalars: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.vec3d),
+    r: wp.array(dtype=wp.vec3d),
+):
+    """Update x += alpha p, r -= alpha q; size of the residual of the original system."""
+    i = wp.tid()
+    square = wp.float64(0.0)
+    if i < p.shape[0]:
+        alpha = scalars[RZ] / scalars[PAP]
+        x[i] = x[i] + alpha * p[i]
+        res = r[i] - alpha * q[i]
+        r[i] = res
+        square = wp.length_sq(lower[i] * res)
+    wp.tile_atomic_add(scalars, wp.tile_sum(wp.tile(square)), offset=NORM2)
 
 
 @wp.kernel

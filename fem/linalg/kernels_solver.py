@@ -81,6 +81,18 @@ def block_multiply(
 
 
 @wp.kernel
+def remainder(
+    b: wp.array(dtype=wp.vec3d),
+    lower: wp.array(dtype=wp.mat33d),
+    product: wp.array(dtype=wp.vec3d),
+    rest: wp.array(dtype=wp.vec3d),
+):
+    """Residual of the original system of the ``product`` of the scaled one."""
+    i = wp.tid()
+    rest[i] = b[i] - lower[i] * product[i]
+
+
+@wp.kernel
 def chebyshev_start(
     b: wp.array(dtype=wp.vec3d),
     scale: wp.float64,

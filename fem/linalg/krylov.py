@@ -16,6 +16,58 @@ LANCZOS_STEPS = 12
 LANCZOS_MARGIN = 1.08
 
 
+# Where slices begin and their columns, of the last patterns, by the identity of these.
+_SLICED: list[tuple[Any, Any, Any]] = []
+_KEPT = 4
+
+
+class SlicedMatrix:
+    """Copy of a ``matrix`` as a GPU reads it best: sliced ELLPACK (Monakov et al. 2010) of scalars.
+
+    ``arrays`` (where slices begin, columns, numbers of ``dtype``) are what kernels take;
+    ``refresh`` copies the numbers, at first and when those of the matrix have changed.
+    """
+
+    def __init__(self, matrix: BlockMatrix, dtype: Any) -> None:
+        from . import kernels_krylov as k
+
+        wp, device = start_warp(), matrix.values.device
+        base, columns = _sliced_pattern(matrix)
+        values = wp.empty(9 * len(columns), dtype=dtype, device=device)
+        self.arrays = (base, columns, values)
+        given = [matrix.rows, base, matrix.values.view(wp.float64).flatten(), values]
+        self.command = Recorder(3 * matrix.nodes, device)(k.slice_values, given)
+
+    def refresh(self) -> None:
+        """Take the numbers that the matrix has now."""
+        self.command.launch()
+
+
+def _sliced_pattern(matrix: BlockMatrix) -> tuple[Any, Any]:
+    """Where the slices of the pattern of ``matrix`` begin, and its columns in their order."""
+    from . import kernels_krylov as k
+
+    for known, base, columns in _SLICED:
+        if known is matrix.columns:
+            return base, columns
+    wp, device, size = start_warp(), matrix.values.device, int(k.SLICE)
+    lengths = np.diff(matrix.rows.numpy())
+    widths = np.maximum.reduceat(lengths, np.arange(0, len(lengths), size))
+    starts = np.concatenate([[0], np.cumsum(widths)])
+    base = wp.array(starts, dtype=wp.int32, device=device)
+    columns = wp.zeros(size * int(starts[-1]), dtype=wp.int32, device=device)
+    given = [matrix.rows, matrix.columns, base, columns]
+    Recorder(matrix.nodes, device)(k.slice_columns, given).launch()
+    _SLICED.insert(0, (matrix.columns, base, columns))
+    del _SLICED[_KEPT:]
+    return base, columns
+
+
+def whole_blocks(size: int) -> int:
+    """Number of threads of the blocks that ``size`` of them fill."""
+    return -(-size // BLOCK) * BLOCK
+
+
 class Inner:
     """Inner product of two arrays of vec3d, added to a scalar that stays on the device.
 
@@ -29,12 +81,12 @@ class Inner:
         x, y = (v.view(wp.float64).flatten() for v in (a, b))
         self.slot, self.on_device = slot, a.device.is_cuda
         if self.on_device:
-            size = -(-x.shape[0] // BLOCK) * BLOCK
+            size = whole_blocks(x.shape[0])
             self.command = Recorder(size, a.device)(k.inner, [x, y, slot, out])
         else:
             self.left, self.right, self.total = x.numpy(), y.numpy(), out.numpy()
 
-    def add(self, slot: int | None = None) -> None:
+    def launch(self, slot: int | None = None) -> None:
         """Add the product to the scalar ``slot``, by default the one given at construction."""
         where = self.slot if slot is None else slot
         if not self.on_device:
@@ -43,6 +95,15 @@ class Inner:
         if slot is not None:
             self.command.set_param_at_index(2, slot)
         self.command.launch()
+
+
+def norm(v: Any) -> float:
+    """Euclidean length of an array of vec3d, without BLAS on the CPU, whose threads wait long."""
+    if not v.device.is_cuda:
+        return float(np.sqrt(np.square(v.numpy()).sum()))
+    square = start_warp().zeros(1, dtype=start_warp().float64, device=v.device)
+    Inner(v, v, square, 0).launch()
+    return float(np.sqrt(square.numpy()[0]))
 
 
 class ConjugateGradients:
@@ -62,27 +123,49 @@ class ConjugateGradients:
         self.preconditioner, self.device = preconditioner, r.device
         self.scalars = wp.zeros(6, dtype=wp.float64, device=r.device)
         self.state = wp.zeros(4, dtype=wp.int32, device=r.device)
-        self.x, self.p, q, unscaled = (wp.zeros_like(r) for _ in range(4))
-        self.z, self.graph = z, None
+        self.x, self.p, q = (wp.zeros_like(r) for _ in range(3))
+        self.z, self.graph, self.sliced = z, None, None
         launch = Recorder(matrix.nodes, r.device)
-        self.multiply = matrix.product(self.p, q)
-        advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
-        self.advance = launch(k.cg_advance, advance)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
         self.close = launch(k.cg_close, [self.scalars, self.state], size=1)
-        self.first, self.curvature, self.norm, self.next = (
-            Inner(a, b, self.scalars, slot)
-            for a, b, slot in ((r, z, 0), (self.p, q, 1), (unscaled, unscaled, 3), (r, z, 2))
-        )
+        self.first, self.next = (Inner(r, z, self.scalars, slot) for slot in (0, 2))
+        known = (matrix, lower, q, r)
+        self.forward = self._fused(*known) if r.device.is_cuda else self._plain(*known)
+
+    def _plain(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
+        """Along the direction p: q = A p, curvature, new x and r, size of r unscaled."""
+        from . import kernels_krylov as k
+
+        unscaled = start_warp().zeros_like(r)
+        advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
+        return [
+            matrix.product(self.p, q),
+            Inner(self.p, q, self.scalars, 1),
+            Recorder(matrix.nodes, self.device)(k.cg_advance, advance),
+            Inner(unscaled, unscaled, self.scalars, 3),
+        ]
+
+    def _fused(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
+        """The same in two launches of whole blocks of threads."""
+        from . import kernels_krylov as k
+
+        wp = start_warp()
+        self.sliced = SlicedMatrix(matrix, wp.float64)
+        launch = Recorder(0, self.device)
+        flat = [v.view(wp.float64).flatten() for v in (self.p, q)]
+        product = [*self.sliced.arrays, *flat, self.scalars]
+        advance = [self.p, q, lower, self.scalars, self.x, r]
+        return [
+            launch(k.multiply_and_measure, product, size=whole_blocks(3 * matrix.nodes)),
+            launch(k.advance_and_measure, advance, size=whole_blocks(matrix.nodes)),
+        ]
 
     def step(self) -> None:
         """One iteration, from a direction p to the next."""
-        self.multiply.launch()
-        self.curvature.add()
-        self.advance.launch()
-        self.norm.add()
+        for command in self.forward:
+            command.launch()
         self.preconditioner.apply()
-        self.next.add()
+        self.next.launch()
         self.direction.launch()
         self.close.launch()
 
@@ -90,7 +173,7 @@ class ConjugateGradients:
         wp = start_warp()
         self.preconditioner.apply()
         wp.copy(self.p, self.z)
-        self.first.add()
+        self.first.launch()
         wp.capture_while(self.state[:1], self.step)
 
     def run(self, target: float, limit: int) -> int:
@@ -99,7 +182,8 @@ class ConjugateGradients:
         self.x.zero_()
         self.scalars.assign(np.array([0, 0, 0, 0, target**2, 0]))
         self.state.assign(np.array([1, 0, limit, 0], dtype=np.int32))
-        if self.device.is_cuda:
+        if self.sliced is not None:
+            self.sliced.refresh()
             if self.graph is None:
                 with wp.ScopedCapture(device=self.device) as capture:
                     self._loop()
@@ -132,10 +216,10 @@ def largest_eigenvalue(matrix: BlockMatrix) -> float:
     for step in range(steps):
         direction.set_param_at_index(2, step)
         residual.set_param_at_index(4, step)
-        length.add(step)
+        length.launch(step)
         direction.launch()
         multiply.launch()
-        curvature.add(step)
+        curvature.launch(step)
         residual.launch()
     off = np.sqrt(square.numpy()[1:steps])
     # A vector that vanished ended the search: what came after it is no number.

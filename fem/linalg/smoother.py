@@ -9,6 +9,7 @@ from typing import Any
 
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
+from .krylov import SlicedMatrix
 
 DEGREE = 3
 SPREAD = 25.0
@@ -60,10 +61,9 @@ class SingleSmoother:
         wp = start_warp()
         device, size = matrix.values.device, 3 * matrix.nodes
         launch = Recorder(size, device)
-        given = matrix.values.view(wp.float64).flatten()
-        values = wp.empty(len(given), dtype=wp.float32, device=device)
-        launch(k.narrow, [given, values], size=len(given)).launch()
-        A = [matrix.rows, matrix.columns, values]
+        sliced = SlicedMatrix(matrix, wp.float32)
+        sliced.refresh()
+        A = sliced.arrays
         self.r, self.z = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(2))
         r, z = (v.view(wp.float64).flatten() for v in (self.r, self.z))
         res, x, *d = (wp.zeros(size, dtype=wp.float32, device=device) for _ in range(4))

@@ -12,7 +12,7 @@ from ..cholesky.factor import NotPositive, known_factor
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .corners import corner_pattern
-from .krylov import ConjugateGradients
+from .krylov import ConjugateGradients, norm
 from .two_level import Scaled, TwoLevel, scale
 
 logger = logging.getLogger(__name__)
@@ -193,23 +193,22 @@ def solve_iterative(
     cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
     launch = Recorder(system.matrix.nodes, cycle.device)
     size = _length(b) or 1.0
-    unit = b / size  # the V-cycle may be in single precision, whose range is small
-    given = wp.array(unit, dtype=wp.vec3d, device=cycle.device)
+    # The V-cycle may be in single precision, whose range is small.
+    given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
     iterations = cg.run(tolerance, limit)
-    solution, residual = wp.empty_like(given), wp.empty_like(given)
+    solution, rest = wp.empty_like(given), wp.empty_like(given)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
     system.matrix.multiply(cg.x, cycle.z)
-    launch(k.block_multiply, [system.lower, cycle.z, False, residual]).launch()
-    error = _length(unit - residual.numpy())
+    launch(k.remainder, [given, system.lower, cycle.z, rest]).launch()
+    error = norm(rest)
     x = size * solution.numpy()
     if error <= tolerance:
         return Solution(x, error, iterations, 0.0, solver=name)
     floor = _scaled_round_off(system, cg.x.numpy())
     if error > floor:
         return Solution(x, error, iterations, floor, solver=name)
-    rest = wp.array(unit - residual.numpy(), dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, rest, False, cycle.r]).launch()
     iterations += cg.run(CORRECTED * error, limit)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()

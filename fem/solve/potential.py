@@ -27,6 +27,7 @@ class Incremental:
         self.near: np.ndarray | None = None  # where friction's own Hessian is to be trusted
         known = ROUND_OFF * np.linalg.norm((self.inertia + body.rigidity) * target)
         self.least = max(body.noise, float(known) / body.tolerance)
+        self.loaded, self.sprung = _size(body.load), bool(body.held.springs.any())
 
     def evaluate(self, u: np.ndarray) -> Point:
         """Energy, infinite on contact; gradient; size of the external and inertial force."""
@@ -34,18 +35,24 @@ class Incremental:
         barrier = of.contact.value(u)
         if not np.isfinite(barrier):
             return Point(np.inf, np.full_like(u, np.inf), 0.0)
-        elastic, push, springs = of.response(u), self.inertia * away, of.held.springs * u
-        contact = np.zeros_like(u)
-        of.contact.add_gradient(u, contact)
-        energy = elastic.energy - float((of.load * u).sum()) + barrier
-        energy += 0.5 * float((push * away).sum() + (springs * u).sum())
-        gradient = elastic.force + push + springs + contact - of.load
+        elastic, push = of.response(u), self.inertia * away
+        gradient, sizes = elastic.force + push, [self.loaded, _size(push)]
+        energy = elastic.energy + barrier + 0.5 * float(np.vdot(push, away))
+        energy -= float(np.vdot(of.load, u))
+        gradient -= of.load
+        if self.sprung:
+            springs = of.held.springs * u
+            energy, gradient = energy + 0.5 * float(np.vdot(springs, u)), gradient + springs
+        if of.contact.acts:
+            contact = np.zeros_like(u)
+            of.contact.add_gradient(u, contact)
+            gradient += contact
+            sizes.append(_size(contact))
         if of.damping:
             braked = of.damping.step(u, self.start, self.dt)
             energy, gradient = energy + braked.energy, gradient + braked.force
         gradient[of.held.fixed] = 0.0
-        scale = max(float(np.linalg.norm(f)) for f in (of.load, push, contact))
-        found = Point(energy, gradient, max(scale, self.least))
+        found = Point(energy, gradient, max(*sizes, self.least))
         self.near = u if found.residual <= NEAR * found.scale else None
         return found
 
@@ -55,8 +62,7 @@ class Incremental:
         matrix = of.body.tangent(u, projected=projected)
         if of.damping:
             of.damping.add_to(matrix, u, self.start, self.dt, projected=projected)
-        blocks = (self.inertia + of.held.springs)[:, :, None] * np.eye(3)
-        add_diagonal(matrix, blocks)
+        add_diagonal(matrix, self.inertia + of.held.springs)
         matrix = of.contact.with_hessian(u, matrix, sharp=self.near is u and not projected)
         apply_supports(matrix, of.held.fixed)
         return matrix
@@ -64,3 +70,7 @@ class Incremental:
     def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
         """Share of ``step`` that keeps the body out of the obstacles."""
         return self.of.contact.longest_step(u, step)
+
+
+def _size(v: np.ndarray) -> float:
+    return float(np.linalg.norm(v))

@@ -77,7 +77,7 @@ def test_what_is_likely_of_one_material_is_its_law():
     """u ~ rho / E and f ~ sqrt(E / rho): their quantiles are those of the product of the draws.
 
     log E and log rho are even in their ranges, so that log (rho / E) is a trapezoid with known
-    quantiles; steel's nu has next to no range. 256 points of Sobol miss a quantile by 1 %.
+    quantiles; steel's nu has next to no range. 256 points miss a quantile by 1 %.
     """
     mesh, rows = bar(), {"foot": "carbon steel", "head": "carbon steel"}
     scene = Sag().scene(mesh)

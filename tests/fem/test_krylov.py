@@ -5,7 +5,8 @@ import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import add_diagonal
-from autophyx_tet.fem.linalg.krylov import ConjugateGradients, largest_eigenvalue
+from autophyx_tet.fem.linalg import kernels_krylov
+from autophyx_tet.fem.linalg.krylov import ConjugateGradients, SlicedMatrix, largest_eigenvalue
 from autophyx_tet.fem.scene.box import box_mesh
 
 
@@ -72,3 +73,17 @@ def test_conjugate_gradients_notice_negative_curvature(matrix):
     cg.run(1e-8, 200)
     assert cg.indefinite
     assert not cg.reached
+
+
+def test_a_sliced_matrix_multiplies_as_the_matrix(matrix):
+    """What a GPU multiplies by: q = A p of uneven rows, and p . q, with the numbers of now."""
+    wp = start_warp()
+    sliced, p = SlicedMatrix(matrix, wp.float64), np.random.default_rng(0).normal(size=(64, 3))
+    matrix.values.numpy()[:] *= 2.0
+    sliced.refresh()
+    given, out = wp.array(p.ravel(), dtype=wp.float64), wp.zeros(192, dtype=wp.float64)
+    scalars = wp.zeros(6, dtype=wp.float64)
+    inputs = [*sliced.arrays, given, out, scalars]
+    wp.launch(kernels_krylov.multiply_and_measure, 192, inputs=inputs, device="cpu")
+    assert out.numpy() == pytest.approx(matrix.to_scipy() @ p.ravel(), rel=1e-13, abs=1e-13)
+    assert scalars.numpy()[kernels_krylov.PAP] == pytest.approx(p.ravel() @ out.numpy(), rel=1e-13)
