@@ -160,7 +160,7 @@ def _measures(text: str) -> Iterator[Numeral]:
 
 
 def _matches(pattern: re.Pattern, text: str) -> Iterator[re.Match]:
-    """Matches from left to right; two numbers too far apart for one measure are two: "0.3 / 900"."""
+    """Matches from left to right; numbers too far apart for one measure are two: "0.3 / 900"."""
     at = 0
     while match := pattern.search(text, at):
         at = max(match.end(), at + 1)
