@@ -16,8 +16,9 @@ from ..fem.errors import InputError
 from ..fem.scene.materials import CATEGORIES, MaterialTable, key
 from .chat import ChatEndpoint
 from .language.binding import Bound, bind
-from .language.clauses import Clause, Degree, Measure, Quantity, Scope, Sentence, Subject
+from .language.clauses import Clause, Degree, Scope, Sentence, Subject
 from .language.reader import parse
+from .quantities.quantity import Measure, Quantity
 
 MOST_CLAUSES = 100  # of a text of 4,000 characters
 _PROMPT = """Read what this sentence says about the materials of an object's parts.

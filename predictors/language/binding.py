@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from ..vocabulary.lexicon import Phrase, known_parts, part_name_words, part_words, positions, words
 from .clauses import Clause, Sentence
-from .lexicon import Phrase, known_parts, part_name_words, part_words, positions, words
 
 How = Literal["name", "label", "synonym", "rest", "whole"]
 GENERAL: tuple[How, ...] = ("rest", "whole")  # not by a word for the part

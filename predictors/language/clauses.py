@@ -5,28 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..quantities.quantity import Blend, Quantity
+
 # What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
 # nothing that it says ("oak" alone).
 Scope = Literal["parts", "whole", "rest", "none"]
-# Of a material: Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], hardness on two of
-# Shore's scales [1], filled share of a print [1], mass [kg] and thickness [m] of what is spoken of.
-Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "mass", "thickness"]
 # How stiff or heavy a thing is said to be, from 1 (very soft, very light) to 5 (very stiff, very
 # heavy); 3 is "medium".
 Degree = Literal[1, 2, 3, 4, 5]
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number that was said, in SI units, and the words that say it.
-
-    ``called`` tells whether a word or symbol says what it measures, and not its unit alone.
-    """
-
-    measure: Measure
-    value: float
-    text: str
-    called: bool = True
 
 
 @dataclass(frozen=True)
@@ -72,14 +58,6 @@ class Comparison:
     factor: float
     exact: bool
     other: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Blend:
-    """A second matter inside the first: 30 % of glass fibre in nylon."""
-
-    material: str
-    share: float
 
 
 @dataclass(frozen=True)

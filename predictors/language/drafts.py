@@ -9,9 +9,10 @@ from itertools import pairwise, takewhile
 from typing import Any
 
 from ...fem.scene.materials import Material
-from .clauses import Blend, Clause, Comparison, Quantity, Scope, Subject
+from ..quantities.quantity import Blend, Quantity
+from ..vocabulary.lexicon import SHORT, Phrase, ReaderLexicon, known_parts, places, words
+from .clauses import Clause, Comparison, Scope, Subject
 from .groups import Mention
-from .lexicon import SHORT, Phrase, ReaderLexicon, known_parts, places, words
 from .lexing import Lexed, Lexeme
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out

@@ -13,10 +13,11 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..vocabulary.lexicon import ReaderLexicon, known_parts, words
 from .drafts import Draft
-from .lexicon import DATA, ReaderLexicon, known_parts, words
 from .lexing import Lexeme
 from .phrases import contents_called
 
@@ -42,7 +43,7 @@ class Rule(NamedTuple):
 @lru_cache(maxsize=1)
 def grammar() -> dict[str, Any]:
     """Signs by role, and rules: ``data/grammar.toml``."""
-    data = tomllib.loads((DATA / "grammar.toml").read_text(encoding="utf-8"))
+    data = tomllib.loads((Path(__file__).parent / "data/grammar.toml").read_text(encoding="utf-8"))
 
     def spelt(pattern: str) -> str:
         return re.sub(r"<([A-Z_]+)>", lambda m: spelt(data["sets"][m[1]]), pattern)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ...fem.scene.materials import Material
-from .clauses import Blend, Comparison, Quantity
-from .lexicon import Phrase, ReaderLexicon, known_parts, places, words
+from ..quantities.quantity import Blend, Quantity
+from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, places, words
+from .clauses import Comparison
 from .lexing import Lexeme
 from .phrases import implied, is_hue, puts_hue
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
-from .quantities import numerals
-from .spelling import mended_spelling
+from ..quantities.numerals import numerals
+from ..vocabulary.lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
+from ..vocabulary.spelling import mended_spelling
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")

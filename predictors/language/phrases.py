@@ -7,10 +7,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ...fem.scene.materials import Material
-from .clauses import Comparison, Quantity
-from .lexicon import Phrase, ReaderLexicon, words
+from ..quantities.numerals import number
+from ..quantities.quantity import Quantity
+from ..vocabulary.lexicon import Phrase, ReaderLexicon, words
+from .clauses import Comparison
 from .lexing import Lexeme
-from .quantities import number
 
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times

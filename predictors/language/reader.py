@@ -11,11 +11,11 @@ from dataclasses import replace
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
+from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
 from .clauses import Sentence
 from .drafts import Draft, clause_of, is_mixed, settle, take_strange, tell, unread_lexemes
 from .grammar import Cascade, Constituent, grammar
 from .groups import Group, groups_of
-from .lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
 from .lexing import Lexeme, lex
 from .phrases import bare_numbers, first_phrase, join_comparisons, lone_grades, point_back
 

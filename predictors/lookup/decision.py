@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from ...fem.scene.materials import Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
 from ..language.binding import names_object
-from ..language.clauses import Clause, Degree, Measure, Quantity
+from ..language.clauses import Clause, Degree
 from ..prediction import PartChoice
+from ..quantities.quantity import Measure, Quantity
 from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
 from .numbers import may_have, rubber_of, with_numbers

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue, Span
-from ..language.clauses import Blend, Quantity
+from ..quantities.quantity import Blend, Quantity
 from .derivation import (
     FIBRES,
     RUBBER_NU,

@@ -1,8 +1,8 @@
 """Binding: which clause speaks of which part."""
 
 from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.lexicon import part_name_words
 from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.vocabulary.lexicon import part_name_words
 
 
 def test_more_words_beat_fewer(agree):

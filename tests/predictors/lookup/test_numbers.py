@@ -3,7 +3,6 @@
 import pytest
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.clauses import Blend, Quantity
 from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.lookup.derivation import (
     FIBRES,
@@ -14,6 +13,7 @@ from autophyx_tet.predictors.lookup.derivation import (
 )
 from autophyx_tet.predictors.lookup.lookup import lookup_of
 from autophyx_tet.predictors.lookup.numbers import may_have, rubber_of, with_numbers
+from autophyx_tet.predictors.quantities.quantity import Blend, Quantity
 
 TABLE = load_table()
 OAK, NYLON, RUBBER = (TABLE.exact(name) for name in ("oak", "nylon", "rubber"))

@@ -14,8 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from .clauses import Blend, Measure, Quantity
 from .number_words import in_digits
+from .quantity import Blend, Measure, Quantity
 
 _DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")

@@ -1,0 +1,31 @@
+"""A number that was said of a material, and a second matter in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+# Of a material: Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], hardness on two of
+# Shore's scales [1], filled share of a print [1], mass [kg] and thickness [m] of what is spoken of.
+Measure = Literal["E", "nu", "rho", "shore_a", "shore_d", "infill", "mass", "thickness"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that was said, in SI units, and the words that say it.
+
+    ``called`` tells whether a word or symbol says what it measures, and not its unit alone.
+    """
+
+    measure: Measure
+    value: float
+    text: str
+    called: bool = True
+
+
+@dataclass(frozen=True)
+class Blend:
+    """A second matter inside the first: 30 % of glass fibre in nylon."""
+
+    material: str
+    share: float
