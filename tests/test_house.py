@@ -17,8 +17,8 @@ FLOORS = {
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
         "vocabulary", "quantities", "language", "interpreter", "hearing", "construction", "images",
-        "partition", "prediction", "lookup", "predictor", "retrieval", "film", "unipixie", "assignment", "datasets",
-        "training", "evaluation",
+        "partition", "prediction", "lookup", "predictor", "retrieval", "film", "unipixie",
+        "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (
         "registry", "files", "announced_sizes", "npz", "reduced_archive", "spring_archive", "mesh",
