@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .intervals import Interval, Likely
 from .model_error import MOTION_LIMIT
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
 from .scene.mesh import TetMesh, largest_explicit_step
+from .uncertainty.intervals import Interval
+from .uncertainty.likely import Likely
 
 # A body holds its shape if no point moves more than this share of its height.
 HOLDS = 0.05
@@ -263,16 +264,16 @@ def strength(safety: Safety) -> Check:
 def span_of_answers(
     mass: Interval, u: Interval | None, tones: Sequence[Interval], likely: Likely | None = None
 ) -> Check:
-    """What mass, displacement and first frequency may be, by the ranges of the table."""
-    said, inner = [f"it weighs {mass.words('.3g')} kg"], likely.words if likely else ("", "")
-    if u is not None:
-        said.append(f"moves by {u.words('.2g')} m{inner[0]}")
-    if tones:
-        said.append(f"rings first at {tones[0].words('.3g')} Hz{inner[1]}")
+    """What mass, displacement and first frequency may be, by what its materials leave open."""
+    inner = likely.words if likely else ("", "", "")
+    said = [f"it weighs {mass.words('.3g')} kg{inner[0]}"]
+    said += [f"moves by {u.words('.2g')} m{inner[1]}"] if u else []
+    said += [f"rings first at {tones[0].words('.3g')} Hz{inner[2]}"] if tones else []
+    drawn = f" and by {likely.drawn} samples of what is unknown" if likely and likely.drawn else ""
     answer = u or (tones[0] if tones else mass)
     return Check(
         "range", True, answer.high / answer.low, np.inf,
-        f"By the ranges of E and rho of its materials {' and '.join(said)}.",
+        f"By the ranges of E and rho of its materials{drawn} {' and '.join(said)}.",
     )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ def predict_materials(
     materials: Mapping[str, str] | None = None,
     values: Mapping[str, Mapping[str, float]] | None = None,
     alpha: float | None = None,
+    samples: int = 0,
     volumes: Sequence[float] | None = None,
     usual: Mapping[str, tuple[str, str]] | None = None,
     up: UpAxis = "z",
@@ -42,6 +43,8 @@ def predict_materials(
         Who finds what words leave open, or its name in ``PREDICTORS``.
     overrides, materials, values, alpha, volumes
         As ``Lookup.settle`` takes them; volumes [m^3].
+    samples
+        How many plausible materials to draw of every part that words leave open.
     usual
         By part a kind of thing and its usual material, for where no word names another.
     up
@@ -54,10 +57,10 @@ def predict_materials(
     Raises
     ------
     UsageError
-        Where a part, a material or the predictor is unknown, or ``alpha`` is to move what a
-        predictor finds that cannot do it.
+        Where a part, a material or the predictor is unknown, or ``alpha`` is to move, or
+        ``samples`` to draw, what a predictor finds that cannot do it.
     """
-    predictor, table = _named(predictor, table), table or load_table()
+    predictor, table = _named(predictor, table, samples), table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
         alpha=alpha, volumes=volumes,
@@ -74,11 +77,18 @@ def predict_materials(
     return replace(made, warnings=settled.warnings)
 
 
-def _named(predictor: Predictor | str, table: MaterialTable | None) -> Predictor:
+def _named(predictor: Predictor | str, table: MaterialTable | None, samples: int) -> Predictor:
     """Return the predictor of a name; a table that is the user's own is its table too."""
     if not isinstance(predictor, str):
         return predictor
-    return PREDICTORS[predictor](**({} if table is None else {"table": table}))
+    kind = PREDICTORS[predictor]
+    if samples < 0:
+        raise UsageError(f"--samples {samples}: wanted a number from 0 on")
+    if samples and not kind.takes_samples:
+        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
+        raise UsageError(f"--samples: {predictor} finds one material a part: --predictor {able}")
+    given = {"table": table, "samples": samples or None}
+    return kind(**{name: value for name, value in given.items() if value is not None})
 
 
 def _check_alpha(alpha: float | None, predictor: Predictor, part: str) -> None:

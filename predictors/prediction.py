@@ -74,6 +74,8 @@ class PartChoice:
         Class of matter that a network found, in small letters; "" for that of the row.
     understood
         Whether what the text says of the part was understood.
+    draws
+        Other plausible materials that a network drew, in the order of their seeds.
     """
 
     part: str
@@ -91,6 +93,7 @@ class PartChoice:
     guessed: bool = False
     understood: bool = True
     matter: str = ""
+    draws: tuple[MaterialValue, ...] = ()
 
     @property
     def matter_class(self) -> str:

@@ -38,11 +38,13 @@ class Appearance:
 class Predictor(Protocol):
     """Finds the materials of the parts that words leave open.
 
-    ``takes_alpha`` says whether it can move E of such a part from soft (0) to stiff (1).
+    ``takes_alpha`` says whether it can move E of such a part from soft (0) to stiff (1),
+    ``takes_samples`` whether its class takes how many materials it is to draw of such a part.
     """
 
     name: ClassVar[str]
     takes_alpha: ClassVar[bool]
+    takes_samples: ClassVar[bool]
 
     def predict(
         self,

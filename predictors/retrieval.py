@@ -21,6 +21,7 @@ class RetrievalPredictor:
 
     name: ClassVar[str] = "retrieval"
     takes_alpha: ClassVar[bool] = True
+    takes_samples: ClassVar[bool] = False
 
     def __init__(
         self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None

@@ -12,7 +12,7 @@ FLOORS = {
         "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
         "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "model_error",
         "result", "solve", "mpm", "reduced", "springs", "matching", "scenarios", "grain", "safety",
-        "intervals", "verdicts",
+        "uncertainty", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

@@ -1,7 +1,4 @@
-"""Options of the commands: the single source for the CLI, for TOML and for what a result records.
-
-Defaults are stated here and nowhere else.
-"""
+"""Options of the commands, for CLI, TOML and records: defaults are stated here and nowhere else."""
 
 from __future__ import annotations
 
@@ -103,10 +100,11 @@ class AssignOptions:
     table: Path | None = None
     """Your own materials beside the table's, .csv with its columns or .toml; yours win."""
     interpreter: str | None = None
-    """Language model that reads the text: http://HOST/v1#MODEL, OpenAI-compatible; its key stands
-    in AUTOPHYX_INTERPRETER_KEY."""
+    """Language model that reads the text: http://HOST/v1#MODEL; key: AUTOPHYX_INTERPRETER_KEY."""
     alpha: float | None = None
     """Where in the material's range of E: 0 soft, 0.5 the default, 1 stiff."""
+    samples: int = 0
+    """So many plausible materials of what words leave open: intervals of mass, sag, frequency."""
     cells: int = 64
     """Voxels along the longest side of the material field."""
     predictor: Annotated[str, choice(PREDICTORS)] = "film"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
 from .results.conversion import Conversion
-from .results.run import RunCase, RunResult, Stopwatch
+from .results.run import RunCase, RunResult, Stopwatch, turned
 from .simulation.simulate import simulate
 from .walls.wall_options import WallOptions
 
@@ -220,6 +221,7 @@ def _predicted(
         values=numbers_of_parts(options.set),
         table=table if options.table else None,
         alpha=options.alpha,
+        samples=options.samples,
         volumes=mesh.region_volumes().tolist(),
         usual=usual,
         up=sidecar.up,
@@ -254,40 +256,38 @@ def run(
     assign_options: AssignOptions | None = None,
     simulate_options: SimulateOptions | None = None,
     features: bool = False,
+    dial: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> RunResult:
     """Convert once, assign and simulate every sentence under the same loads, write a folder.
 
-    ``picture`` (.png, .gif, .webp) is one more, of the first sentence; with ``features`` the report
-    shows what the image encoder sees. Nothing is written before everything is computed. Raises what
-    the single verbs raise.
+    ``picture`` (.png, .gif, .webp) is one more, of the first sentence; ``features`` shows what the
+    image encoder sees, ``dial`` every sentence at alpha 0, .5 and 1. Nothing is written before
+    everything is computed. Raises what the single verbs raise.
     """
     from ..converters.files import alone
     from .report.folder import write_folder
     from .report.picture.snapshot import SUFFIXES, write_picture
 
     check_run(output)
-    assigning = (assign_options or AssignOptions()).checked()
+    ways = turned((assign_options or AssignOptions()).checked(), dial=dial)
     if picture is not None:
         check_file(picture, SUFFIXES)
     with alone(output):
         clock = Stopwatch()
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
-        cases, up = [], solid.asset.up
-        known = {"up": up, "differences": solid.report.differences, "progress": progress}
-        for text in texts:
-            body = assign(
-                solid.mesh, text, asset=solid.asset, options=assigning, walls=solid.known_walls
-            )
+        known = {"up": solid.asset.up, "differences": solid.report.differences}
+        cases = []
+        for text, way in product(texts, ways):
+            body = assign(solid.mesh, text, asset=solid.asset, options=way, walls=solid.known_walls)
             clock.lap("assign")
-            known["materials"] = {choice.part: choice.material for choice in body.choices}
-            known["classes"] = {choice.part: choice.matter_class for choice in body.choices}
+            known |= {**body.known_of_parts, "progress": progress}
             cases.append(RunCase(body, simulate(body.mesh, options=simulate_options, **known)))
             clock.lap("simulate")
-        given = (convert_options, walls, assign_options, simulate_options)
-        said = {"text": [*filter(None, texts)], "output": output}
-        again = command_line("run", solid.asset.source or "ASSET", options=given, **said)
+        options = (convert_options, walls, assign_options, simulate_options)
+        said = {"text": [*filter(None, texts)], "output": output, "dial": dial}
+        again = command_line("run", solid.asset.source or "ASSET", options=options, **said)
         result = RunResult(solid, tuple(cases), clock.seconds, command=again, date=now())
         if features:
             from .features import features as features_of
@@ -295,6 +295,6 @@ def run(
             result = replace(result, features=features_of(solid.asset).voxels)
             clock.lap("features")
         if picture is not None:
-            result = replace(result, files=(write_picture(picture, cases[0].simulation, up=up),))
-        touch = simulate_options is not None and simulate_options.touch
-        return write_folder(output, result, touch=touch)
+            drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
+            result = replace(result, files=(drawn,))
+        return write_folder(output, result, touch=bool(simulate_options and simulate_options.touch))

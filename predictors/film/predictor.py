@@ -32,6 +32,7 @@ class FilmPredictor:
 
     name: ClassVar[str] = "film"
     takes_alpha: ClassVar[bool] = False
+    takes_samples: ClassVar[bool] = False
 
     def __init__(
         self,

@@ -25,6 +25,8 @@ WEIGHTS = Path(__file__).parents[1] / "weights" / "unipixie.safetensors"
 ANY = -1.0  # asks for a plausible matter instead of a place in the range
 CHUNK = 16_384  # tokens decoded at once: 8 MB an activation
 SAMPLE_STEPS = 4  # of the flow, where it is to keep its spread
+MEANT = 128  # tokens of a part at most that tell how a sample differs from the mean of all
+ALL = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +73,29 @@ class Found:
         soft, stiff = self.ends
         return soft + alpha * (stiff - soft)
 
-    def sample(self, seed: int) -> Float[np.ndarray, "n 3"]:
-        """One plausible matter: coherent within a part."""
-        drawn = self._decode(ANY, self._noise(seed), steps=SAMPLE_STEPS)[0]
-        mean = self.likeliest[0]
+    def sample(self, seed: int, tokens: slice | np.ndarray = ALL) -> Float[np.ndarray, "n 3"]:
+        """One plausible matter of some tokens: coherent within a part."""
+        noise = self._noise(seed)[:, tokens]
+        drawn = self._decode(ANY, noise, steps=SAMPLE_STEPS, tokens=tokens)[0]
+        mean = self.likeliest[0][tokens]
         return (mean + self.calibration.spread * (drawn - mean)).clip(-1, 1)
+
+    def samples(self, count: int, seed: int) -> Float[np.ndarray, "count parts 3"]:
+        """Means over the parts of so many plausible matters; more of them begin with these.
+
+        How a sample differs from the mean of all is told by some tokens of a part alone.
+        """
+        part, states = self.cube.part, np.random.SeedSequence(seed).generate_state(count)
+        parts = range(int(part.max()) + 1)
+        few = [_evenly(np.flatnonzero(part == p), MEANT) for p in parts]
+        tokens = np.concatenate(few)
+        mean = np.array([_mean(self.likeliest[0][part == p]) for p in parts])
+        drawn = np.empty((count, len(few), 3))
+        for values, state in zip(drawn, states.tolist(), strict=True):
+            apart = self.sample(state, tokens) - self.likeliest[0][tokens]
+            ends = np.cumsum([len(some) for some in few])[:-1]
+            values[:] = mean + [_mean(some) for some in np.split(apart, ends)]
+        return drawn.clip(-1, 1)
 
     def _noise(self, seed: int | None) -> torch.Tensor:
         """Where the flow begins, (1, n, 3): zero, the middle of the noise, without a seed."""
@@ -92,25 +112,41 @@ class Found:
         return coherent_noise(shared[self.cube.part], own)[None]
 
     def _decode(
-        self, alpha: float, noise: torch.Tensor, *, steps: int = 0
+        self,
+        alpha: float,
+        noise: torch.Tensor,
+        *,
+        steps: int = 0,
+        tokens: slice | np.ndarray = ALL,
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
-        """Values and classes of all tokens, some at a time: each sees the latents alone."""
+        """Values and classes of tokens, some at a time: each sees the latents alone."""
         import torch
 
         values, classes = [], []
         given = torch.tensor([alpha])
+        place, own = self.voxels.place[:, tokens], self.voxels.own[:, tokens]
         with torch.inference_mode():
             for begin in range(0, noise.shape[1], CHUNK):
                 some = slice(begin, begin + CHUNK)
-                voxels = self.voxels._replace(
-                    place=self.voxels.place[:, some], own=self.voxels.own[:, some]
-                )
+                voxels = self.voxels._replace(place=place[:, some], own=own[:, some])
                 found, logits = self.network.sample_matter(
                     self.latents, voxels, given, noise[:, some], steps=steps
                 )
                 values.append(found[0].numpy())
                 classes.append(logits[0].argmax(-1).numpy())
         return np.concatenate(values).clip(-1, 1), np.concatenate(classes)
+
+
+def _mean(values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """Mean over tokens, NaN of none: a part without a cell."""
+    return values.mean(axis=0) if len(values) else np.full(3, np.nan)
+
+
+def _evenly(tokens: Int[np.ndarray, "n"], most: int) -> Int[np.ndarray, "m"]:
+    """At most so many of the tokens, evenly."""
+    if len(tokens) <= most:
+        return tokens
+    return tokens[np.linspace(0, len(tokens) - 1, most).astype(int)]
 
 
 def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known) -> Voxels:

@@ -29,10 +29,14 @@ from .inference import Found, Known, UniPixieModel
 
 
 class UniPixiePredictor:
-    """Predicts with the shipped weights, or those of ``weights``."""
+    """Predicts with the shipped weights, or those of ``weights``.
+
+    Of every part that it decides it draws so many plausible ``samples``, from ``seed`` on.
+    """
 
     name: ClassVar[str] = "unipixie"
     takes_alpha: ClassVar[bool] = True
+    takes_samples: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -40,9 +44,12 @@ class UniPixiePredictor:
         weights: Path | None = None,
         table: MaterialTable | None = None,
         encoder: TextEncoder | None = None,
+        samples: int = 0,
+        seed: int = 0,
     ) -> None:
         self.table = table or load_table()
         self.model = UniPixieModel(weights=weights)
+        self.samples, self.seed = samples, seed
         self._encoder = encoder
         self.lookup = (
             Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
@@ -79,8 +86,13 @@ class UniPixiePredictor:
         there = set(np.unique(parts.part).tolist())
         left_open = [i for i, c in enumerate(choices) if not c.settled and i in there]
         decided = list(choices)
+        drawn = found.normalisation.physical(found.samples(self.samples, self.seed))
         for i in left_open:
-            decided[i] = self._choose(choices[i], found, i, alpha)
+            draws = tuple(
+                MaterialValue(*map(float, one))
+                for one in zip(*(v[:, i] for v in drawn), strict=True)
+            )
+            decided[i] = replace(self._choose(choices[i], found, i, alpha), draws=draws)
         made = Prediction.of(parts, decided, sentence, alpha=alpha)
         return replace(made, field=_with_ranges(made.field, found, left_open))
 

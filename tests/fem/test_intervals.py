@@ -1,21 +1,20 @@
-"""RowFactors of the table become intervals: exact scaling of one material, monotone for several."""
+"""Ranges of the table become intervals: exact scaling of one material, monotone for several."""
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.intervals import (
-    displacement_interval,
-    frequency_intervals,
-    likely_answers,
-    mass_range,
-    material_ranges,
-    row_ranges,
-)
 from autophyx_tet.fem.scenarios.sag import Sag
 from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.materials import MaterialValue, load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.uncertainty.intervals import (
+    displacement_interval,
+    frequency_intervals,
+    mass_range,
+)
+from autophyx_tet.fem.uncertainty.likely import likely_answers
+from autophyx_tet.fem.uncertainty.ranges import material_ranges, open_ranges
 
 from .bodies import shaken_box
 
@@ -105,9 +104,61 @@ def test_what_is_likely_of_one_material_is_its_law():
         assert f / modes.frequencies[0] == pytest.approx(wanted, rel=0.01)
 
 
+def test_samples_of_a_predictor_are_bodies_of_their_own():
+    """Drawn alike for the whole bar: m ~ rho, u ~ rho / E and f ~ sqrt(E / rho), draw by draw."""
+    mesh, random = bar(), np.random.default_rng(2)
+    E, rho = 10 ** random.uniform(9, 11, 7), random.uniform(500, 5000, 7)
+    nu = float(mesh.material.nu[0])
+    drawn = [MaterialValue(float(e), nu, float(r)) for e, r in zip(E, rho, strict=True)]
+    draws = {"foot": drawn, "head": drawn}
+    scene = Sag().scene(mesh)
+    modes = natural_modes(mesh, 2, supports=scene.held)
+    result = StaticMethod().solve(scene)
+    found = likely_answers(scene, {}, draws=draws, result=result, modes=modes)
+    assert found is not None
+    assert (found.samples, found.drawn) == (7, 7)
+    heavier, stiffer = rho / mesh.material.rho[0], E / mesh.material.E[0]
+    assert found.max_displacement is not None
+    laws = (
+        (found.mass, mesh.mass * heavier),
+        (found.max_displacement, result.max_displacement * heavier / stiffer),
+        (found.frequencies[0], modes.frequencies[0] * np.sqrt(stiffer / heavier)),
+    )
+    for answer, known in laws:
+        # One body in another unit of stress: only round-off differs.
+        np.testing.assert_allclose(answer, np.quantile(known, (0.05, 0.95)), rtol=1e-7)
+    ends = material_ranges(mesh, {}, draws)
+    assert ends is not None
+    lowest, highest = mesh.mass * heavier.min(), mesh.mass * heavier.max()
+    np.testing.assert_allclose(
+        mass_range(mesh, ends), (min(lowest, mesh.mass), max(highest, mesh.mass)), rtol=1e-12
+    )
+
+
+def test_samples_beside_a_row_keep_its_range():
+    """The head's one draw is what it has: what is left open is the row of the foot, and no more."""
+    mesh, rows = bar(), {"foot": "carbon steel", "head": "carbon steel"}
+    scene = Sag().scene(mesh)
+    asis = [
+        MaterialValue(
+            *(float(v[-1]) for v in (mesh.material.E, mesh.material.nu, mesh.material.rho))
+        )
+    ]
+    found = likely_answers(scene, rows, draws={"head": asis})
+    assert found is not None
+    assert (found.samples, found.drawn) == (256, 1)
+    foot = mesh.region == 0
+    low, high = (mesh.volumes[foot].sum() * end for end in STEEL.rho)
+    rest = mesh.mass - float((mesh.material.rho * mesh.volumes)[foot].sum())
+    # log rho is even in the row's range, one draw in each of 256 strata: 1/256 of its span.
+    for share, mass in zip((0.05, 0.95), found.mass, strict=True):
+        wanted, wide = low ** (1 - share) * high**share, np.log(high / low)
+        assert mass - rest == pytest.approx(wanted, rel=wide / 256)
+
+
 def test_draws_are_bodies_that_the_solver_takes():
     """A foam whose Poisson's ratio may be below 0, which no mesh may have, is drawn from 0 on."""
     foam = load_table().exact("flexible PU foam")
     assert foam.nu.min < 0
-    for row in row_ranges(bar(second=foam), {"foot": "carbon steel", "head": foam.name}):
+    for row in open_ranges(bar(second=foam), {"foot": "carbon steel", "head": foam.name}):
         assert 0 <= row.nu.min <= row.nu.max < 0.5

@@ -1,6 +1,8 @@
 """The seams of predictors and encoders, as a user of the verbs meets them."""
 
+import json
 from collections import Counter
+from dataclasses import replace
 from typing import ClassVar
 
 import autophyx_tet as apx
@@ -34,6 +36,7 @@ class Leaden:
 
     name: ClassVar[str] = "leaden"
     takes_alpha: ClassVar[bool] = True
+    takes_samples: ClassVar[bool] = False
 
     def predict(self, parts, sentence, *, choices=None, appearance=None, up="z", alpha=None):
         """Lead for every open part."""
@@ -65,6 +68,62 @@ def test_a_predictor_is_one_class_and_one_registration(toy):
     left = found.mesh.region == 0
     assert found.mesh.material is not None
     np.testing.assert_allclose(found.mesh.material.rho[left], LEAD.value().rho)
+
+
+class Undecided(Leaden):
+    """Another toy: an open part may be of any density, so many of them."""
+
+    name: ClassVar[str] = "undecided"
+    takes_samples: ClassVar[bool] = True
+
+    def __init__(self, *, samples=0):
+        self.samples = samples
+
+    def predict(self, parts, sentence, **known):
+        """Lead for every open part, and as often half as heavy, a third ..."""
+        made, lead = super().predict(parts, sentence, **known), LEAD.value()
+        drawn = tuple(lead._replace(rho=lead.rho / (k + 2)) for k in range(self.samples))
+        left_open = {
+            i: replace(c, draws=drawn) for i, c in enumerate(made.choices) if not c.settled
+        }
+        return made.with_choices(left_open)
+
+
+@pytest.fixture
+def undecided():
+    PREDICTORS.register("undecided", Undecided)
+    yield
+    PREDICTORS.unregister("undecided")
+
+
+@pytest.mark.slow
+def test_samples_go_from_assign_to_simulate_by_the_sidecar(undecided, tmp_path, capsys):
+    """The open half may weigh a half to a fifth of lead: mass and frequency have intervals."""
+    write_mesh(tmp_path / "bar.msh", two_regions())
+    given = ["--predictor", "undecided", "--samples", "4", "--part", "seat=steel"]
+    m = str(tmp_path / "m.msh")
+    assert main(["assign", str(tmp_path / "bar.msh"), *given, "-o", m, "-q"]) == 0
+    answers = ["simulate", m, "-o", str(tmp_path / "s.vtu"), "--json", "-q"]
+    assert main(answers) == 0
+    found = json.loads(capsys.readouterr().out)["sag"]
+    likely = found["intervals"]["likely"]
+    assert likely["drawn"] == 4
+    steel = load_table().exact("carbon steel").rho
+    lightest, heaviest = LEAD.value().rho / 5, LEAD.value().rho / 2
+    # Each region has 1 m3. The ends of the middle nine tenths lie within those of all.
+    assert lightest + steel.min < likely["mass"]["low"] < likely["mass"]["high"]
+    assert likely["mass"]["high"] < heaviest + steel.max
+    assert any("4 samples" in verdict["sentence"] for verdict in found["verdicts"])
+
+
+def test_samples_of_who_has_none_are_refused():
+    for samples, predictor, said in (
+        (4, "film", "--predictor unipixie"),
+        (-1, "unipixie", "from 0"),
+    ):
+        options = AssignOptions(predictor=predictor, samples=samples, cells=8)
+        with pytest.raises(UsageError, match=said):
+            apx.assign(two_regions(), "", options=options)
 
 
 def test_unknown_predictors_are_named_in_one_line():

@@ -98,3 +98,33 @@ def test_two_texts_share_exaggeration_scale_and_camera(moving):
             break
     assert np.abs(eyes[0] - first).max() > 0.05
     np.testing.assert_allclose(eyes[0], eyes[1], atol=1e-6)
+
+
+@pytest.fixture
+def dialled(chromium, folder):
+    """A bar of E and of 100 E and 10^4 E, that moves a tenth as far each time."""
+    cases = []
+    for k, alpha in enumerate((0.0, 0.5, 1.0)):
+        bar = case("a bar", names=NAMES, frames=5)
+        parts = tuple(replace(part, E=1e6 * 100.0**k) for part in bar.parts)
+        cases.append(replace(bar, parts=parts, motion=0.1**k * bar.motion, alpha=alpha))
+    visit = Visit(chromium, write_report(folder / "dial.html", content(*cases)))
+    yield visit
+    visit.close()
+
+
+def test_the_dial_tells_e_and_switches_among_the_motions(dialled):
+    """log E is even between its known places; the nearest motion is shown alone, or all again."""
+    shown = "report.views.filter((v) => v.node.clientWidth > 0).map((v) => v.index)"
+    assert dialled.page.evaluate(shown) == [0, 1, 2]
+    for alpha, E, nearest in (("0.25", 1e7, 0), ("0.5", 1e8, 1), ("0.75", 1e9, 2), ("1", 1e10, 2)):
+        found = dialled.page.evaluate(f"dial.stiffness('a bar', {alpha})")
+        assert found == pytest.approx([E] * len(found), rel=1e-9)
+        if alpha == "0.75":  # between two: either is the nearest
+            continue
+        dialled.page.locator("#dial").fill(alpha)
+        dialled.settled()
+        assert dialled.page.evaluate(shown) == [nearest]
+    dialled.page.get_by_role("button", name="Side by side").click()
+    dialled.settled()
+    assert dialled.page.evaluate(shown) == [0, 1, 2]

@@ -168,6 +168,8 @@ class RunCommand:
     """One more picture, outside the folder: .png, or the motion as .gif or .webp."""
     features: bool = False
     """Show in the report what the image encoder sees, as colours; some seconds more."""
+    dial: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Every text at --alpha 0, .5 and 1: the report has a dial from soft to stiff."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
     convert: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
@@ -208,6 +210,7 @@ class RunCommand:
                 assign_options=self.assign,
                 simulate_options=self.simulate,
                 features=self.features,
+                dial=self.dial,
                 progress=tell,
             )
         return result.document()

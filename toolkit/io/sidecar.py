@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...fem.errors import InputError
+from ...fem.scene.materials import MaterialValue
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.voxels import PartVoxels
@@ -116,6 +117,16 @@ def classes_on_record(sidecar: Sidecar) -> dict[str, str]:
 def differences_on_record(sidecar: Sidecar) -> tuple[str, ...]:
     """What ``convert`` told of the mesh that is not as in its file."""
     return tuple(sidecar.record.get("convert", {}).get("report", {}).get("differences", ()))
+
+
+def draws_on_record(sidecar: Sidecar) -> dict[str, tuple[MaterialValue, ...]]:
+    """Matters that a predictor drew of parts, as ``assign`` wrote them down."""
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    return {
+        part["name"]: tuple(MaterialValue(**one) for one in part["draws"])
+        for part in parts
+        if part.get("draws")
+    }
 
 
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:

@@ -77,6 +77,8 @@ class Case:
         What a reader asks first: what moves most, whether it gives way ...
     touch
         The body to pull; None: the page has none.
+    alpha
+        Place of what is not said between soft (0) and stiff (1), where cases differ by it.
     """
 
     text: str
@@ -97,6 +99,7 @@ class Case:
     vibrations: Float[np.ndarray, "modes points 3"] | None = None
     state: str = "Under load"
     clock: Literal["time", "load"] = "time"
+    alpha: float | None = None
 
     def __post_init__(self) -> None:
         points, tets = len(self.mesh.points), len(self.mesh.tets)

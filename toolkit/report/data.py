@@ -38,6 +38,7 @@ def payload(content: ReportContent) -> str:
                 "state": case.state,
                 "clock": case.clock,
                 **_touch(case),
+                **_dial(case),
             }
         )
     document = {
@@ -135,6 +136,14 @@ def _touch(case: Case) -> dict:
     }
     shown = {"magnification": case.touch.magnification, "slowness": case.touch.slowness}
     return {"touch": {**packed, **shown, "dofs": model.dofs, "scales": scales.tolist()}}
+
+
+def _dial(case: Case) -> dict:
+    """Where the case lies between soft and stiff, and E [Pa] of its parts there."""
+    if case.alpha is None:
+        return {}
+    E, parts = ([getattr(row, name) for row in case.parts] for name in ("E", "name"))
+    return {"dial": {"alpha": case.alpha, "text": case.text, "parts": parts, "E": E}}
 
 
 def _quantised(frames: np.ndarray) -> dict:

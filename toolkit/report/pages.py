@@ -47,6 +47,9 @@ def run_page(
         _case(c.assignment.text, c.simulation, c.assignment.document(), verdicts)
         for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
     ]
+    if result.turned:
+        places = [c.assignment.field.alpha for c in result.cases]
+        cases = [replace(case, alpha=alpha) for case, alpha in zip(cases, places, strict=True)]
     if touch:
         cases = [_touched(case, c.simulation) for case, c in zip(cases, result.cases, strict=True)]
     return ReportContent(

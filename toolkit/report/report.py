@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 # The viewer, in the order of its parts.
 SCRIPTS = tuple(
     f"report_{part}.js"
-    for part in ("tets", "cut", "scale", "view", "tools", "reduced", "touch", "main")
+    for part in ("tets", "cut", "scale", "view", "tools", "reduced", "touch", "dial", "main")
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...fem.errors import BandError, InputError, UsageError
-from ...fem.scene.materials import FIELDS, outside_band
+from ...fem.scene.materials import FIELDS, MaterialValue, outside_band
 from ...fem.scene.mesh import TetMesh
+from ...fem.uncertainty.likely import MIDDLE
 from ...predictors.construction.masses import MassInterval
 from ...predictors.field import MaterialField
 from ..io.document import mesh_document
@@ -77,6 +78,7 @@ class Assignment:
                 "understood": choice.understood,
                 "weight": choice.weight,
                 "binding": choice.binding,
+                "draws": self.draws.get(choice.part, ()),
                 "volume": volume,
                 "mass": mass,
                 "mass_interval": list(built.mass),
@@ -86,6 +88,24 @@ class Assignment:
                 self.choices, self.built, volumes, masses, strict=True
             )
         ]
+
+    @property
+    def known_of_parts(self) -> dict[str, Mapping[str, Any]]:
+        """What ``simulate`` takes of the parts: rows of the table, classes of matter, draws."""
+        return {
+            "materials": {choice.part: choice.material for choice in self.choices},
+            "classes": {choice.part: choice.matter_class for choice in self.choices},
+            "draws": self.draws,
+        }
+
+    @property
+    def draws(self) -> dict[str, tuple[MaterialValue, ...]]:
+        """Materials that a predictor drew, by part; where its walls are smeared, apparent ones."""
+        return {
+            choice.part: tuple(map(built.as_built, choice.draws))
+            for choice, built in zip(self.choices, self.built, strict=True)
+            if choice.draws
+        }
 
     def mass_interval(self) -> MassInterval:
         """Masses [kg] between which the whole lies."""
@@ -132,6 +152,23 @@ class Assignment:
                 ADVICE["mass"],
             )
 
+    def _drawn_mass(self) -> Iterator[Verdict]:
+        """What it weighs in nine of ten samples of what is unknown."""
+        if not self.draws:
+            return
+        each = {row["name"]: row["mass"] for row in self.part_rows()}
+        known = sum(mass for name, mass in each.items() if name not in self.draws)
+        drawn = [
+            each[choice.part] / built.as_built(choice.value).rho
+            * np.array([value.rho for value in self.draws[choice.part]])
+            for choice, built in zip(self.choices, self.built, strict=True)
+            if choice.part in self.draws
+        ]  # fmt: skip
+        low, high = np.quantile(known + sum(drawn), MIDDLE)
+        count = len(drawn[0])
+        said = f"Nine times in ten of {count} samples it weighs {low:.3g} to {high:.3g} kg."
+        yield Verdict("good", said, "range", "")
+
     def described(self) -> Sidecar:
         """Return the sidecar of the mesh, with the choices on record."""
         return self.sidecar.with_record(assign=self.document())
@@ -144,7 +181,7 @@ class Assignment:
             **mesh_document(self.mesh),
             "mass_interval": list(self.mass_interval()),
             "parts": self.part_rows(),
-            "verdicts": self.verdicts(),
+            "verdicts": [*self.verdicts(), *self._drawn_mass()],
             "doubts": self.doubts,
             "warnings": self.warnings,
         }

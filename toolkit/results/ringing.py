@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.intervals import frequency_intervals, likely_answers, mass_range, material_ranges
 from ...fem.result import Modes
+from ...fem.uncertainty.intervals import frequency_intervals, mass_range
+from ...fem.uncertainty.likely import likely_answers
+from ...fem.uncertainty.ranges import material_ranges
 from .simulation import Animation, Simulation
 
 if TYPE_CHECKING:
@@ -54,11 +56,11 @@ class Ringing(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
-        ranges = material_ranges(self.mesh, self.materials)
+        ranges = material_ranges(self.mesh, self.materials, self.draws)
         if ranges is None:
             return None
         tones = frequency_intervals(self.mesh, self.modes, ranges)
-        likely = likely_answers(self.scene, self.materials, modes=self.modes)
+        likely = likely_answers(self.scene, self.materials, draws=self.draws, modes=self.modes)
         return {"mass": mass_range(self.mesh, ranges), "frequencies": tones, "likely": likely}
 
     @property

@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ...fem.errors import UsageError
 from ..io.document import versions
+from ..options import AssignOptions
 from .assignment import Assignment
 from .conversion import Conversion
 from .settled import Settled
 from .simulation import Simulation
 from .summary import as_table, in_a_line
-from .verdict import Verdict
+from .verdict import ADVICE, Verdict
 
 if TYPE_CHECKING:
     from ...predictors.images.features import VoxelFeatures
+
+
+# Places of the dial: the soft end of what is not said, its middle, the stiff end.
+DIAL = (0.0, 0.5, 1.0)
+
+
+def turned(options: AssignOptions, *, dial: bool) -> tuple[AssignOptions, ...]:
+    """The options, or those of every place of the dial."""
+    if not dial:
+        return (options,)
+    if options.alpha is not None:
+        raise UsageError("--dial shows alpha 0, .5 and 1: leave --alpha out")
+    return tuple(replace(options, alpha=alpha) for alpha in DIAL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +51,7 @@ class RunResult:
     """One conversion, and one case for every sentence, under identical loads.
 
     ``features`` are what an image encoder sees of the asset, where that was asked for; ``command``
-    makes it again, ``date`` is when it was made.
+    makes it again, ``date`` is when it was made. Turned by the dial, each sentence has three cases.
     """
 
     conversion: Conversion
@@ -49,11 +68,20 @@ class RunResult:
     def _repr_html_(self) -> str:
         return as_table(self)
 
+    @property
+    def turned(self) -> bool:
+        """Whether the cases of a sentence lie at several places between soft and stiff."""
+        return len({case.assignment.field.alpha for case in self.cases}) > 1
+
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
         from ...fem.verdicts import distinguishable
 
         found = [case.assignment.verdicts() for case in self.cases]
+        if self.turned:
+            for k in range(0, len(self.cases), len(DIAL)):
+                found[k].extend(_order([c.simulation for c in self.cases[k : k + len(DIAL)]]))
+            return found
         first, *others = (case.simulation for case in self.cases)
         for verdicts, other in zip(found[1:], others, strict=True):
             if isinstance(first, Settled) and isinstance(other, Settled):
@@ -67,6 +95,7 @@ class RunResult:
         cases = [
             {
                 **case.assignment.document(),
+                "alpha": case.assignment.field.alpha,
                 "verdicts": verdicts,
                 **{key: answer[key] for key in ("scenario", "scene", kind)},
             }
@@ -90,6 +119,25 @@ class RunResult:
             "seconds": self.seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }
+
+
+def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
+    """Whether one sentence's cases, from soft to stiff, give way less and less.
+
+    A linear body under one dead load stores less energy wherever it is made stiffer (Clapeyron: it
+    is half the work of the load); its largest displacement need not fall.
+    """
+    if all(isinstance(case, Settled) for case in cases):
+        given = [case.solved.static.energy for case in cases if isinstance(case, Settled)]
+        told, unit = "its load strains it by", "J"
+    else:
+        given = [float(np.linalg.norm(c.animation.displacement, axis=-1).max()) for c in cases]
+        told, unit = "it moves by", "m"
+    said = f"From soft to stiff {told} {', '.join(f'{x:.3g}' for x in given)} {unit}"
+    if all(stiff < soft for soft, stiff in pairwise(given)):
+        yield Verdict("good", f"{said}: less and less.", "dial")
+    else:
+        yield Verdict("note", f"{said}: not less and less.", "dial", ADVICE["dial"])
 
 
 class Stopwatch:

@@ -10,16 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.intervals import (
-    displacement_interval,
-    frequency_intervals,
-    likely_answers,
-    mass_range,
-    material_ranges,
-)
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
 from ...fem.safety import Safety, part_safety
+from ...fem.uncertainty.intervals import displacement_interval, frequency_intervals, mass_range
+from ...fem.uncertainty.likely import likely_answers
+from ...fem.uncertainty.ranges import material_ranges
 from .description import vector_words
 from .simulation import Animation, Simulation
 
@@ -92,15 +88,16 @@ class Settled(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg], displacement [m] and frequencies [Hz]; None: not known."""
-        ranges = material_ranges(self.mesh, self.materials)
+        ranges = material_ranges(self.mesh, self.materials, self.draws)
         if ranges is None:
             return None
         modes = self.modes
+        known = {"draws": self.draws, "result": self.solved, "modes": modes}
         return {
             "mass": mass_range(self.mesh, ranges),
             "max_displacement": displacement_interval(self.scene, self.solved, ranges),
             "frequencies": frequency_intervals(self.mesh, modes, ranges) if modes else (),
-            "likely": likely_answers(self.scene, self.materials, result=self.solved, modes=modes),
+            "likely": likely_answers(self.scene, self.materials, **known),
         }
 
     @property

@@ -16,6 +16,7 @@ from ...fem.result import Modes
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
+from ...fem.uncertainty.ranges import Draws
 from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
@@ -38,8 +39,9 @@ class Simulation(ABC):
     """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
 
     ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
-    moved with the mesh, ``materials`` the row of the table that each part is of, ``differences``
-    what the mesh has otherwise than the file that it was made of.
+    moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
+    predictor drew of parts that are of none, ``differences`` what the mesh has otherwise than the
+    file that it was made of.
     """
 
     scene: Scene
@@ -49,6 +51,7 @@ class Simulation(ABC):
     driven: DriveRecord | None = None
     materials: Mapping[str, str] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
+    draws: Draws = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.

@@ -23,6 +23,7 @@ ADVICE = {
     "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
     "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
     "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
+    "dial": "Density moves too: what is stiffer may be heavier; --set PART:rho=... holds it.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "body": "Convert it again as the sentence says, before the answer is relied on.",
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",

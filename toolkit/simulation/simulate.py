@@ -10,6 +10,7 @@ from typing import Any
 from ...fem.errors import InputError, UsageError
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
+from ...fem.uncertainty.ranges import Draws
 from ...predictors.asset import UpAxis
 from ..config import command_line
 from ..driving import checked_scale
@@ -19,6 +20,7 @@ from ..io.sidecar import (
     Sidecar,
     classes_on_record,
     differences_on_record,
+    draws_on_record,
     read_known,
     rows_on_record,
 )
@@ -41,6 +43,7 @@ def simulate(
     materials: Mapping[str, str] | None = None,
     classes: Mapping[str, str] | None = None,
     differences: Sequence[str] | None = None,
+    draws: Draws | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -53,10 +56,10 @@ def simulate(
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
-    they have strengths and a grain; ``classes`` of matter for particles go with them, and the
-    ``differences`` of the mesh from its file, which the verdicts say. For particles, ``mesh`` may
-    be a field (.npz), or splats or points with E, nu and rho as `transfer` writes them, which
-    follow into a folder ``output``.
+    they have strengths and a grain; ``classes`` of matter for particles go with them, the
+    ``differences`` of the mesh from its file, which the verdicts say, and what a predictor
+    ``draws``, for intervals. For particles, ``mesh`` may be a field (.npz), or splats or points
+    with E, nu and rho as `transfer` writes them, which follow into a folder ``output``.
 
     Raises InputError where the mesh has no material, UsageError where a place of it is stated that
     is not there, and ConvergenceError where the solver does not reach its tolerance.
@@ -76,12 +79,13 @@ def simulate(
     _check_material(mesh)
     if materials is None:
         classes = classes or classes_on_record(sidecar)
+        draws = draws or draws_on_record(sidecar)
         materials = rows_on_record(sidecar) or (body.materials if body is not None else {})
-    differences = differences_on_record(sidecar) if differences is None else differences
     known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
         result = _noted(run_scenario(mesh, options, **known), body)
-    result = replace(result, differences=tuple(differences))
+    told = differences_on_record(sidecar) if differences is None else tuple(differences)
+    result = replace(result, differences=told, draws=draws or {})
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)

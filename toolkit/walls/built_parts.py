@@ -86,6 +86,13 @@ class BuiltPart:
     solid_mass: float = 0.0
     said_filling: str = ""
 
+    def as_built(self, value: MaterialValue) -> MaterialValue:
+        """The material that stands for the part if what it is made of is ``value``."""
+        if self.share is None:
+            return value
+        inside = {"inside_rho": middle(self.construction.inside), "inside_E": self.inside_E}
+        return apparent_material(value, self.share, **inside)
+
     @property
     def warning(self) -> str:
         """What a user must know: that the material is apparent, or that the mass is anyone's."""
@@ -220,10 +227,7 @@ def _built(
         return built
     share = body.share(construction.thickness)
     built = replace(built, share=share, inside_E=filling.value().E if filling else 0.0)
-    value = apparent_material(
-        choice.value, share, inside_rho=middle(construction.inside), inside_E=built.inside_E
-    )
-    return replace(built, apparent=value)
+    return replace(built, apparent=built.as_built(choice.value))
 
 
 def with_walls(field: MaterialField, built: Sequence[BuiltPart]) -> MaterialField:

@@ -71,6 +71,24 @@ def test_a_seed_is_a_sample(network, parts):
     assert np.abs(found.sample(3) - found.sample(4)).max() > 1e-3
 
 
+def test_samples_of_parts_are_means_of_samples(network, parts, monkeypatch):
+    """Two of them are the first two of four; few tokens of a part tell what all of them do."""
+    found = found_of(network, parts)
+    four, two = found.samples(4, seed=5), found.samples(2, seed=5)
+    assert four.shape == (4, 2, 3)
+    np.testing.assert_allclose(four[:2], two, atol=1e-6)  # portions sum in another order
+    assert (np.ptp(four, axis=0) > 1e-3).all()
+    monkeypatch.setattr(inference, "MEANT", 10**6)
+    whole = found_of(network, parts).samples(4, seed=5)
+    state = int(np.random.SeedSequence(5).generate_state(1)[0])
+    each = found.sample(state)
+    for number in range(2):
+        mean = each[found.cube.part == number].mean(axis=0)
+        np.testing.assert_allclose(whole[0, number], mean, atol=1e-6)
+    # What 128 tokens do not share averages out: less than a third of what samples differ by.
+    assert np.abs(four - whole).max() < np.ptp(whole, axis=0).min() / 3
+
+
 def test_a_file_gives_the_network_back(network, parts, tmp_path):
     """Weights are kept in half precision: answers agree to its round-off."""
     save_unipixie(tmp_path / "w.safetensors", network)

@@ -308,6 +308,7 @@ async function start() {
   const report = new Report(DATA);
   window.report = report;
   build(report);
+  startDial(report);
   await report.update();
   report.linkCameras();
   document.body.dataset.ready = "yes";

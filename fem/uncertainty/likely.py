@@ -1,0 +1,197 @@
+"""What is likely of mass, displacement and frequencies: quantiles of many bodies.
+
+Each row's E, nu and rho are drawn from their ranges; parts of which a predictor drew have its
+draws, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..discrete.assembly import discretise
+from ..discrete.forces import load_vector
+from ..errors import ConvergenceError
+from ..laws.law import Law
+from ..reduced.family import LinearFamily, Member
+from ..result import Modes, SagResult
+from ..scene.mesh import TetMesh
+from ..scene.scene import Scene
+from ..scene.supports import Supports
+from ..solve.statics import check_held
+from .intervals import Interval
+from .ranges import Draws, OpenRange, open_ranges
+
+# Draws of E, nu and rho; frequencies, and what of the answers, that are told as likely.
+TONES = 3
+SAMPLES, MIDDLE = 256, (0.05, 0.95)
+# The basis learns all soft and heavy, all stiff and light, then so many draws at once until it
+# would have known them to this share, at most so many.
+ENDS = ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
+COMPARED, MOST_COMPARED, LEARNED = 3, 12, 5e-3
+
+
+class Likely(NamedTuple):
+    """Middle nine tenths of the answers of so many ``samples`` of E, nu and rho.
+
+    ``mass`` [kg]; ``max_displacement`` [m] is None where it is not known, ``frequencies`` [Hz] of
+    the first vibrations; ``error`` [1] is the reduced bodies' largest, against some that were
+    solved in full. ``drawn`` is how many matters a predictor drew of a part, 0 for none.
+    """
+
+    mass: Interval
+    max_displacement: Interval | None
+    frequencies: tuple[Interval, ...]
+    samples: int
+    error: float
+    drawn: int = 0
+
+    @property
+    def words(self) -> tuple[str, str, str]:
+        """Of mass, displacement and first frequency, to be put behind their ends."""
+        first = self.frequencies[0] if self.frequencies else None
+        known = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
+        mass, u, tone = (f" (nine times in ten {x.words(form)})" if x else "" for x, form in known)
+        return mass, u, tone
+
+
+def likely_answers(
+    scene: Scene,
+    materials: Mapping[str, str],
+    *,
+    draws: Draws | None = None,
+    result: SagResult | None = None,
+    modes: Modes | None = None,
+    samples: int = SAMPLES,
+    seed: int = 0,
+) -> Likely | None:
+    """What mass, displacement and frequencies likely are; None: of no range, or of no member.
+
+    E and rho of a row are drawn evenly in their logarithm, nu evenly, independent of each other and
+    the same for all parts of one row, by a Latin hypercube (McKay et al. 1979). Parts of ``draws``
+    have the first of theirs in the first body, the second in the second, and so on around; without
+    any row there are as many bodies as draws. How much the answers change is found with linear
+    elements, as in ``displacement_interval``.
+    """
+    mesh, held = scene.mesh, scene.held
+    ranges = open_ranges(mesh, materials, draws)
+    if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
+        return None
+    family = _family(scene, ranges, modes)
+    if not family.affordable():
+        return None
+    counts = [len(one.draws) for one in ranges if one.draws is not None]
+    of_rows = len(ranges) - len(counts)
+    drawn = max(counts, default=0)
+    members = _members(ranges, max(samples, drawn) if of_rows else drawn, seed)
+    ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
+    try:
+        family.add([_as_taken(ranges), *ends])
+        error = _learned(family, members)
+        found = [family.answers(member) for member in members]
+        as_taken = family.answers(_as_taken(ranges))
+    except ConvergenceError:
+        return None
+    sizes = np.array([np.linalg.norm(u, axis=1).max() for u, _ in [as_taken, *found]])
+    u = None
+    if result is not None and result.static.law == Law.LINEAR and result.trusted and sizes[0] > 0:
+        u = _middle(result.max_displacement * sizes[1:] / sizes[0])
+    ratios = (np.array([f for _, f in found]) / as_taken[1]).T
+    known = () if modes is None else modes.frequencies[:TONES]
+    tones = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
+    mass = _middle(np.array([family.mass(member).sum() for member in members]))
+    return Likely(mass, u, tones, len(members), error, drawn)
+
+
+def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:
+    """Bodies whose material lies in the ranges, held and loaded as the scene says."""
+    mesh = scene.mesh
+    grid, points = discretise(mesh, 1), len(mesh.points)
+    return LinearFamily(
+        mesh,
+        scene.held,
+        np.stack([one.tets for one in ranges]),
+        grained=np.array([one.grained for one in ranges]),
+        forces=load_vector(mesh, grid, traction=scene.tractions, forces=scene.forces),
+        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
+        shapes=np.zeros((0, points, 3)) if modes is None else modes.shapes[:TONES, :points],
+    )
+
+
+def _as_taken(ranges: Sequence[OpenRange]) -> Member:
+    """The body as it is."""
+    ones = np.ones(len(ranges))
+    return Member(ones, np.array([one.taken.nu for one in ranges]), ones)
+
+
+def _members(ranges: Sequence[OpenRange], count: int, seed: int) -> list[Member]:
+    """So many bodies: rows by a Latin hypercube, drawn parts as they were drawn, in order."""
+    shares = np.zeros((count, len(ranges), 3))
+    of_rows = np.array([one.draws is None for one in ranges])
+    if of_rows.any():
+        rng = np.random.default_rng(seed)
+        strata = rng.permuted(np.tile(np.arange(count), (3 * of_rows.sum(), 1)), axis=1).T
+        even = (strata + rng.random(strata.shape)) / count
+        shares[:, of_rows] = even.reshape(count, -1, 3)
+    members = []
+    for number, share in enumerate(shares):
+        member = _member(ranges, share)
+        for k, one in enumerate(ranges):
+            if one.draws is not None:
+                E, nu, rho = one.draws[number % len(one.draws)]
+                for values, value in zip(
+                    member, (E / one.taken.E, nu, rho / one.taken.rho), strict=True
+                ):
+                    values[k] = value
+        members.append(member)
+    return members
+
+
+def _member(ranges: Sequence[OpenRange], shares: Float[np.ndarray, "ranges 3"]) -> Member:
+    """Body whose E, nu and rho lie at ``shares`` [0 to 1] of their ranges."""
+    E, nu, rho = np.empty((3, len(ranges)))
+    for k, (one, share) in enumerate(zip(ranges, shares, strict=True)):
+        E[k] = one.E.min ** (1 - share[0]) * one.E.max ** share[0] / one.taken.E
+        nu[k] = one.nu.min + share[1] * (one.nu.max - one.nu.min)
+        rho[k] = one.rho.min ** (1 - share[2]) * one.rho.max ** share[2] / one.taken.rho
+    return Member(E, nu, rho)
+
+
+def _learned(family: LinearFamily, members: Sequence[Member]) -> float:
+    """Largest error of the last members that were compared, before they were taken in too."""
+    error = np.inf
+    for first in range(0, MOST_COMPARED, COMPARED):
+        these = members[first : first + COMPARED]
+        before = [family.answers(member) for member in these]
+        rests = family.add(these)
+        after = [family.answers(member)[1] for member in these]
+        errors = [
+            max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
+            for (u, f), rest, g in zip(before, rests, after, strict=True)
+        ]
+        error = max(errors)
+        if error <= LEARNED:
+            break
+    return error
+
+
+def _apart(u: np.ndarray, wanted: np.ndarray) -> float:
+    size = float(np.linalg.norm(wanted))
+    return float(np.linalg.norm(u - wanted)) / size if size else 0.0
+
+
+def _middle(values: np.ndarray) -> Interval:
+    low, high = np.quantile(values, MIDDLE)
+    return Interval(float(low), float(high))
+
+
+def _stands(mesh: TetMesh, held: Supports) -> bool:
+    """Whether every piece is held."""
+    try:
+        check_held(mesh, held)
+    except ConvergenceError:
+        return False
+    return bool(held.fixed.any() or held.springs.any())
