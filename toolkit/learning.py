@@ -93,6 +93,7 @@ def evaluate(
     texts: int = 1,
     encoder: str | None = None,
     renders: int = 0,
+    swing: bool = False,
     memory: Path | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -112,8 +113,8 @@ def evaluate(
         How many objects, on how fine a grid, drawn how; how often something is said of each.
     encoder, memory
         Image encoder that looks at the furniture, and the folder of what it saw before.
-    renders
-        How many objects are put under load.
+    renders, swing
+        How many objects are put under load, and whether their motions are compared, not the rest.
     progress
         Called with the stage and the seconds so far.
     """
@@ -137,7 +138,7 @@ def evaluate(
             held_out = with_furniture(held_out, words, memory=memory, tell=progress)
     rows = evaluate_held_out(
         held_out, predictors or DEFAULT_ROWS, weights=weights, words=words, renders=renders,
-        progress=progress,
+        swing=swing, progress=progress,
     )  # fmt: skip
     return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}
 

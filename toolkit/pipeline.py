@@ -20,7 +20,7 @@ from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
 from .results.conversion import Conversion
-from .results.run import RunCase, RunResult, Stopwatch, turned
+from .results.run import RunCase, RunResult, Stopwatch, dialled
 from .simulation.simulate import simulate
 from .walls.wall_options import WallOptions
 
@@ -270,7 +270,7 @@ def run(
     from .report.picture.snapshot import SUFFIXES, write_picture
 
     check_run(output)
-    ways = turned((assign_options or AssignOptions()).checked(), dial=dial)
+    ways = dialled((assign_options or AssignOptions()).checked(), dial=dial)
     if picture is not None:
         check_file(picture, SUFFIXES)
     with alone(output):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.errors import ConvergenceError
+from ...fem.errors import ConvergenceError, UsageError
 from ..encoders.protocol import TextEncoder
 from .held_out import HeldOutObject, HeldOutSet
 from .metrics import Row, Score, against_best, boundary_voxels, summary
@@ -28,6 +28,7 @@ def evaluate_held_out(
     weights: Path | None = None,
     words: TextEncoder | None = None,
     renders: int = 0,
+    swing: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> list[Row]:
     """Return one row for each predictor; an object's score is the mean over its texts.
@@ -44,9 +45,13 @@ def evaluate_held_out(
         Those of the image encoder that sees the objects, the embedded one's by default.
     renders
         How many of the objects are put under load too, to compare pictures (``sag_render``).
+    swing
+        Whether these are of a motion, 8 frames of the true body's first period, not of the rest.
     progress
         Called with what is scored and the seconds so far.
     """
+    if swing and not renders:
+        raise UsageError("--swing says how --renders N objects are compared: give that too")
     contenders = {name: ROWS[name] for name in predictors}
     text = held_out.text_table()
     setting = Setting(text, weights, words)
@@ -56,7 +61,7 @@ def evaluate_held_out(
     for draw, names in product(range(held_out.texts), (False, True)):
         asked = [name for name, contender in contenders.items() if contender.names == names]
         for index, example in held_out.drawn(text, draw=draw, names=names) if asked else ():
-            sag = _sag(example) if index < renders and not draw else None
+            sag = _sag(example, swing) if index < renders and not draw else None
             for name in asked:
                 if progress:
                     progress(f"{name}, object {index + 1}", time.monotonic() - began)
@@ -87,11 +92,11 @@ def _score(predict: VoxelPredictor, example: HeldOutObject, sag: SagRender | Non
     )  # fmt: skip
 
 
-def _sag(example: HeldOutObject) -> SagRender | None:
+def _sag(example: HeldOutObject, swing: bool) -> SagRender | None:
     """The true object under its load, None where the solver finds no answer."""
     part, truth = example.batch.scene.part[0].numpy(), example.batch.target[0].numpy()
     try:
-        return SagRender(part, _whole(example, truth))
+        return SagRender(part, _whole(example, truth), swing=swing)
     except ConvergenceError as error:
         log.warning("an object is not rendered: %s", error)
         return None

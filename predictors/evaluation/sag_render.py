@@ -4,7 +4,7 @@ The occupied voxels are the finite elements (six tets each). The load is the bod
 slope, held where it stands, so strong that the true body moves by ``SAG`` of its longest side; the
 predicted one, with stiffness *and* weight of its own, bears the same acceleration. Nothing is drawn
 larger than it was computed, but small displacements are assumed: bodies far too soft are drawn as
-``LARGEST``.
+``LARGEST``. They are shown at rest, or as they swing when the load is put on at once.
 """
 
 from __future__ import annotations
@@ -12,8 +12,15 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...fem.cholesky.elimination import planned_elimination
+from ...fem.cholesky.factor import CholeskyFactor
+from ...fem.discrete.assembly import discretise, linear_stiffness
+from ...fem.discrete.constraints import apply_supports
+from ...fem.discrete.mass import lumped_mass
 from ...fem.scene.material import ElementMaterial
+from ...fem.scene.mesh import TetMesh, material_of
 from ...fem.scene.support_finder import find_supports
+from ...fem.scene.supports import Supports
 from ...fem.solve.statics import solve_static
 from ..asset import Asset, Part
 from ..images.cameras import hemisphere
@@ -27,6 +34,8 @@ SLOPE = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)  # sag and bend alike, the groun
 SAG = 0.1  # largest displacement of the true body, of its longest side
 LARGEST = 0.5  # and the largest that is drawn
 VIEWS, PIXELS = 3, 128
+# A motion is one first period of the true body, seen from one side, in fewer and larger elements.
+SWUNG_CELLS, STEPS, FRAMES = 16, 32, 8
 _HUES = np.random.default_rng(3).uniform(0.25, 0.95, (64, 3))  # of the parts
 
 Values = Float[np.ndarray, "x y z 3"]
@@ -41,40 +50,66 @@ class SagRender:
         Part of every voxel, shape (x, y, z), -1 outside; z is up.
     truth
         Normalised (log E, nu, log rho) of every voxel.
+    swing
+        Whether motions are compared, frame by frame, instead of bodies at rest.
     """
 
-    def __init__(self, part: Int[np.ndarray, "x y z"], truth: Values) -> None:
-        self._inside = blocks(part >= 0, CELLS)
+    def __init__(
+        self, part: Int[np.ndarray, "x y z"], truth: Values, *, swing: bool = False
+    ) -> None:
+        self._cells = SWUNG_CELLS if swing else CELLS
+        self._inside = blocks(part >= 0, self._cells)
         self._occupied = np.asarray(self._inside.any(axis=3))
         self._mesh = voxel_mesh(self._occupied)
-        self._colours = _HUES[blocks(part + 1, CELLS).max(axis=3)[self._occupied] % len(_HUES)]
+        self._colours = _HUES[
+            blocks(part + 1, self._cells).max(axis=3)[self._occupied] % len(_HUES)
+        ]
         self._supports, _ = find_supports(self._mesh, 2)
-        self._cameras = hemisphere(self._mesh.bounds, count=VIEWS, pixels=PIXELS)
-        moved = self._moved(truth)
+        views = 1 if swing else VIEWS
+        self._cameras = hemisphere(self._mesh.bounds, count=views, pixels=PIXELS)
+        body = self._body(truth)
+        moved = self._at_rest(body)
+        self._period = slowest_period(body, moved) if swing else None
         self._size = float(np.ptp(self._mesh.bounds, axis=0).max())
         self._load = SAG * self._size / float(np.linalg.norm(moved, axis=1).max())
-        self._frames = self._frames_of(moved)
+        self._frames = self._frames_of(self._moved(body))
 
     def similarity(self, found: Values) -> ImageSimilarity:
-        """Compare a body of other values (normalised) with the true one: means over the cameras."""
-        frames = self._frames_of(self._moved(found))
+        """Compare a body of other values (normalised) with the true one: means over pictures."""
+        frames = self._frames_of(self._moved(self._body(found)))
         each = [image_similarity(a, b) for a, b in zip(frames, self._frames, strict=True)]
         return ImageSimilarity(*map(float, np.mean(each, axis=0)))
 
-    def _moved(self, values: Values) -> Float[np.ndarray, "points 3"]:
-        """Displacement under 1 m/s^2 along the slope."""
-        total = np.einsum("abdnc,abdn->abdc", blocks(values, CELLS), self._inside)[self._occupied]
+    def _body(self, values: Values) -> TetMesh:
+        """The elements with the mean values of their voxels."""
+        inside = self._inside
+        total = np.einsum("abdnc,abdn->abdc", blocks(values, self._cells), inside)[self._occupied]
         at = total / self._inside.sum(axis=3)[self._occupied][:, None]
         material = ElementMaterial(*(np.repeat(v, TETS_PER_CELL) for v in DEFAULT.physical(at)))
-        body = self._mesh.with_material(material)
+        return self._mesh.with_material(material)
+
+    def _at_rest(self, body: TetMesh) -> Float[np.ndarray, "points 3"]:
+        """Displacement under 1 m/s^2 along the slope."""
         return solve_static(body, self._supports, gravity_vector=SLOPE, order=1).displacement
 
-    def _frames_of(self, moved: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
+    def _moved(self, body: TetMesh) -> Float[np.ndarray, "frames points 3"]:
+        """Displacement under 1 m/s^2 at every time that is shown."""
+        if self._period is None:
+            return self._at_rest(body)[None]
+        steps = swing(body, self._supports, SLOPE, period=self._period, steps=STEPS)
+        return steps[:: STEPS // FRAMES][1:]
+
+    def _frames_of(
+        self, moved: Float[np.ndarray, "frames points 3"]
+    ) -> Float[np.ndarray, "pictures h w 3"]:
+        shift = moved * self._load
+        farthest = float(np.linalg.norm(shift, axis=2).max())
+        shift *= min(1.0, LARGEST * self._size / max(farthest, np.finfo(float).tiny))
+        return np.concatenate([self._pictures(one) for one in shift])
+
+    def _pictures(self, shift: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:
         import trimesh
 
-        shift = moved * self._load
-        farthest = float(np.linalg.norm(shift, axis=1).max())
-        shift *= min(1.0, LARGEST * self._size / max(farthest, np.finfo(float).tiny))
         boundary = self._mesh.boundary
         surface = trimesh.Trimesh(
             self._mesh.points + shift, boundary.faces, process=False,
@@ -82,3 +117,45 @@ class SagRender:
         )  # fmt: skip
         views = render_views(Asset("body", (Part("body", surface),)), self._cameras)
         return views.images()[..., :3]
+
+
+def slowest_period(body: TetMesh, moved: Float[np.ndarray, "points 3"]) -> float:
+    """First period [s] of a body that moves so at rest under 1 m/s^2, by Rayleigh's quotient."""
+    mass = _mass_of(body)[:, None]
+    return 2 * np.pi * float(np.sqrt((mass * moved**2).sum() / (mass * moved * SLOPE).sum()))
+
+
+def swing(
+    body: TetMesh,
+    supports: Supports,
+    acceleration: Float[np.ndarray, "3"],
+    *,
+    period: float,
+    steps: int,
+) -> Float[np.ndarray, "times points 3"]:
+    """Displacement [m] of a body at rest on which an acceleration [m/s^2] acts from now on.
+
+    Linear elements, small displacements; the trapezoidal rule, which keeps the energy, in so many
+    steps of a ``period`` [s]; the state at the beginning comes first.
+    """
+    mass, dt = _mass_of(body)[:, None], period / steps
+    inertia = 4 / dt**2 * mass
+    grid = discretise(body, 1)
+    matrix = linear_stiffness(grid, material_of(body))
+    apply_supports(matrix, supports.fixed, supports.springs + inertia)
+    factor = CholeskyFactor(matrix, planned_elimination(matrix, grid.space.edges))
+    u, v = np.zeros_like(body.points), np.zeros_like(body.points)
+    a = np.where(supports.fixed, 0.0, acceleration)
+    found = [u]
+    for _ in range(steps):
+        load = mass * acceleration + inertia * (u + dt * v) + mass * a
+        then = factor.solve(np.where(supports.fixed, 0.0, load))
+        gained = 4 / dt**2 * (then - u - dt * v) - a
+        u, v, a = then, v + dt / 2 * (a + gained), gained
+        found.append(u)
+    return np.array(found)
+
+
+def _mass_of(body: TetMesh) -> Float[np.ndarray, "points"]:
+    """Lumped mass [kg] of the points."""
+    return lumped_mass(body, discretise(body, 1).space)

@@ -142,6 +142,8 @@ class EvaluateCommand:
     """Where the rows of --table are trained: cpu (tiny networks) or cuda."""
     renders: int = 0
     """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
+    swing: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Of these, compare 8 frames of the motion that the load starts, not the rest under it."""
     cache: Path | None = None
     """Folder that remembers what the encoder saw; by default the user's cache folder."""
     no_cache: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -175,6 +177,7 @@ class EvaluateCommand:
                 texts=self.texts,
                 encoder=self.encoder,
                 renders=self.renders,
+                swing=self.swing,
                 memory=folder and folder / "evaluation",
                 progress=tell,
             )

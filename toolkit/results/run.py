@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 DIAL = (0.0, 0.5, 1.0)
 
 
-def turned(options: AssignOptions, *, dial: bool) -> tuple[AssignOptions, ...]:
+def dialled(options: AssignOptions, *, dial: bool) -> tuple[AssignOptions, ...]:
     """The options, or those of every place of the dial."""
     if not dial:
         return (options,)
