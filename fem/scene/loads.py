@@ -55,14 +55,18 @@ def spread_torque(
     """``torque`` (3,) [N m] in total: the traction w x r about the centroid of ``faces``.
 
     It has no net force; w follows from the moments of the faces, J w = torque. ``InputError`` where
-    the middles of the faces lie on one line: no traction turns those.
+    the middles of the faces lie on one line and the torque turns about it: no traction does that.
     """
     areas, arms = _arms(mesh, faces)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
-    if not np.linalg.eigvalsh(moments)[0] > 1e-9 * square:
-        raise InputError(f"a torque on {len(faces)} face(s) in a line: wanted a wider surface")
-    spin = np.linalg.solve(moments, np.asarray(torque, dtype=float))
+    wanted = np.asarray(torque, dtype=float)
+    spin = np.linalg.pinv(moments, rcond=1e-9, hermitian=True) @ wanted
+    # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
+    if not (square > 0 and np.allclose(moments @ spin, wanted, atol=1e-9 * abs(wanted).max())):
+        raise InputError(
+            f"a torque about the line of its {len(faces)} face(s): wanted a wider surface"
+        )
     return Traction(faces, np.cross(spin, arms))
 
 

@@ -135,6 +135,20 @@ def test_a_moved_point_that_is_held_stays_and_that_is_said():
     assert not scene.held.values[handle].any()
 
 
+def test_a_square_end_of_two_faces_takes_the_torque_about_its_normal():
+    """The middles of both lie on one line; only a torque about that line turns nothing."""
+    bar = box_mesh((0.02, 0.02, 0.5), (1, 1, 8))
+    faces = bar.boundary.faces
+    end = faces[(bar.points[faces][..., 2] > 0.4999).all(axis=1)]
+    assert len(end) == 2
+    given = resultant(bar, spread_torque(bar, end, (0.0, 0.0, 100.0)))
+    np.testing.assert_allclose(given.torque, [0, 0, 100], rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(given.force, 0, atol=1e-9)
+    line = np.diff(bar.points[end].mean(axis=1), axis=0)[0]
+    with pytest.raises(InputError, match="wider surface"):
+        spread_torque(bar, end, line)
+
+
 def test_a_torque_on_one_face_is_refused():
     with pytest.raises(InputError, match="wider surface"):
         spread_torque(hammer(), hammer().boundary.faces[:1], (0.0, 0.0, 1.0))

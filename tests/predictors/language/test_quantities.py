@@ -47,7 +47,8 @@ def test_a_number_is_read_in_every_notation(clauses_of):
         ("thickness", 0.003): """
             3 mm thick | thickness: 3mm | 3 mm walls | wall thickness of 0.3 cm | 3mm wall""",
         ("infill", 0.1): """
-            10 % infill | infill 10% | infill: 10 percent | 10% gyroid infill""",
+            10 % infill | infill 10% | infill: 10 percent | 10% gyroid infill |
+            10 % gyroid | printed at 10 % infill""",
         ("shore_a", 60.0): """
             60A | Shore 60 | shore A 60 | 60 Shore A | Shore hardness 60A | durometer 60A |
             60 ShA | 60 duro | 60° Shore A | 60 durometer | Shore-A 60 | 60 A Shore |
