@@ -8,6 +8,9 @@ STAMP := $(VENV)/.ready
 # Rewritten tests and checked modules are kept: making them anew costs ten seconds a run.
 unexport PYTHONDONTWRITEBYTECODE
 
+# A thread for each of the two workers: four on two cores wait for each other.
+quick test test-all: export OMP_NUM_THREADS := 1
+
 .PHONY: setup demo check quick test test-all newest wheel bench lint types notebooks docs figures clean
 
 setup: $(STAMP)
