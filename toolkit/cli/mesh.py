@@ -169,7 +169,7 @@ class RunCommand:
     features: bool = False
     """Show in the report what the image encoder sees, as colours; some seconds more."""
     dial: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Every text at --alpha 0, .5 and 1: the report has a dial from soft to stiff."""
+    """Every text from soft to stiff: the report has a dial (--alpha 0, .5, 1)."""
     dry_run: bool = False
     """Say what would be done and estimate tets, time and memory; write nothing."""
     convert: Annotated[Flat[ConvertOptions], tyro.conf.arg(name="meshing")] = field(
