@@ -42,6 +42,10 @@ class ReducedElasticity:
             wp.empty(len(model.cells), dtype=wp.float64, device="cpu") for _ in range(3)
         )
         self._A = wp.empty((len(model.cells), 81), dtype=wp.float64, device="cpu")
+        # What the kernels read and write, as numpy sees it: asking each time takes as long as they.
+        self._h, self._p, self._w, self._a = (
+            array.numpy() for array in (self._H, self._P, self._W, self._A)
+        )
         record = Recorder(len(model.cells), "cpu")
         given = [self._H, self._lam, self._mu]
         self._stress = record(kernels.stress, [*given, self._W, self._P])
@@ -62,9 +66,9 @@ class ReducedElasticity:
 
     def stress(self, q: np.ndarray) -> np.ndarray:
         """First Piola stress times the weight of every cell [Pa m^3], shape (cells, 3, 3)."""
-        self._H.numpy()[:] = self.gradients.of(q)
+        self._h[:] = self.gradients.of(q)
         self._stress.launch()
-        return self._P.numpy()
+        return self._p
 
     def force_with(self, q: np.ndarray, lam: np.ndarray, mu: np.ndarray) -> np.ndarray:
         """Elastic force (dofs,) [N/sqrt(kg)] at ``q`` with other Lame parameters (cells,) [Pa]."""
@@ -77,10 +81,10 @@ class ReducedElasticity:
         """Energy and force at the coordinates ``q`` (dofs,) [m sqrt(kg)], springs and all."""
         force = self.gradients.pull(self.stress(q))
         springs = self.model.springs @ q
-        return ReducedResponse(float(self._W.numpy().sum() + 0.5 * springs @ q), force + springs)
+        return ReducedResponse(float(self._w.sum() + 0.5 * springs @ q), force + springs)
 
     def tangent(self, q: np.ndarray, *, projected: bool = False) -> np.ndarray:
         """Second derivative (dofs, dofs) [1/s^2]; ``projected``: no cell has a negative part."""
-        self._H.numpy()[:] = self.gradients.of(q)
+        self._h[:] = self.gradients.of(q)
         (self._projected if projected else self._exact).launch()
-        return self.gradients.pull_tangent(self._A.numpy().reshape(-1, 9, 9)) + self.model.springs
+        return self.gradients.pull_tangent(self._a.reshape(-1, 9, 9)) + self.model.springs

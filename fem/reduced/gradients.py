@@ -41,6 +41,8 @@ class VectorGradients:
     def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
         self._each = np.ascontiguousarray(gradients.reshape(len(gradients), 9, -1))
         self._flat = self._each.reshape(-1, gradients.shape[3])
+        # Kept, since to get memory of this size takes longer than to fill it.
+        self._right = np.empty_like(self._each)
 
     def of(self, q: np.ndarray) -> np.ndarray:
         """Displacement gradients H [1], shape (cells, 3, 3)."""
@@ -52,7 +54,8 @@ class VectorGradients:
 
     def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
         """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
-        return self._flat.T @ (tangent @ self._each).reshape(self._flat.shape)
+        np.matmul(tangent, self._each, out=self._right)
+        return self._flat.T @ self._right.reshape(self._flat.shape)
 
 
 class SkinnedGradients:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 
@@ -10,6 +12,8 @@ from .elasticity import ReducedElasticity
 
 # Unbalanced force of a rest, over the load.
 TOLERANCE = 1e-9
+# An inverse Hessian serves while every move brings the gradient below this share of the last.
+CONTRACTION = 0.5
 
 
 def solve_dense(matrix: np.ndarray, b: np.ndarray, goal: float = 0.0) -> np.ndarray:
@@ -18,6 +22,57 @@ def solve_dense(matrix: np.ndarray, b: np.ndarray, goal: float = 0.0) -> np.ndar
 
     _, x, failed = dposv(matrix, b, lower=1)
     return np.full_like(b, np.nan) if failed else x
+
+
+class KeptInverse:
+    """Inverse of a Hessian (dofs, dofs) that serves from step to step, and learns from the moves.
+
+    Between two gradients it is corrected by their secant (Broyden, Fletcher, Goldfarb & Shanno:
+    Nocedal & Wright 2006, eq. 6.17); where that goes slowly, a new one is made.
+    """
+
+    def __init__(self) -> None:
+        self.inverse: np.ndarray | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def begin(self) -> None:
+        """Go on to another function of nearly the same Hessian."""
+        self._last = None
+
+    def renew(self, matrix: np.ndarray) -> None:
+        """Take the inverse of ``matrix``; none where that is not positive."""
+        from scipy.linalg.lapack import dpotrf, dpotri  # type: ignore  (by f2py)
+
+        factor, failed = dpotrf(matrix.T, lower=1)
+        half = np.tril(dpotri(factor, lower=1)[0])
+        self.inverse = None if failed else half + np.tril(half, -1).T
+
+    def at(
+        self, q: np.ndarray, gradient: np.ndarray, matrix: Callable[[], np.ndarray]
+    ) -> KeptInverse:
+        """Get ready for ``q``, where the function has its ``gradient``; ``matrix`` makes a new one."""
+        last, self._last = self._last, (q, gradient)
+        slow = last is not None and not (
+            np.linalg.norm(gradient) < CONTRACTION * np.linalg.norm(last[1])
+        )
+        if self.inverse is None or slow:
+            self.renew(matrix())
+        elif last is not None:
+            self.learn(q - last[0], gradient - last[1])
+        return self
+
+    def learn(self, move: np.ndarray, change: np.ndarray) -> None:
+        """Take in that a ``move`` changed the gradient by ``change``; what bends down is no news."""
+        slope = float(move @ change)
+        if self.inverse is not None and slope > 0:
+            made = self.inverse @ change
+            share = (1 + float(change @ made) / slope) / slope
+            cross = np.outer(made / slope, move)
+            self.inverse += share * np.outer(move, move) - cross - cross.T
+
+    def solve(self, b: np.ndarray, goal: float = 0.0) -> np.ndarray:
+        """Inverse times ``b``; not a number where the Hessian is not positive."""
+        return np.full_like(b, np.nan) if self.inverse is None else self.inverse @ b
 
 
 class DeadLoad:

@@ -19,7 +19,7 @@ from ..solve.schemes import Forecast, Kinematics, Scheme, Step
 from ..validation import checked_positive
 from .elasticity import ReducedElasticity
 from .model import ReducedModel
-from .rest import solve_dense
+from .rest import KeptInverse
 
 logger = logging.getLogger(__name__)
 
@@ -39,6 +39,8 @@ class _Potential:
         self.of, self.factor, self.target = body, factor, target
         stiffness = factor + body.stiffest
         self.least = ROUND_OFF * stiffness * float(np.linalg.norm(target)) / body.tolerance
+        self._gradient = np.zeros_like(target)  # of what was evaluated last
+        body.kept.begin()
 
     def evaluate(self, q: np.ndarray) -> Point:
         """Energy, infinite on contact; gradient; size of the external and inertial force."""
@@ -55,10 +57,21 @@ class _Potential:
             contact = -of.model.pull_back(of.contact.forces(u, len(u)))
             energy, gradient, sizes = energy + barrier, gradient + contact, [*sizes, contact]
         scale = max(float(np.linalg.norm(f)) for f in sizes)
+        self._gradient = gradient
         return Point(energy, gradient, max(scale, self.least, 1e-300))
 
-    def hessian(self, q: np.ndarray, *, projected: bool) -> np.ndarray:
-        """Second derivative (dofs, dofs) [1/s^2]."""
+    def hessian(self, q: np.ndarray, *, projected: bool) -> KeptInverse:
+        """Inverse of the second derivative (dofs, dofs) [1/s^2] at ``q``, the last one evaluated.
+
+        Without obstacles that of an earlier state serves as long as it does well.
+        """
+        if self.of.contact is None and not projected:
+            return self.of.kept.at(q, self._gradient, lambda: self._matrix(q))
+        found = KeptInverse()
+        found.renew(self._matrix(q, projected=projected))
+        return found
+
+    def _matrix(self, q: np.ndarray, *, projected: bool = False) -> np.ndarray:
         of = self.of
         matrix = of.elasticity.tangent(q, projected=projected)
         matrix.flat[:: len(q) + 1] += self.factor
@@ -115,6 +128,7 @@ class ReducedDynamics:
         v = zero if velocity is None else velocity
         self.now = Kinematics(zero, v, self.load - self.elasticity.response(zero).force)
         self.time, self.iterations, self.last_dt = 0.0, 0, 0.0
+        self.kept, self._factor = KeptInverse(), 0.0
         self._forget()
 
     def _forget(self) -> None:
@@ -179,6 +193,8 @@ class ReducedDynamics:
         if dt != self.last_dt:
             self._forget()
         step = Step.of(self.scheme, dt, self.now, self._before)
+        if step.factor != self._factor:
+            self.kept, self._factor = KeptInverse(), step.factor
         if self.contact is not None:
             self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
         q, iterations = self._solve(step)
@@ -189,7 +205,7 @@ class ReducedDynamics:
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         potential = _Potential(self, step.factor, step.target)
         ahead = step.target + self._forecast.next() / step.factor
-        options: dict[str, Any] = {"solve": solve_dense, "tolerance": self.tolerance}
+        options: dict[str, Any] = {"solve": KeptInverse.solve, "tolerance": self.tolerance}
         if self.contact is None:
             found = minimise(potential, ahead, **options)
             return found.u, found.iterations

@@ -5,9 +5,10 @@ import itertools
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.model import Subspace
 from autophyx_tet.fem.reduced.reduction import relative_error
-from autophyx_tet.fem.reduced.rest import reduced_frequencies
+from autophyx_tet.fem.reduced.rest import KeptInverse, reduced_frequencies
 from autophyx_tet.fem.reduced.step import ReducedDynamics
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
@@ -134,3 +135,46 @@ def test_wrong_start_is_refused():
     inside = Contact(MESH, make_space(MESH, 1), [Plane((0, 0, 0.02))], friction=0.0)
     with pytest.raises(InputError, match="inside an obstacle"):
         ReducedDynamics(model, contact=inside)
+
+
+@pytest.mark.parametrize("kind", Subspace, ids=str)
+def test_a_kept_inverse_changes_no_motion(kind, monkeypatch):
+    """Steps of the same residual, by few Hessians or by one every iteration, are the same."""
+    model = whole(linear(two_part_bar((6, 2, 2))), kind)
+    made = []
+    tangent = ReducedElasticity.tangent
+
+    def counted(self, q, **options):
+        made.append(q)
+        return tangent(self, q, **options)
+
+    monkeypatch.setattr(ReducedElasticity, "tangent", counted)
+
+    def path():
+        made.clear()
+        load = model.weight([0.0, 0.3, -2.0])
+        body = ReducedDynamics(model, load=load, tolerance=1e-10)
+        return np.stack([body.advance(1 / 60).u for _ in range(12)]), len(made)
+
+    few, few_made = path()
+    monkeypatch.setattr("autophyx_tet.fem.reduced.rest.CONTRACTION", 0.0)
+    every, every_made = path()
+    assert np.linalg.norm(few - every) < 1e-8 * np.linalg.norm(every)
+    assert few_made < 0.6 * every_made
+
+
+def test_a_kept_inverse_takes_in_what_it_is_told():
+    """The secant it was told of last holds, and it stays symmetric; what bends down is no news."""
+    rng = np.random.default_rng(0)
+    A, B = (a @ a.T + np.eye(6) for a in rng.normal(size=(2, 6, 6)))
+    kept = KeptInverse()
+    kept.renew(A)
+    assert kept.inverse @ A == pytest.approx(np.eye(6), abs=1e-12)
+    for move in rng.normal(size=(4, 6)):
+        kept.learn(move, B @ move)
+        assert kept.solve(B @ move) == pytest.approx(move, abs=1e-12)
+        kept.learn(move, -B @ move)
+        assert kept.solve(B @ move) == pytest.approx(move, abs=1e-12)
+    assert kept.inverse == pytest.approx(kept.inverse.T, abs=1e-12)
+    kept.renew(-A)
+    assert np.isnan(kept.solve(move)).all()
