@@ -25,15 +25,11 @@ from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.error import motion_error
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
 from autophyx_tet.fem.reduced.reduction import (
-    on_cells,
     reduce_body,
     relative_error,
-    whole_model,
 )
 from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
-from autophyx_tet.fem.reduced.skinning import laplacian_weights, skinned_basis, skinned_functions
 from autophyx_tet.fem.reduced.step import ReducedDynamics
-from autophyx_tet.fem.reduced.subspace import linear_body, orthonormal_fields
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
@@ -44,6 +40,7 @@ from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 from autophyx_tet.fem.solve.schemes import Scheme
 from real_meshes import NAMES, cache_folder, demo_mesh, real_mesh
+from reduced_peers import Reduced, equal_weights, modal_path, peers, timed
 
 DT = 1 / 60
 # Of the full body's steps that others are compared with: the usual 1e-4 moves a real chair by .3 %.
@@ -134,10 +131,11 @@ def solved_in_full(body: Body) -> Full:
     return Full(rest, np.stack([exact.step(DT).u for _ in range(body.frames)]), float(first), step)
 
 
-def measure(body: Body, full: Full, model: ReducedModel, made: float, label: str, **law) -> dict:
+def measure(body: Body, full: Full, made: Reduced) -> dict:
     """Errors and times of one model; what fails is a row too."""
-    row = {"body": body.name, "model": label, "dofs": model.dofs, "cells": len(model.cells)}
-    row |= {"made_s": round(made, 2)}
+    model, law = made.model, made.options
+    row = {"body": body.name, "model": made.label, "dofs": model.dofs, "cells": len(model.cells)}
+    row |= {"made_s": round(made.made, 2)}
     elasticity = ReducedElasticity(model, **law)
     row["frequency"] = float(reduced_frequencies(elasticity)[0] / full.frequency - 1)
     load = model.weight(body.gravity)
@@ -145,16 +143,23 @@ def measure(body: Body, full: Full, model: ReducedModel, made: float, label: str
     try:
         rest = model.displacement(reduced_rest(elasticity, load).u)
         row["sag"] = relative_error(model, rest, full.rest)
-        moving = ReducedDynamics(model, load=load, velocity=velocity, **law)
-        started = time.process_time()
-        path = [moving.advance(DT).u for _ in range(body.frames)]
-        row["step_ms"] = round((time.process_time() - started) / body.frames * 1e3, 3)
+        path, seconds = timed(lambda: followed(model, elasticity, load, velocity, body, law))
+        row["step_ms"] = round(seconds / body.frames * 1e3, 3)
         found = np.stack([model.displacement(q) for q in path])
         row["wobble"] = relative_error(model, found, full.frames)
         row |= estimate(body, model, load, velocity, **law)
     except AutophyxError as error:
         row["failure"] = str(error)
     return row
+
+
+def followed(model, elasticity, load, velocity, body: Body, law: dict) -> list[np.ndarray]:
+    """Coordinates of every frame; of a linear law those of each vibration for itself."""
+    if law:
+        stiffness = elasticity.tangent(np.zeros(model.dofs))
+        return modal_path(stiffness, load, velocity, DT, body.frames)
+    moving = ReducedDynamics(model, load=load, velocity=velocity)
+    return [moving.advance(DT).u for _ in range(body.frames)]
 
 
 def estimate(body: Body, model: ReducedModel, load, velocity, law=Law.NEO_HOOKEAN) -> dict:
@@ -168,46 +173,22 @@ def estimate(body: Body, model: ReducedModel, load, velocity, law=Law.NEO_HOOKEA
     return {"estimated": share, "estimate_ms": round(seconds / body.frames * 1e3, 3)}
 
 
-def timed(make):
-    started = time.process_time()
-    return make(), time.process_time() - started
-
-
 def models(body: Body):
-    """Ours, and the peers' ways: (label, model, CPU seconds to make it, law)."""
-    linear = linear_body(body.mesh, body.held)
+    """Ours, and the peers' ways."""
     known = (body.mesh, body.held)
     ours = {
-        "vector, 3 bent": {"kind": Subspace.VECTOR},
-        "vector, 5 bent": {"kind": Subspace.VECTOR, "bent": 5},
+        "vector, 34 coordinates": {"kind": Subspace.VECTOR},
+        "vector, 49 coordinates": {"kind": Subspace.VECTOR, "derived": 36},
         "modal skinning, 10 handles": {"kind": Subspace.SKINNING},
         "modal skinning, 16 handles": {"kind": Subspace.SKINNING, "handles": 16},
     }
     for label, options in ours.items():
         options["gravity_vector"] = body.gravity
         model, seconds = timed(lambda o=options: reduce_body(*known, **o))
-        yield label, model, seconds, {}
+        yield Reduced(label, model, seconds)
         if label.endswith("10 handles"):
-            yield "the same, 500 equal weights", *equal_weights(body, model), {}
-    fixed = body.held.fixed.any(axis=1)
-    weights, seconds = timed(lambda: laplacian_weights(body.mesh, 10, fixed))
-    functions = skinned_functions(body.mesh, weights, free=False)
-    model = whole_model(linear, skinned_basis(functions), Subspace.SKINNING)
-    yield "Laplacian skinning, 10 handles", model, seconds, {}
-    (shapes, seconds) = timed(
-        lambda: natural_modes(body.mesh, 20, supports=body.held, order=1, lumped=True).shapes
-    )
-    basis = orthonormal_fields(np.moveaxis(shapes, 0, 2), linear.mass)
-    yield "20 linear modes", whole_model(linear, basis, Subspace.VECTOR), seconds, {"law": "linear"}
-
-
-def equal_weights(body: Body, model: ReducedModel) -> tuple[ReducedModel, float]:
-    """Peers' cubature: 500 tets drawn by volume, all of the same weight."""
-    linear = linear_body(body.mesh, body.held)
-    whole = whole_model(linear, model.basis, model.kind)
-    share = body.mesh.volumes / body.mesh.volume
-    drawn = np.random.default_rng(0).choice(len(share), 500, p=share)
-    return on_cells(whole, drawn, np.full(500, body.mesh.volume / 500)), 0.0
+            yield Reduced("our 10 handles, 500 equal weights", equal_weights(*known, model), 0.0)
+    yield from peers(body.name, *known)
 
 
 def rows_of(body: Body, real_piece: bool) -> list[dict]:
@@ -223,11 +204,11 @@ def rows_of(body: Body, real_piece: bool) -> list[dict]:
         model, seconds = timed(
             lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity)
         )
-        every = [("vector", model, seconds, {})]
+        every = [Reduced("vector", model, seconds)]
     else:
         every = models(body)
-    for label, model, seconds, law in every:
-        rows.append(measure(body, full, model, seconds, label, **law))
+    for made in every:
+        rows.append(measure(body, full, made))
         print(rows[-1], flush=True)
     return rows
 
@@ -241,7 +222,7 @@ def draw(rows: list[dict], path: Path) -> None:
         own = [row for row in rows if row["body"] == name and "wobble" in row]
         for k, row in enumerate(row for row in own if row["model"] != "full"):
             style = {"color": f"C{k}", "label": row["model"], "ms": 7}
-            ax.plot(row["step_ms"], 100 * row["wobble"], "os^DvPX"[k], **style)
+            ax.plot(row["step_ms"], 100 * row["wobble"], "os^DvPX*hd"[k], **style)
         for row in (row for row in own if row["model"] == "full"):
             ax.axvline(row["step_ms"], color="gray", ls=":")
         ax.set(xscale="log", yscale="log", title=name, xlabel="CPU time of a step [ms]")

@@ -14,7 +14,8 @@ from jaxtyping import Float, Int
 
 from ..errors import ConvergenceError
 from .elasticity import ReducedElasticity
-from .rest import reduced_rest
+from .model import ReducedModel
+from .rest import reduced_rest, solve_dense
 
 # Largest displacement of a state, in shares of the body's longest side.
 AMPLITUDES = (0.01, 0.15)
@@ -23,10 +24,15 @@ STATES = 12
 LOADED = 8
 # The stiffness about rest counts as much as so many states.
 LINEAR_SHARE = 8.0
+# Tets that states are found with.
+DRAWN = 1500
+# Unbalanced force of a state, over its load.
+TOLERANCE = 1e-2
 # Squares of frequencies below this share of the largest are rigid motions.
 RIGID = 1e-9
-# Cells that join before weights are found again: the most needed of those left.
-JOINING = 8
+# Cells that join before weights are found again: the most needed of those left, at least so many,
+# or so many of a cell there is.
+JOINING, GROWTH = 8, 0.05
 
 
 class Cubature(NamedTuple):
@@ -64,7 +70,8 @@ def training(
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
         forces = turn[k:] @ _cell_forces(elasticity, step * turn[k]) / step
         blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * forces)
-    for q in _states(elasticity, square, modes, load, size, seed):
+    few = ReducedElasticity(_drawn(elasticity.model, seed), elasticity.law)
+    for q in _states(few, square, modes, load, size, seed):
         forces = turn @ _cell_forces(elasticity, q)
         blocks.append(forces / np.linalg.norm(forces.sum(axis=1)))
     parts = np.concatenate(blocks)
@@ -75,6 +82,15 @@ def _cell_forces(elasticity: ReducedElasticity, q: np.ndarray) -> Float[np.ndarr
     """Force of every cell on the coordinates [N/sqrt(kg)]."""
     stress = elasticity.stress(q).reshape(-1, 9)
     return np.einsum("tk,tka->at", stress, elasticity.model.gradients.reshape(len(stress), 9, -1))
+
+
+def _drawn(model: ReducedModel, seed: int) -> ReducedModel:
+    """The model on some of its cells, drawn by volume: states that are near to rest are enough."""
+    if len(model.cells) <= DRAWN:
+        return model
+    share = model.weights / model.weights.sum()
+    cells = np.random.default_rng(seed).choice(len(share), DRAWN, p=share)
+    return model.on_cells(cells, np.full(DRAWN, model.weights.sum() / DRAWN))
 
 
 def _states(elasticity, square, modes, load, size, seed):
@@ -90,7 +106,7 @@ def _states(elasticity, square, modes, load, size, seed):
         amplitude = size * np.exp(rng.uniform(*np.log(AMPLITUDES))) / largest
         sign = -1.0 if number % 4 == 2 else 1.0
         try:
-            yield reduced_rest(elasticity, sign * amplitude * push, tolerance=1e-3).u
+            yield reduced_rest(elasticity, sign * amplitude * push, tolerance=TOLERANCE).u
         except ConvergenceError:  # it snaps through: the linear state, as far as it goes
             yield 0.1 * sign * amplitude * linear
 
@@ -112,7 +128,7 @@ def select_cells(
     while len(chosen) < limit and np.linalg.norm(missing) > tolerance * whole:
         wanted = np.where(usable, A.T @ missing / np.maximum(size, 1e-300), -np.inf)
         wanted[chosen] = -np.inf
-        most = min(JOINING, limit - len(chosen))
+        most = min(max(JOINING, int(GROWTH * len(chosen))), limit - len(chosen))
         new = np.argpartition(-wanted, most - 1)[:most]
         new = new[wanted[new] > 0]
         if not new.size:
@@ -137,8 +153,6 @@ def nonnegative_weights(
     On the normal equations (Bro & de Jong 1997): from the answer of a smaller set it takes a few
     small Cholesky solves.
     """
-    from scipy.linalg import solve
-
     x, passive = start.copy(), start > 0
     ridge = 1e-13 * np.diag(gram).max()
     enough = 1e-10 * np.abs(right).max()
@@ -152,7 +166,7 @@ def nonnegative_weights(
         while True:
             ids = np.flatnonzero(passive)
             inner = gram[np.ix_(ids, ids)] + ridge * np.eye(len(ids))
-            found = solve(inner, right[ids], assume_a="pos")
+            found = solve_dense(inner, right[ids])
             if (found > 0).all():
                 break
             low = found <= 0

@@ -149,6 +149,14 @@ class ReducedModel:
         """
         return replace(self, E=np.asarray(E, float), nu=self.nu if nu is None else np.asarray(nu))
 
+    def on_cells(
+        self, cells: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n"]
+    ) -> ReducedModel:
+        """The same model, its energy summed over some of its ``cells``, other ``weights`` [m^3]."""
+        names = ("cells", "gradients", "E", "nu", "region")
+        taken = {name: getattr(self, name)[cells] for name in names}
+        return replace(self, weights=weights, **taken)
+
     def to_js(self) -> dict[str, Any]:
         """Return what a page needs to move the surface, as numbers and flat lists.
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..device import single_threaded
 from ..errors import ConvergenceError
@@ -21,11 +21,11 @@ from .gradients import basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
 from .rest import reduced_frequencies, reduced_rest
 from .skinning import FITTED, HANDLES, modal_weights, skinned_basis, skinned_functions
-from .subspace import BENT, LinearBody, linear_body, vector_basis
+from .subspace import DERIVED, LinearBody, linear_body, vector_basis
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Cells that are tried, until frequency and sag agree with all tets to this share.
-CELLS = (60, 90, 120, 180, 250, 400)
+CELLS = (60, 90, 120, 180, 250, 320, 400)
 ACCEPTED = 2e-3
 # Beyond these the model is not what it says: its frequency and its sag against the full body's.
 FREQUENCY_LIMIT, SAG_LIMIT = 0.01, 0.03
@@ -39,7 +39,7 @@ def reduce_body(
     gravity_vector=GRAVITY,
     forces: Float[np.ndarray, "points 3"] | None = None,
     kind: Subspace | None = None,
-    bent: int = BENT,
+    derived: int = DERIVED,
     handles: int = HANDLES,
     most_cells: int = CELLS[-1],
     seed: int = 0,
@@ -55,8 +55,9 @@ def reduce_body(
         (points, 3). A held body's basis can follow them, and the cells are accepted by them.
     kind
         What the coordinates move; None: fields of vectors of a held body, handles of a free one.
-    bent
-        Modes whose derivatives are fields of a vector basis: 3 make 34 coordinates, 5 make 49.
+    derived
+        Fields of a vector basis that say how modes and responses bend on: 21 make 34 coordinates,
+        36 make 49.
     handles
         Handles of a skinned body; beside these a free one has its affine motion.
     most_cells
@@ -76,7 +77,7 @@ def reduce_body(
     acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
     acting = acting if forces is None else acting + forces
     if kind is Subspace.VECTOR:
-        basis = vector_basis(body, forces, bent)
+        basis = vector_basis(body, forces, checked_count("derived", derived))
     else:
         basis = skinned_basis(_skinning(body, checked_count("handles", handles), forces, acting))
     whole = whole_model(body, basis, kind)
@@ -148,7 +149,7 @@ class _Reference(NamedTuple):
 def _checked(
     whole: ReducedModel, cubature: Cubature, load: np.ndarray, known: _Reference
 ) -> ReducedModel:
-    model = on_cells(whole, cubature.cells, cubature.factor * whole.weights[cubature.cells])
+    model = whole.on_cells(cubature.cells, cubature.factor * whole.weights[cubature.cells])
     elasticity = ReducedElasticity(model)
     ratio, sag = _lowest(elasticity) / known.frequency, np.nan
     if known.rest is not None:
@@ -157,15 +158,6 @@ def _checked(
         sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
     accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
     return replace(model, accuracy=accuracy._replace(frequency=whole.accuracy.frequency * ratio))
-
-
-def on_cells(
-    whole: ReducedModel, cells: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n"]
-) -> ReducedModel:
-    """The same model, its energy summed over some of its ``cells`` with other ``weights`` [m^3]."""
-    names = ("cells", "gradients", "E", "nu", "region")
-    taken = {name: getattr(whole, name)[cells] for name in names}
-    return replace(whole, weights=weights, **taken)
 
 
 def measured(

@@ -48,9 +48,21 @@ class KeptInverse:
         self.inverse = None if failed else half + np.tril(half, -1).T
 
     def at(
-        self, q: np.ndarray, gradient: np.ndarray, matrix: Callable[[], np.ndarray]
+        self,
+        q: np.ndarray,
+        gradient: np.ndarray,
+        matrix: Callable[[], np.ndarray],
+        projected: bool = False,
     ) -> KeptInverse:
-        """Get ready for ``q``, where the function has its ``gradient``; ``matrix`` makes a new one."""
+        """Get ready for ``q``, where the function has its ``gradient``; ``matrix`` makes a new one.
+
+        One of a ``projected`` matrix is for this place alone.
+        """
+        if projected:
+            self.inverse = self._last = None
+            found = KeptInverse()
+            found.renew(matrix())
+            return found
         last, self._last = self._last, (q, gradient)
         slow = last is not None and not (
             np.linalg.norm(gradient) < CONTRACTION * np.linalg.norm(last[1])
@@ -62,7 +74,7 @@ class KeptInverse:
         return self
 
     def learn(self, move: np.ndarray, change: np.ndarray) -> None:
-        """Take in that a ``move`` changed the gradient by ``change``; what bends down is no news."""
+        """Take in that a ``move`` changed the gradient by ``change``, unless it bends down."""
         slope = float(move @ change)
         if self.inverse is not None and slope > 0:
             made = self.inverse @ change
@@ -81,15 +93,19 @@ class DeadLoad:
     def __init__(self, elasticity: ReducedElasticity, load: np.ndarray) -> None:
         self.elasticity, self.load = elasticity, load
         self.scale = float(np.linalg.norm(load)) or 1.0
+        self._gradient, self._kept = np.zeros_like(load), KeptInverse()
 
     def evaluate(self, q: np.ndarray) -> Point:
         """Energy, gradient, and the size of the load."""
         energy, force = self.elasticity.response(q)
-        return Point(energy - float(self.load @ q), force - self.load, self.scale)
+        self._gradient = force - self.load
+        return Point(energy - float(self.load @ q), self._gradient, self.scale)
 
-    def hessian(self, q: np.ndarray, *, projected: bool) -> np.ndarray:
-        """Second derivative (dofs, dofs) [1/s^2]."""
-        return self.elasticity.tangent(q, projected=projected)
+    def hessian(self, q: np.ndarray, *, projected: bool) -> KeptInverse:
+        """Inverse of the second derivative (dofs, dofs) [s^2] at ``q``, the last one evaluated."""
+        return self._kept.at(
+            q, self._gradient, lambda: self.elasticity.tangent(q, projected=projected), projected
+        )
 
     def longest_step(self, q: np.ndarray, step: np.ndarray) -> float:
         """Any: nothing is in the way."""
@@ -111,7 +127,7 @@ def reduced_rest(
         If Newton's method does not find it.
     """
     first = np.zeros_like(load) if start is None else start
-    return minimise(DeadLoad(elasticity, load), first, solve=solve_dense, tolerance=tolerance)
+    return minimise(DeadLoad(elasticity, load), first, solve=KeptInverse.solve, tolerance=tolerance)
 
 
 def reduced_frequencies(elasticity: ReducedElasticity) -> Float[np.ndarray, "dofs"]:

@@ -61,17 +61,17 @@ class _Potential:
         return Point(energy, gradient, max(scale, self.least, 1e-300))
 
     def hessian(self, q: np.ndarray, *, projected: bool) -> KeptInverse:
-        """Inverse of the second derivative (dofs, dofs) [1/s^2] at ``q``, the last one evaluated.
+        """Inverse of the second derivative (dofs, dofs) [s^2] at ``q``, the last one evaluated.
 
         Without obstacles that of an earlier state serves as long as it does well.
         """
-        if self.of.contact is None and not projected:
-            return self.of.kept.at(q, self._gradient, lambda: self._matrix(q))
-        found = KeptInverse()
-        found.renew(self._matrix(q, projected=projected))
-        return found
+        if self.of.contact is not None:
+            self.of.kept.inverse = None
+        return self.of.kept.at(
+            q, self._gradient, lambda: self._matrix(q, projected=projected), projected
+        )
 
-    def _matrix(self, q: np.ndarray, *, projected: bool = False) -> np.ndarray:
+    def _matrix(self, q: np.ndarray, *, projected: bool) -> np.ndarray:
         of = self.of
         matrix = of.elasticity.tangent(q, projected=projected)
         matrix.flat[:: len(q) + 1] += self.factor

@@ -28,8 +28,9 @@ from ..scene.supports import Supports
 from ..solve.modal import natural_modes
 from ..solve.statics import check_held
 
-# Modes of the vector basis; of the first so many, and of the responses to loads, derivatives.
-MODES, BENT = 10, 3
+# Modes of the vector basis; of the first so many, and of the responses to loads, derivatives, of
+# which so many principal fields are kept.
+MODES, BENT, DERIVED = 10, 5, 21
 # Fields that add less than this to the span of the others, as a share of the first, are dropped.
 DEPENDENT = 1e-6
 # Size of the second difference, as a share of the body's: the cubic part is then 1e-6 of it.
@@ -119,7 +120,7 @@ def derivatives(
 ) -> Float[np.ndarray, "pairs points 3"]:
     """How every two of ``fields`` bend on together, under the neo-Hookean law.
 
-    ``fields`` may have any scale: they are taken at a thousandth of the body's size.
+    Linear in each of the two; ``fields`` are taken at a thousandth of the body's size.
     """
     elastic = ElasticBody(body.grid, material_of(body.mesh), Law.NEO_HOOKEAN)
     scale = PROBE * body.size / np.abs(fields).max(axis=(1, 2))
@@ -130,26 +131,46 @@ def derivatives(
 
     found = []
     for i, a in enumerate(probes):
-        for b in probes[i:]:
+        for j, b in enumerate(probes[i:], i):
             mixed = force(a + b) - force(a - b) - force(b - a) + force(-a - b)
-            found.append(-body.compliance(mixed / 4))
+            found.append(-body.compliance(mixed / (4 * scale[i] * scale[j])))
     return np.stack(found)
 
 
 def vector_basis(
-    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None, bent: int = BENT
+    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None, derived: int = DERIVED
 ) -> Float[np.ndarray, "points 3 dofs"]:
     """Modes, responses to loads and derivatives of a held body, as fields of vectors.
 
-    With derivatives of the first three modes (``bent``) at most 34, of the first five 49; more with
-    the response to ``forces`` [N] beside those to weight.
+    At most 34 coordinates with 21 ``derived`` fields, 49 with all 36; with the response to
+    ``forces`` [N] beside those to weight one more, and 9 more derivatives. Which are kept is said
+    by principal components, of modes as large as the same force makes them (Barbic & James 2005).
     """
     if body.is_free:
         raise InputError("a free body turns, which no fields of vectors follow: take skinning")
     shapes, responses = body.modes.shapes, load_responses(body, forces)
-    second = derivatives(body, np.concatenate([shapes[:bent], responses]))
-    fields = np.concatenate([shapes, responses, second])
-    return orthonormal_fields(np.moveaxis(fields, 0, 2), body.mass)
+    share = (body.modes.frequencies[0] / body.modes.frequencies[:BENT]) ** 2
+    size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
+    bending = np.concatenate(
+        [shapes[:BENT] * share[:, None, None], responses / size[:, None, None]]
+    )
+    linear = np.moveaxis(np.concatenate([shapes, responses]), 0, 2)
+    second = np.moveaxis(derivatives(body, bending), 0, 2)
+    kept = principal_fields(second, orthonormal_fields(linear, body.mass), body.mass, derived)
+    return orthonormal_fields(np.concatenate([linear, kept], axis=2), body.mass)
+
+
+def principal_fields(
+    fields: Float[np.ndarray, "points 3 fields"],
+    beside: Float[np.ndarray, "points 3 known"],
+    mass: Float[np.ndarray, "points"],
+    most: int,
+) -> Float[np.ndarray, "points 3 kept"]:
+    """First ``most`` principal components of what ``fields`` have outside M-orthonormal ones."""
+    root = np.sqrt(mass).repeat(3)[:, None]
+    known, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
+    U = np.linalg.svd(A - known @ (known.T @ A), full_matrices=False)[0][:, :most]
+    return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(len(fields), 3, -1)
 
 
 def orthonormal_fields(

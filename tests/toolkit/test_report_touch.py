@@ -7,7 +7,6 @@ import pytest
 from autophyx_tet.fem import ElementMaterial, Supports, box_mesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
-from autophyx_tet.fem.reduced.reduction import on_cells
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step
 from autophyx_tet.toolkit.io.sidecar import Sidecar
@@ -270,7 +269,7 @@ def test_a_frame_is_done_in_16_ms(chromium, touch, folder):
     model = touch.model
     cells = np.resize(np.arange(len(model.cells)), 250)
     shares = np.bincount(cells)[cells]
-    model = on_cells(model, cells, model.weights[cells] / shares)
+    model = model.on_cells(cells, model.weights[cells] / shares)
     content = ReportContent("p", (Case("jelly", standing().mesh, touch=shown(model)),))
     visit = Visit(chromium, write_report(folder / "frames.html", content))
     visit.page.evaluate(

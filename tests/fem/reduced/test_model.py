@@ -20,7 +20,7 @@ from autophyx_tet.fem.reduced.skinning import (
     skinned_basis,
     skinned_functions,
 )
-from autophyx_tet.fem.reduced.subspace import orthonormal_fields
+from autophyx_tet.fem.reduced.subspace import derivatives, orthonormal_fields, principal_fields
 from autophyx_tet.fem.scene.boundary import face_normals
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports
@@ -203,3 +203,27 @@ def test_a_page_gets_the_surface(held):
     pull = np.array(page["gravity"]).reshape(3, count)
     u = held.displacement(q)
     assert pull @ q == pytest.approx(held.mass @ u, rel=1e-12)
+
+
+def test_principal_fields_are_what_is_largest_outside_the_known_ones():
+    """Of two fields hidden in many, beside known ones: both come back, nothing else of size."""
+    rng = np.random.default_rng(0)
+    mass = rng.uniform(1, 2, 20)
+    mass[3] = 0  # a point that no tet has
+    every = orthonormal_fields(rng.normal(size=(20, 3, 6)), mass)
+    known, hidden = every[..., :4], every[..., 4:]
+    fields = hidden @ rng.normal(size=(2, 9)) + known @ rng.normal(size=(4, 9))
+    found = principal_fields(fields, known, mass, 2)
+    both = np.einsum("n,nia,nib->ab", mass, found, np.concatenate([known, hidden], axis=2))
+    assert both[:, :4] == pytest.approx(np.zeros((2, 4)), abs=1e-12)
+    assert both[:, 4:] @ both[:, 4:].T == pytest.approx(np.eye(2), abs=1e-12)
+
+
+def test_derivatives_are_bilinear():
+    """Twice and three times the fields bend on six times as far together."""
+    body = linear(two_part_bar((4, 2, 2)))
+    a, b = body.modes.shapes[:2]
+    found = derivatives(body, np.stack([a, b]))
+    larger = derivatives(body, np.stack([2 * a, 3 * b]))
+    for factor, one, other in zip((4, 6, 9), found, larger, strict=True):
+        assert np.linalg.norm(other - factor * one) < 1e-9 * np.linalg.norm(other)
