@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -125,20 +126,20 @@ class CholeskyFactor:
         return out
 
 
-# Factors of the last matrices and their values: statics, modes and other loads share one.
-_RECENT: list[tuple[np.ndarray, CholeskyFactor]] = []
+# Factors of the last matrices, by digests of their values: statics and modes share one.
+_RECENT: list[tuple[bytes, CholeskyFactor]] = []
 _KEPT = 2
 KEPT_ENTRIES = 100_000_000  # 800 MB: beyond, only the last is kept
 
 
 def known_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
     """Factor of ``matrix``, made only if the last ones were not of the very same values."""
-    values = matrix.values.numpy()
+    digest = blake2b(np.ascontiguousarray(matrix.values.numpy()).data, digest_size=32).digest()
     for kept, factor in _RECENT:
-        if factor.plan is plan and np.array_equal(kept, values):
+        if factor.plan is plan and kept == digest:
             return factor
     factor = CholeskyFactor(matrix, plan)
-    _RECENT.insert(0, (values.copy(), factor))
+    _RECENT.insert(0, (digest, factor))
     del _RECENT[_KEPT:]
     while len(_RECENT) > 1 and sum(f.plan.entries for _, f in _RECENT) > KEPT_ENTRIES:
         _RECENT.pop()

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -119,10 +120,13 @@ class LinearFamily:
             mass, factor = self.mass(member)[:, None], CholeskyFactor(matrix, plan)
             loads = [self.forces] + [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
             loads += [mass * shape for shape in self.shapes]
-            fields = [factor.solve(np.where(self.held.fixed, 0.0, f)) for f in loads if f.any()]
+            whole = self.forces + mass * self.gravity
+            all_at_once = np.stack([*(f for f in loads if f.any()), whole], axis=2)
+            *fields, rest = np.moveaxis(
+                factor.solve(np.where(self.held.fixed[:, :, None], 0.0, all_at_once)), 2, 0
+            )
             self._snapshots += fields
-            whole = np.where(self.held.fixed, 0.0, self.forces + mass * self.gravity)
-            rests.append(factor.solve(whole))
+            rests.append(rest)
         self._pull_back()
         return rests
 
@@ -132,34 +136,39 @@ class LinearFamily:
         mass = lumped_mass(self.mesh, self.grid.space)
         self.basis = orthonormal_fields(fields, mass, DEPENDENT)
         flat = self.basis.reshape(-1, self.basis.shape[2])
-        known = material_of(self.mesh)
-        self._stiff: list[tuple[np.ndarray, np.ndarray]] = []
-        for tets, grained in zip(self.groups, self.grained, strict=True):
-            if grained:
-                pulled = self._part(tets, flat)
-                self._stiff.append((pulled, np.zeros_like(pulled)))
-                continue
-            E = np.where(tets, known.E, 0.0)
-            none = np.zeros_like(E)
-            parts = [stiffness(self.grid, *pair).to_scipy() for pair in ((E, none), (none, E))]
-            lam, mu = (flat.T @ (part @ flat) for part in parts)
-            self._stiff.append((lam, mu))
-        rest = self._part(self.others, flat)
-        self._stiff_rest = rest + flat.T @ (self.held.springs.reshape(-1, 1) * flat)
+        pairs, rest = self._parts
+        self._stiff = [(flat.T @ (one @ flat), flat.T @ (two @ flat)) for one, two in pairs]
+        springs = self.held.springs.reshape(-1, 1) * flat
+        self._stiff_rest = flat.T @ (rest @ flat + springs)
         self._mass_parts = [flat.T @ (m.repeat(3)[:, None] * flat) for m in self._masses]
         self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)
 
     def _held_shapes(self) -> Float[np.ndarray, "modes points 3"]:
         return np.where(self.held.fixed, 0.0, self.shapes)
 
-    def _part(self, tets: np.ndarray, flat: np.ndarray) -> Float[np.ndarray, "dofs dofs"]:
+    @cached_property
+    def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:
+        """Stiffness of every group by lam and mu (of a grain: all and nothing); of the rest."""
+        known, pairs = material_of(self.mesh), []
+        for tets, grained in zip(self.groups, self.grained, strict=True):
+            E = np.where(tets, known.E, 0.0)
+            none = np.zeros_like(E)
+            if grained:
+                empty = stiffness(self.grid, none, none).to_scipy()
+                pairs.append((self._stiffness_of(tets), empty))
+            else:
+                moduli = ((E, none), (none, E))
+                pairs.append(tuple(stiffness(self.grid, *m).to_scipy() for m in moduli))
+        return pairs, self._stiffness_of(self.others)
+
+    def _stiffness_of(self, tets: np.ndarray) -> Any:
         """Stiffness of some tets as they are: twice what is missing when they have half of it."""
         known = material_of(self.mesh)
         share = np.where(tets, 0.5, 1.0)
         tensor = None if known.tensor is None else known.tensor * share[:, None, None]
         half = replace(known, E=known.E * share, tensor=tensor)
-        missing = [linear_stiffness(self.grid, m).to_scipy() @ flat for m in (known, half)]
-        return 2 * flat.T @ (missing[0] - missing[1])
+        whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (known, half))
+        return 2 * (whole - rest)
 
     def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
