@@ -56,7 +56,10 @@ def _comparison_start(before: list[Lexeme], lexeme: Lexeme, after: Sequence[Lexe
     if last in ("more", "less"):
         return len(before) - 1
     if last == "as":
-        return len(before) - 1 if any(x.role == "as" for x in after) else None
+        times = len(before) > 1 and (
+            before[-2].role == "factors" or before[-2].text.lower() in ("times", "x", "×")
+        )
+        return len(before) - 1 if times or any(x.role == "as" for x in after) else None
     return len(before) if lexeme.text.lower().endswith("er") else None
 
 

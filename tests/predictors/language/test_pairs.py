@@ -157,3 +157,15 @@ def test_each_part_has_its_own_numbers(clauses_of, form, joint):
         numbers = {q.measure: q.value for clause in clauses for q in clause.numbers}
         numbers.pop("nu", None)  # of one form
         assert numbers == pytest.approx(wanted[part])
+
+
+@pytest.mark.parametrize(
+    ("said", "factor"),
+    [("three times as stiff", 3), ("half as stiff", 0.5), ("twice as stiff", 2)],
+)
+@pytest.mark.parametrize("form", ["the lid is oak and the rail is {}", "lid: oak, rail {}"])
+def test_a_comparison_may_leave_out_with_what(clauses_of, form, said, factor):
+    clauses = clauses_of(form.format(said), ["lid", "rail"])["rail"]
+    assert [(c.factor, c.exact) for clause in clauses for c in clause.comparisons] == [
+        (factor, True)
+    ]
