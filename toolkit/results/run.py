@@ -16,7 +16,6 @@ from ..io.document import versions
 from ..options import AssignOptions
 from .assignment import Assignment
 from .conversion import Conversion
-from .settled import Settled
 from .simulation import Simulation
 from .summary import as_table, in_a_line
 from .verdict import ADVICE, Verdict
@@ -76,6 +75,7 @@ class RunResult:
     def verdicts(self) -> list[list[Verdict]]:
         """Of every case: are its values usual, and can the eye tell it from the first one."""
         from ...fem.verdicts import distinguishable
+        from .settled import Settled
 
         found = [case.assignment.verdicts() for case in self.cases]
         if self.turned:
