@@ -52,12 +52,17 @@ def test_a_time_out_is_followed_by_a_coarser_attempt_and_recorded(monkeypatch):
 
 
 def test_a_time_out_is_followed_by_a_lattice_and_said(monkeypatch):
-    """With the default mesher a lattice takes over: 8 exact corners, no epsilon, and it is said."""
+    """With the default mesher a lattice takes over: it keeps the volume, no epsilon; it is said.
+
+    The edge that the engine was given is the longest one: some 300 tets, where 5000 may be.
+    """
     _slow_at_first(monkeypatch)
-    mesh, report = tetrahedralize(asset_of(cube=trimesh.creation.box((1, 1, 1))), **QUICK)
+    cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
+    mesh, report = tetrahedralize(cube, **QUICK, max_tets=5000)
+    assert 2500 < len(mesh.tets) <= 5000
     assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
     assert (report.mesher, report.ok) == ("stuffing", True)
-    assert mesh.volume == pytest.approx(1, rel=1e-6)
+    assert mesh.volume == pytest.approx(1, rel=0.01)  # of which more would be told
     assert any("took too long" in w and "--mesher ftetwild" in w for w in report.warnings)
 
 

@@ -11,9 +11,11 @@ from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import signed_volumes
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
 from autophyx_tet.toolkit.meshing.quality import dihedral_angles
 from autophyx_tet.toolkit.meshing.stuffing.cut import cut
 from autophyx_tet.toolkit.meshing.stuffing.field import NodeField, SolidField
+from autophyx_tet.toolkit.meshing.stuffing.fit import resolving
 from autophyx_tet.toolkit.meshing.stuffing.lattice import lattice_around
 from autophyx_tet.toolkit.meshing.stuffing.match import wanted_volumes
 from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff
@@ -133,6 +135,22 @@ def test_a_leg_thinner_than_the_lattice_gets_a_finer_one():
     assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "ok"]
     assert report.quality.components == 1
     assert mesh.volume == pytest.approx(1 + 0.045**2 * 0.99, rel=0.01)
+
+
+def test_a_lattice_is_as_fine_as_thin_walls_want():
+    """Beside a cube, a plate on a quarter of the surface: three quarters of an edge, if affordable.
+
+    Of a cube alone, or with a plate that is thick enough, the lattice stays as it is.
+    """
+    cube, target = trimesh.creation.box((1, 1, 1)), EngineTarget.of(2.0, None, 2e-3, 20.0, 1)
+    for thickness, wanted in ((0.03, 0.04), (0.1, None), (1e-3, None)):
+        plate = trimesh.creation.box((1, 1, thickness)).apply_translation((0, 0, 0.8))
+        found = resolving(_solids(trimesh.util.concatenate([cube, plate])), target, most=250_000)
+        if wanted is None:
+            assert found.tets == (50_000 if thickness > 0.05 else 250_000)
+        else:  # tets are whole numbers: an edge to a millionth
+            assert found.lattice_edge(1 + thickness) == pytest.approx(wanted, rel=1e-5)
+    assert resolving(_solids(turned(cube)), target, most=250_000) == target
 
 
 def test_crumbs_go_and_small_bodies_stay():

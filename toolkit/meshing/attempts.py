@@ -26,6 +26,7 @@ from .conversion_report import (
 from .engine_run import EngineTarget, Filling, NoFilling
 from .meshers import AUTO, FTETWILD, MESHERS, STUFFING
 from .quality import Quality
+from .stuffing.fit import resolving
 
 log = logging.getLogger(__name__)
 
@@ -242,11 +243,18 @@ def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
 
 
 def _lattices(problem: Problem) -> Iterator[Way]:
-    """A lattice, and finer ones where it misses volume, unless its edge was asked for."""
-    yield STUFFING, problem.target, lambda: problem.solids
-    if problem.finer and not problem.target.edge_is_given:
-        for factor in FINER:
-            yield STUFFING, problem.target.coarser(1 / factor), lambda: problem.solids
+    """A lattice for what is thin, and finer ones where it misses volume; only one of a given edge.
+
+    Surfaces that are samples have thin places by their noise: they get no finer one for these.
+    """
+    first, free = problem.target, problem.finer and not problem.target.edge_is_given
+    if free and first.sharp:
+        first = resolving(problem.solids, first, most=WHOLE_TETS)
+    yield STUFFING, first, lambda: problem.solids
+    for factor in FINER if free else ():
+        aim = problem.target.coarser(1 / factor)
+        if aim.tets > first.tets:
+            yield STUFFING, aim, lambda: problem.solids
 
 
 def wrapped(problem: Problem) -> Solids:

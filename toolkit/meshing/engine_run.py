@@ -91,6 +91,16 @@ class EngineTarget:
             return self.edge_length
         return float((TETS_PER_CUBE * volume / self.tets) ** (1 / 3))
 
+    def unless_finer(self, volume: float) -> EngineTarget:
+        """Return the same for a lattice that nobody asked for: its edge is at most the given one.
+
+        Another mesher takes the edge as the longest one, and shorter ones where the shape wants.
+        """
+        if not self.edge_is_given:
+            return self
+        tets = int(TETS_PER_CUBE * volume / self.edge_length**3)
+        return replace(self, edge_is_given=False, tets=max(self.tets, tets))
+
     def checked(self) -> EngineTarget:
         """Return itself, or say what is out of range."""
         for option, value, most in (

@@ -93,8 +93,7 @@ def tetrahedralize(
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)
     problem, ready = _problem(asset, target, preparation, runner, rng, lossy=accept_broken)
-    mesher = chosen_mesher(mesher, sampled=asset.sampled or ready.closing.whole)
-    found = mesh_within(problem._replace(mesher=mesher), max_tets)
+    found = _found(asset, problem, mesher, max_tets, whole=ready.closing.whole)
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
@@ -119,6 +118,17 @@ def _problem(
     volume = input_volume(ready.solids, len(asset.parts), rng=rng)
     judge = _judged(asset, ready, volume, rng)
     return Problem(ready.solids, target, volume, ready.again, runner, judge), ready
+
+
+def _found(
+    asset: Asset, problem: Problem, mesher: str, max_tets: int | None, *, whole: bool
+) -> Attempts:
+    """What the attempts of the ``mesher``, or of the automatic one, gave."""
+    if mesher == AUTO and not asset.sampled:
+        target = problem.target.unless_finer(problem.volume.total)
+        problem = problem._replace(target=target)
+    name = chosen_mesher(mesher, sampled=asset.sampled or whole)
+    return mesh_within(problem._replace(mesher=name), max_tets)
 
 
 def _judged(
