@@ -1,0 +1,97 @@
+"""How a lattice fits: what is thinner than its edge, what it joins, what it cuts off."""
+
+import numpy as np
+import pytest
+import trimesh
+from autophyx_tet.fem.errors import NoVolumeError
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
+from autophyx_tet.toolkit.meshing.stuffing.fit import resolving
+from autophyx_tet.toolkit.meshing.stuffing.pieces import without_crumbs
+from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.surfaces.repair import repair
+from autophyx_tet.toolkit.surfaces.solids import Solids
+
+from .test_stuffing import solids_of, turned
+from .test_tetrahedralize import asset_of
+
+
+def test_what_is_thinner_than_the_lattice_is_said():
+    """A plate of half an edge beside a cube: its volume is off, and fTetWild is offered."""
+    plate = turned(trimesh.creation.box((0.6, 0.6, 0.05)))
+    cube = trimesh.creation.box((0.6, 0.6, 0.6)).apply_translation((0.8, 0, 0))
+    mesh, report = tetrahedralize(
+        asset_of(cube=cube, plate=plate), mesher="stuffing", edge_length=0.08
+    )
+    assert (mesh.volumes > 0).all()
+    said = [warning for warning in report.warnings if "thinner than the lattice" in warning]
+    assert any("'plate'" in one and "--mesher ftetwild" in one for one in said)
+
+
+def test_gaps_that_a_lattice_closes_are_said():
+    """Two blocks .3 edges apart become one body: said of both; 1.5 edges apart, of neither."""
+    for gap, bodies in ((0.03, 1), (0.15, 2)):
+        block = trimesh.creation.box((0.5, 0.5, 0.5))
+        other = turned(block.copy().apply_translation((0.5 + gap, 0, 0)))
+        way = {"mesher": "stuffing", "edge_length": 0.1}
+        _, report = tetrahedralize(asset_of(left=turned(block), right=other), **way)
+        assert report.quality.components == bodies
+        told = dict(report.closed_gaps)
+        assert set(told) == ({"left", "right"} if bodies == 1 else set())
+        # A sixth of each block looks at the other, a twelfth of all surface; rims stay apart.
+        assert all(0.5 / 12 < share < 1.1 / 12 for share in told.values())
+        assert any("join what is apart" in w for w in report.warnings) == (bodies == 1)
+        assert any("join what is apart" in w for w in report.differences) == (bodies == 1)
+
+
+@pytest.mark.slow
+def test_a_leg_thinner_than_the_lattice_gets_a_finer_one():
+    """A cube of 50,000 tets with a leg that these cut into pieces: once more, in one piece."""
+    cube = trimesh.creation.box((1, 1, 1))
+    leg = trimesh.creation.box((0.045, 0.045, 1)).apply_translation((0, 0, -0.99))
+    asset = asset_of(cube=turned(cube), leg=turned(leg))
+    mesh, report = tetrahedralize(asset, mesher="stuffing")
+    assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "ok"]
+    assert report.quality.components == 1
+    assert mesh.volume == pytest.approx(1 + 0.045**2 * 0.99, rel=0.01)
+
+
+def test_a_lattice_is_as_fine_as_thin_walls_want():
+    """Beside a cube, a plate on a quarter of the surface: three quarters of an edge, if affordable.
+
+    Of a cube alone, or with a plate that is thick enough, the lattice stays as it is.
+    """
+    cube, target = trimesh.creation.box((1, 1, 1)), EngineTarget.of(2.0, None, 2e-3, 20.0, 1)
+    for thickness, wanted in ((0.03, 0.04), (0.1, None), (1e-3, None)):
+        plate = trimesh.creation.box((1, 1, thickness)).apply_translation((0, 0, 0.8))
+        found = resolving(solids_of(trimesh.util.concatenate([cube, plate])), target, most=250_000)
+        if wanted is None:
+            assert found.tets == (50_000 if thickness > 0.05 else 250_000)
+        else:  # tets are whole numbers: an edge to a millionth
+            assert found.lattice_edge(1 + thickness) == pytest.approx(wanted, rel=1e-5)
+    assert resolving(solids_of(turned(cube)), target, most=250_000) == target
+
+
+def test_crumbs_go_and_small_bodies_stay():
+    """Beside a block a body of a ten thousandth of it is kept, as small a fragment of it is not."""
+    block, screw = box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((0.05,) * 3, (1, 1, 1), lo=(2, 0, 0))
+    crumb = box_mesh((0.05,) * 3, (1, 1, 1), lo=(1.01, 0.4, 0.4))
+    bodies = [trimesh.Trimesh(m.points, m.boundary.faces) for m in (block, screw)]
+    surface, _ = repair(asset_of(block=bodies[0], screw=bodies[1]).parts)
+    solids = Solids.of(surface, 2, thinnest=1e-6)
+    meshes, starts = (block, screw, crumb), (0, 27, 35)
+    points = np.concatenate([m.points for m in meshes])
+    tets = np.concatenate([m.tets + n for m, n in zip(meshes, starts, strict=True)])
+    kept = without_crumbs(points, tets, solids)
+    assert kept.sum() == len(block.tets) + len(screw.tets)
+    assert not kept[-len(crumb.tets) :].any()
+
+
+def test_a_body_that_would_fall_apart_is_refused():
+    """A plate of a third of an edge comes in pieces: exit 4, unless they are accepted."""
+    plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))
+    options = {"mesher": "stuffing", "edge_length": 0.1}
+    with pytest.raises(NoVolumeError, match=r"loose pieces .*wanted at most 0.05"):
+        tetrahedralize(plate, **options)
+    _, report = tetrahedralize(plate, **options, accept_broken=True)
+    assert any("'plate'" in one and "fell off" in one for one in report.warnings)
