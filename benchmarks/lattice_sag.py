@@ -68,12 +68,17 @@ def compared(asset: Asset) -> dict:
 def settled(asset: Asset, **options) -> dict:
     """Largest displacement [m] of an asset that stands on its ground, as one mesher makes it."""
     try:
-        mesh, _ = tetrahedralize(asset, **options)
+        mesh, report = tetrahedralize(asset, **options)
         material = ElementMaterial.uniform(len(mesh.tets), **WOOD)
         result = sag(replace(mesh, material=material), up=asset.up, order=2, law="linear")
     except AutophyxError as error:
         return {"sag": None, "reason": str(error)[:200]}
-    return {"sag": float(result.max_displacement), "tets": len(mesh.tets)}
+    return {
+        "sag": float(result.max_displacement),
+        "tets": len(mesh.tets),
+        "pieces": report.quality.components,
+        "closed_gaps": max((share for _, share in report.closed_gaps), default=0.0),
+    }
 
 
 def table(rows: list[dict]) -> str:
@@ -92,7 +97,13 @@ def table(rows: list[dict]) -> str:
 
 
 def _told(one: dict) -> str:
-    return one["reason"] if one["sag"] is None else f"{one['tets']:,}, {one['sag']:.3g}"
+    """Tets and sag [m], and why the structure may be another: pieces, gaps that were closed."""
+    if one["sag"] is None:
+        return one["reason"]
+    pieces, gaps = one.get("pieces", 1), one.get("closed_gaps", 0.0)
+    told = f" in {pieces} pieces" if pieces > 1 else ""
+    told += f", gaps closed at {gaps:.1%}" if gaps else ""
+    return f"{one['tets']:,}{told}, {one['sag']:.3g}"
 
 
 if __name__ == "__main__":
