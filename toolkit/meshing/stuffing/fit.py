@@ -21,7 +21,7 @@ RESOLVED = 0.75
 THIN_SHARE = 0.05  # of the surface that may be thinner: rims and ornaments that carry little
 
 
-class Walls(NamedTuple):
+class RaysThrough(NamedTuple):
     """Rays through parts: the ``part`` of each, and its ``thickness`` [m] there if below an edge.
 
     Where it is thicker, or the wall opposite is one inside the part, that is infinite.
@@ -31,7 +31,7 @@ class Walls(NamedTuple):
     thickness: np.ndarray
 
 
-def thin_walls(solids: Solids, edge: float) -> Walls:
+def thin_walls(solids: Solids, edge: float) -> RaysThrough:
     """Thickness of the parts where their walls are nearer than ``edge`` [m].
 
     A ray from a wall finds the wall opposite; beyond both must be another part or air, else it is
@@ -47,7 +47,7 @@ def thin_walls(solids: Solids, edge: float) -> Walls:
     thin = thin[(before != part[thin]) & (after != part[thin])]
     found = np.full(len(part), np.inf)
     found[thin] = thickness[thin]
-    return Walls(part[part >= 0], found[part >= 0])
+    return RaysThrough(part[part >= 0], found[part >= 0])
 
 
 def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
