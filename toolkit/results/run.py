@@ -127,6 +127,8 @@ def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
     A linear body under one dead load stores less energy wherever it is made stiffer (Clapeyron: it
     is half the work of the load); its largest displacement need not fall.
     """
+    from .settled import Settled
+
     if all(isinstance(case, Settled) for case in cases):
         given = [case.solved.static.energy for case in cases if isinstance(case, Settled)]
         told, unit = "its load strains it by", "J"
