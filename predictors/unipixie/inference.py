@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -135,6 +137,19 @@ class Found:
                 values.append(found[0].numpy())
                 classes.append(logits[0].argmax(-1).numpy())
         return np.concatenate(values).clip(-1, 1), np.concatenate(classes)
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Within, torch uses one thread: of so small a network two only wait for each other."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _mean(values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:

@@ -25,7 +25,7 @@ from ..lookup.nearest import nearest_row
 from ..prediction import PartChoice, Prediction
 from ..predictor import Appearance
 from ..voxels import PartVoxels
-from .inference import Found, Known, UniPixieModel
+from .inference import Found, Known, UniPixieModel, one_torch_thread
 
 
 class UniPixiePredictor:
@@ -62,6 +62,7 @@ class UniPixiePredictor:
 
         return self._encoder or MiniLM()
 
+    @one_torch_thread()
     def predict(
         self,
         parts: PartVoxels,
