@@ -26,7 +26,7 @@ class Visit:
         self.page.context.set_offline(True)
         if script:
             self.page.add_init_script(script)
-        self.page.goto(path.as_uri())
+        self.page.goto(path.as_uri(), timeout=60_000)
         self.page.wait_for_selector(ready, timeout=60_000)
         self.home = path.as_uri()
 

@@ -1,6 +1,7 @@
 """The report as a tool, in a real browser: looks, parts, vibrations, ranges, files, a phone."""
 
 import csv
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from autophyx_tet.converters.mesh.mesh_file import read_mesh
 from autophyx_tet.toolkit.report.content import ReportContent
 from autophyx_tet.toolkit.report.report import write_report
+from autophyx_tet.toolkit.results.description import Acting
 
 from .browser import Visit
 from .test_report import case
@@ -52,8 +54,10 @@ def falling(frames=20):
         for row in one.parts
     )
     return replace(
-        one, motion=motion, times=times, frequencies=FREQUENCIES, vibrations=shapes, parts=long
-    )
+        one, motion=motion, times=times, frequencies=FREQUENCIES, vibrations=shapes, parts=long,
+        answers=(("Moves most", "seat by 600 mm"), ("Gives way", "no")), title="It falls",
+        solved=(("Law", "linear"),), acting=(Acting("gravity", "gravity along -z"),),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +67,8 @@ def page(folder):
         (falling(),),
         made="2026-11-22 17:26 UTC · autophyx-tet 0.1.0 · 5.30 s",
         command="autophyx-tet run bar.glb --text oak --output out",
-        warnings=("taken as solid",),
+        warnings=("taken as solid", *(f"{'swivel_chair_posts_' * 9} {i}" for i in range(8))),
+        loaded=(("Loaded", "bar.glb: a surface, 3 parts"), ("Mesh", "360 tets")),
     )
     return write_report(folder / "tools.html", content)
 
@@ -101,6 +106,23 @@ def test_every_vibration_can_be_picked(visit):
     np.testing.assert_allclose(visit.page.evaluate(read), 0, atol=1e-6)
     words = visit.page.locator("output[for=frame]").inner_text()
     assert words == f"{1e3 / FREQUENCIES[1] / 4:.1f} ms"
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_answers_stand_above_how_they_were_found(chromium, page, width):
+    """In order down the page, none over another; of nine warnings five are open, all can be."""
+    visit = Visit(chromium, page, viewport={"width": width, "height": 900})
+    parts = ("> .answers", ".what", ".acting", ".case .answers", ".facts", ".command")
+    order = [f"#scene {part}" for part in parts]
+    places = [visit.page.locator(part).first.bounding_box() for part in order]
+    for above, below in itertools.pairwise(places):
+        assert above["y"] + above["height"] <= below["y"] + 1
+    lines = visit.page.locator(".warnings li")
+    assert sum(line.is_visible() for line in lines.all()) == 6
+    visit.page.get_by_text("4 more").click()
+    assert all(line.is_visible() for line in lines.all())
+    assert visit.page.evaluate("document.documentElement.scrollWidth") <= width
+    visit.close()
 
 
 def test_looks_and_reset(visit):
