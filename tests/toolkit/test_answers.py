@@ -78,5 +78,6 @@ def test_what_was_loaded_and_meshed_is_told(tmp_path):
     assert said["Loaded"].startswith("cube.obj: a surface, 1 part, 12 triangles, 100\u00a0mm × 100")
     assert "1 unit taken as 1.00\u00a0mm" in said["Loaded"]
     assert said["Mesh"].startswith(f"{len(result.cases[0].simulation.mesh.tets):,} tets of about")
+    assert result.cpu_seconds.keys() == result.seconds.keys() >= {"convert", "simulate", "write"}
     page = html.unescape(report_page(run_page(result)))
     assert all(words in page for words in said.values())

@@ -1,6 +1,9 @@
 """At a prompt and in a notebook: options by name; results as a line and a table, no arrays."""
 
 import html
+import subprocess
+import sys
+import time
 
 import autophyx_tet as apx
 import numpy as np
@@ -8,6 +11,7 @@ import pytest
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.results.run import Stopwatch
 from PIL import Image
 
 
@@ -73,3 +77,16 @@ def test_a_result_is_looked_at(assigned, tmp_path):
     assert main(["view", str(tmp_path), "--picture", "no.png", "-q"]) == 3
     call = ["view", str(tmp_path / "sag.pvd"), "--colour", "taste", "--picture", "no.png"]
     assert main(call) == 3
+
+
+def test_a_stopwatch_tells_work_from_waiting():
+    """Sleep is time on the wall alone; what a child has worked counts when it has ended."""
+    clock = Stopwatch()
+    time.sleep(0.1)
+    clock.lap("sleep")
+    busy = "import time\nwhile time.process_time() < 0.1: pass"
+    subprocess.run([sys.executable, "-S", "-c", busy], check=True)
+    clock.lap("work")
+    assert clock.seconds["sleep"] >= 0.1
+    assert clock.cpu_seconds["sleep"] < 0.05
+    assert clock.cpu_seconds["work"] >= 0.09  # the clock of processes ticks every 10 ms

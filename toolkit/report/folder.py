@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 
 from ...converters import npz
 from ...converters.files import writing_folder
 from ...converters.mesh.mesh_file import write_mesh
 from ..io.document import SCHEMA, write_json
-from ..results.run import RunCase, RunResult
+from ..results.run import RunCase, RunResult, Stopwatch
 from .pages import run_page
 from .picture.panels import render_png, story
 from .report import write_report
@@ -24,11 +23,13 @@ def write_folder(folder: Path, result: RunResult, *, touch: bool = False) -> Run
     With ``touch`` the report has bodies to pull.
     """
     with writing_folder(folder) as home:
-        began = perf_counter()
+        clock = Stopwatch()
         made = [*_write_files(home, result, touch), home / "run.json"]
-        seconds = {**result.seconds, "write": perf_counter() - began}
+        clock.lap("write")
+        spent = {"seconds": {**result.seconds, **clock.seconds}}
+        spent["cpu_seconds"] = {**result.cpu_seconds, **clock.cpu_seconds}
         files = (*result.files, *(folder / file.relative_to(home) for file in made))
-        result = replace(result, files=files, seconds=seconds)
+        result = replace(result, files=files, **spent)
         write_json(made[-1], {"schema": SCHEMA, **result.document()})
     return result
 

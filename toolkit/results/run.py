@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,12 +51,14 @@ class RunResult:
     """One conversion, and one case for every sentence, under identical loads.
 
     ``features`` are what an image encoder sees of the asset, where that was asked for; ``command``
-    makes it again, ``date`` is when it was made. Turned by the dial, each sentence has three cases.
+    makes it again, ``date`` is when it was made; ``seconds`` and ``cpu_seconds`` are by stage.
+    Turned by the dial, each sentence has three cases.
     """
 
     conversion: Conversion
     cases: tuple[RunCase, ...]
     seconds: dict[str, float] = field(default_factory=dict)
+    cpu_seconds: dict[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
     features: VoxelFeatures | None = None
     command: str = ""
@@ -117,6 +120,7 @@ class RunResult:
             "date": self.date,
             "versions": versions(),
             "seconds": self.seconds,
+            "cpu_seconds": self.cpu_seconds,
             "warnings": list(dict.fromkeys(warnings)),
         }
 
@@ -143,14 +147,23 @@ def _order(cases: Sequence[Simulation]) -> Iterator[Verdict]:
 
 
 class Stopwatch:
-    """Seconds of every stage, by name; laps of one name add up."""
+    """Seconds of every stage, by name, on the wall and of processors; laps of one name add up."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self.cpu_seconds: dict[str, float] = {}
+        self._last = self._now()
 
     def lap(self, name: str) -> None:
         """Add the time since the last lap to ``name``."""
-        now = time.perf_counter()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        now = self._now()
+        for kept, began, ended in zip(
+            (self.seconds, self.cpu_seconds), self._last, now, strict=True
+        ):
+            kept[name] = kept.get(name, 0.0) + ended - began
         self._last = now
+
+    @staticmethod
+    def _now() -> tuple[float, float]:
+        """Time on the wall, and that of this process and of its children that have ended [s]."""
+        return time.perf_counter(), sum(os.times()[:4])
