@@ -288,8 +288,7 @@ def run(
         options = (convert_options, walls, assign_options, simulate_options)
         said = {"text": [*filter(None, texts)], "output": output, "dial": dial}
         again = command_line("run", solid.asset.source or "ASSET", options=options, **said)
-        spent = (clock.seconds, clock.cpu_seconds)
-        result = RunResult(solid, tuple(cases), *spent, command=again, date=now())
+        result = RunResult(solid, tuple(cases), *clock.spent, command=again, date=now())
         if features:
             from .features import features as features_of
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..device import single_threaded
 from ..discrete.assembly import discretise
 from ..discrete.forces import load_vector
 from ..errors import ConvergenceError
@@ -58,6 +59,7 @@ class Likely(NamedTuple):
         return mass, u, tone
 
 
+@single_threaded
 def likely_answers(
     scene: Scene,
     materials: Mapping[str, str],

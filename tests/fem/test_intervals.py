@@ -6,8 +6,10 @@ from autophyx_tet.fem.scenarios.sag import Sag
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.materials import MaterialValue, load_table
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.modal import natural_modes
+from autophyx_tet.fem.uncertainty import likely
 from autophyx_tet.fem.uncertainty.intervals import (
     displacement_interval,
     frequency_intervals,
@@ -15,6 +17,7 @@ from autophyx_tet.fem.uncertainty.intervals import (
 )
 from autophyx_tet.fem.uncertainty.likely import likely_answers
 from autophyx_tet.fem.uncertainty.ranges import material_ranges, open_ranges
+from threadpoolctl import threadpool_info
 
 from .bodies import shaken_box
 
@@ -162,3 +165,16 @@ def test_draws_are_bodies_that_the_solver_takes():
     assert foam.nu.min < 0
     for row in open_ranges(bar(second=foam), {"foot": "carbon steel", "head": foam.name}):
         assert 0 <= row.nu.min <= row.nu.max < 0.5
+
+
+def test_draws_are_solved_on_one_thread(monkeypatch):
+    """Threads of BLAS wait for each other over vectors this small: 8 times the work when busy."""
+    seen = []
+
+    def ranges(*_):
+        seen.extend(p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas")
+        return []
+
+    monkeypatch.setattr(likely, "open_ranges", ranges)
+    assert likely_answers(Scene(mesh=bar()), {}) is None
+    assert set(seen) == {1}

@@ -163,6 +163,11 @@ class Stopwatch:
             kept[name] = kept.get(name, 0.0) + ended - began
         self._last = now
 
+    @property
+    def spent(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Seconds of every stage on the wall, and of processors."""
+        return self.seconds, self.cpu_seconds
+
     @staticmethod
     def _now() -> tuple[float, float]:
         """Time on the wall, and that of this process and of its children that have ended [s]."""
