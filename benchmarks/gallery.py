@@ -54,7 +54,6 @@ SHOWN = (
         "the handle is polypropylene, the metal is steel",
         f"{LATTICE} --fix part:metal --torque part:handle=2,0,0",
     ),
-    Show("KatorLegaz/coffee-mug", "stoneware", LATTICE),
 )
 
 
