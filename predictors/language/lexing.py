@@ -125,7 +125,9 @@ def _material(
     if not row or not _is_meant(run, stems, lexicon):
         return None
     start, stop = run[0].start, run[-1].end
-    if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
+    opens = i == 0 or cut[i - 1].text in "|;,\n"  # "| saddle leather": a saddle, what it is of
+    divided = opens and stems[0] in known and stems[1:] in lexicon.rows
+    if divided or text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
         return None
     note = words()["confused"].get(text[start:stop].lower(), "")
     return Lexeme(text[start:stop], start, stop, "material", row, stems, note=note)

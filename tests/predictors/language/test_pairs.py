@@ -129,6 +129,8 @@ def test_contrasts_and_exchanges(agree):
         oak for everything but the seat, which gets plywood => rail: oak; seat: plywood
         the client asked for oak in the lid and plywood in the knob => lid: oak; knob: plywood
         nylon: bracket, shelf; rubber: leg => bracket, shelf: nylon; leg: rubber
+        frame oak | saddle leather => frame: oak; saddle: leather
+        seat is made form pine, legs oak => seat: pine; leg: oak
     """)
 
 
