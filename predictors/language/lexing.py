@@ -81,21 +81,18 @@ def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
         if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
             continue  # a plain word is read as one, with its plural
         written = r"(?:[\s_-]+|, ?)".join(map(re.escape, re.split(r"[\s_-]+", name)))
-        for match in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
-            found.append(
-                Lexeme(match[0], *match.span(), "part", name, part_name_words(name), part=True)
-            )
+        said = part_name_words(name)
+        for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
+            found.append(Lexeme(m[0], *m.span(), "part", name, said, part=True))
     return found
 
 
 def _numbers(text: str) -> list[Lexeme]:
     found = []
     for numeral in numerals(text):
-        said = text[numeral.start : numeral.end]
+        at = numeral.start, numeral.end
         role = "number" if numeral.value else "told" if numeral.note else "size"
-        found.append(
-            Lexeme(said, numeral.start, numeral.end, role, numeral.value, note=numeral.note)
-        )
+        found.append(Lexeme(text[slice(*at)], *at, role, numeral.value, note=numeral.note))
     return found
 
 
