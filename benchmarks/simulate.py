@@ -28,12 +28,15 @@ from real_meshes import cache_folder, demo_mesh
 # Stage: the functions whose CPU seconds it is, by file and name. "imports" overlaps the others.
 STAGES = {
     "imports": [("<frozen importlib._bootstrap>", "_find_and_load")],
-    "read the mesh": [("toolkit/pipeline.py", "_read")],
+    "read the mesh": [("converters/mesh/mesh_file.py", "read_mesh")],
     "supports": [("fem/scene/support_finder.py", "find_supports")],
     "static, P2 and P1": [("fem/solve/statics.py", "solve_static")],
     "of it ordering": [("fem/cholesky/elimination.py", "plan_elimination")],
     "of it factors": [("fem/cholesky/factor.py", "known_factor")],
     "modes": [("fem/solve/modal.py", "natural_modes")],
+    "buckling": [("fem/solve/stability.py", "find_load_factor")],
+    "ends of the ranges": [("fem/uncertainty/intervals.py", "displacement_interval")],
+    "what is likely": [("fem/uncertainty/likely.py", "likely_answers")],
     "write": [("toolkit/results/simulation.py", "write"), ("toolkit/results/settled.py", "write")],
 }
 
