@@ -54,6 +54,11 @@ def _command(parent: int, folder: str, watched: set[signal.Signals]) -> int:
         _say("interrupted; nothing half-written was left")
         code = BY_SIGNAL + signal.SIGINT
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is the interpreter's own end
+    if code == BY_SIGNAL + signal.SIGINT:  # that may take longer than an interrupt has
+        with suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
     return code
 
 
