@@ -57,8 +57,9 @@ class MotionFit:
         Share of the motion [1], in the same norm, that the coordinates cannot follow whatever the
         moduli.
     frequency_ratio
-        First frequency of the reduced body over that of the full one of the same moduli: away from
-        one the model locks, and the fit makes up for it with wrong moduli.
+        First frequency of the reduced body over that of the full one of the same moduli, with
+        quadratic elements where that is known: away from one the model locks, and the fit makes up
+        for it with wrong moduli.
     covariance
         Of (log E, nu), or of (log E), shape (parameters, parameters), as if the misfit were noise:
         what the model itself has wrong is not in it, and may be far more.
@@ -150,7 +151,7 @@ def fit_motion(
         error=float(np.sqrt(error**2 / total + outside)),
         unfitted_error=float(np.sqrt(first**2 / total + outside)),
         outside=float(np.sqrt(outside)),
-        frequency_ratio=model.accuracy.frequency,
+        frequency_ratio=model.accuracy.best_frequency,
         covariance=noise * np.linalg.inv(J.T @ J),
         scheme=scheme,
         runs=runs,

@@ -229,13 +229,13 @@ class MotionResult:
         States at equal intervals ``dt`` [s], the start first.
     points, order
         Number of mesh points, the first rows of every frame; order of the elements, 0 without any.
-    locking_share
-        Share of the volume that the elements make too stiff: nu above 0.4 under linear ones.
+    locking_share, stiffening
+        Share of the volume with nu above 0.4 under linear elements; how many times as stiff as
+        quadratic ones they are in bending, NaN: not known.
     particles, kept_apart
         The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution, model_error
-        What was assumed; what solved it, as pairs of a name and words; how far a motion in few
-        coordinates is from the full body's, where that was estimated.
+        What was assumed; what solved it, as names and words; how far few coordinates are off.
     """
 
     frames: tuple[Motion, ...]
@@ -248,6 +248,7 @@ class MotionResult:
     notes: tuple[str, ...] = ()
     solution: tuple[tuple[str, str], ...] = ()
     model_error: ModelError | None = None
+    stiffening: float = np.nan
 
     @property
     def displacements(self) -> Float[np.ndarray, "frames points 3"]:
@@ -289,8 +290,7 @@ class Modes:
     frequencies
         Frequencies [Hz], shape (modes,).
     shapes
-        Displacement of the nodes of unit modal mass, shape (modes, nodes, 3); the first nodes are
-        the mesh points.
+        Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .model_error import MOTION_LIMIT
+from .model_error import BENDS_ALIKE, MOTION_LIMIT, too_coarse
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
@@ -134,10 +134,13 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 
 
 def locking(result: StaticResult | MotionResult) -> Check:
-    """Whether the elements stand nearly incompressible materials."""
+    """Whether the elements stand nearly incompressible materials, and bending."""
     share, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
     used = "quadratic elements" if result.order == 2 else "linear elements"
     used += " with pressures averaged around the nodes" if averaged else ""
+    if not share and isinstance(result, MotionResult) and (coarse := too_coarse(result.stiffening)):
+        sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
+        return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
     if share == 0:
         sentence = f"The elements suit the material: {used}."
     else:
@@ -167,7 +170,10 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
     passed = error.share <= MOTION_LIMIT
     do = "follow" if passed else "do not follow"
     limit = percent(MOTION_LIMIT)
-    said = f"Its few coordinates {do} the full body: off by {error.words} (limit {limit})."
+    said = (
+        f"Its few coordinates {do} the full body of the same elements: off by {error.words} "
+        f"(limit {limit})."
+    )
     return (Check("reduced model", passed, error.share, MOTION_LIMIT, said),)
 
 

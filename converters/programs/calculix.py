@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.discrete.constraints import node_supports
-from ...fem.discrete.space import Space, make_space
+from ...fem.discrete.space import Space, affordable_order, make_space
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
 from ...fem.scene.supports import Supports
-from ...fem.solve.discretisation_error import affordable_order
 from ..files import writing
 from ..registry import MATERIAL, Format, Keeps, Program
 from .material_bins import Bins

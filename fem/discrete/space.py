@@ -13,6 +13,9 @@ from ..scene.mesh import TetMesh
 # Edges of a tet in the order of VTK's quadratic tetrahedron: node 4 + k lies on edge k.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 
+# Unknowns of a P2 space above which a solve takes linear elements.
+LARGEST_P2 = 150_000
+
 
 @dataclass(frozen=True, eq=False)
 class Space:
@@ -75,3 +78,16 @@ def make_space(mesh: TetMesh, order: int) -> Space:
 def extend_linear(space: Space, values: np.ndarray) -> np.ndarray:
     """Values at mesh points (points, ...) continued linearly to all nodes (nodes, ...)."""
     return np.concatenate([values, values[space.edges].mean(axis=1)])
+
+
+def p2_unknowns(mesh: TetMesh) -> int:
+    """Unknowns of the P2 space of ``mesh``, by Euler's formula (exact for one ball-like piece)."""
+    faces = (4 * len(mesh.tets) + len(mesh.boundary.faces)) // 2
+    used = len(np.unique(mesh.tets))
+    edges = used + faces - len(mesh.tets) - 1
+    return 3 * (used + edges)
+
+
+def affordable_order(mesh: TetMesh) -> int:
+    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
+    return 2 if p2_unknowns(mesh) <= LARGEST_P2 else 1

@@ -111,6 +111,7 @@ class ReducedMethod:
             ),
             solution=(("reduced model", model_in_words(model)),),
             model_error=error,
+            stiffening=model.accuracy.stiffening,
         )
 
     def model_of(self, scene: Scene) -> ReducedModel:
@@ -196,9 +197,10 @@ def stated_forces(scene: Scene) -> Float[np.ndarray, "points 3"]:
 def model_in_words(model: ReducedModel) -> str:
     """Kind, coordinates, cells and lowest frequency of a model, in a line."""
     basis = "skinning handles" if model.kind is Subspace.SKINNING else "fields of vectors"
+    of = "linear" if np.isnan(model.accuracy.stiffening) else "quadratic"
     return (
         f"{model.dofs} coordinates of {basis}, {len(model.cells):,} cells; lowest frequency "
-        f"{model.accuracy.frequency:.3f} of the full body's"
+        f"{model.accuracy.best_frequency:.3f} of the full body's with {of} elements"
     )
 
 

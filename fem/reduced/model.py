@@ -29,7 +29,8 @@ class Accuracy(NamedTuple):
     ``frequency`` is its lowest natural frequency [Hz] over that of the full body, ``sag`` the
     relative error [1] of its displacement under its own weight, in the norm of mass; by cubature
     alone, against all tets, ``cell_frequency`` and ``cell_sag``. ``motion`` is the error [1] of a
-    motion, estimated. NaN: not measured.
+    motion, estimated. ``stiffening``: how many times as stiff these elements, which are linear, are
+    as quadratic ones. NaN: not measured.
     """
 
     frequency: float = np.nan
@@ -37,6 +38,12 @@ class Accuracy(NamedTuple):
     cell_frequency: float = np.nan
     cell_sag: float = np.nan
     motion: float = np.nan
+    stiffening: float = np.nan
+
+    @property
+    def best_frequency(self) -> float:
+        """Lowest natural frequency over that of quadratic elements [1], or of linear ones."""
+        return self.frequency * float(np.sqrt(np.nan_to_num(self.stiffening, nan=1.0)))
 
     @property
     def cell_error(self) -> float:

@@ -10,9 +10,10 @@ from jaxtyping import Float
 
 from ..device import single_threaded
 from ..errors import ConvergenceError
-from ..model_error import MOTION_LIMIT
+from ..model_error import MOTION_LIMIT, too_coarse
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
+from ..solve.discretisation_error import linear_stiffening
 from ..solve.nonlinear import solve_nonlinear
 from ..validation import checked_count
 from .cubature import RIGID, Cubature, select_cells, training
@@ -81,6 +82,8 @@ def reduce_body(
     else:
         basis = skinned_basis(_skinning(body, checked_count("handles", handles), forces, acting))
     whole = whole_model(body, basis, kind)
+    accuracy = whole.accuracy._replace(stiffening=linear_stiffening(mesh, supports))
+    whole = replace(whole, accuracy=accuracy)
     return (
         with_cells(whole, whole.pull_back(acting), most_cells, seed=seed) if most_cells else whole
     )
@@ -181,13 +184,14 @@ def relative_error(
 ) -> float:
     """Error of displacements over the wanted ones [1], in the norm of mass, all frames together."""
     mass = model.mass[:, None]
-    return float(np.sqrt((mass * (found - wanted) ** 2).sum() / (mass * wanted**2).sum()))
+    error, size = (mass * (found - wanted) ** 2).sum(), (mass * wanted**2).sum()
+    return float(np.sqrt(error / size)) if size > 0 else 0.0 if error == 0 else np.inf
 
 
 def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     """What to say where a model is not as good as it should be."""
-    ratio, sag, cell_ratio, cell_sag, motion = model.accuracy
-    found = []
+    ratio, sag, cell_ratio, cell_sag, motion, stiffening = model.accuracy
+    found = [] if (coarse := too_coarse(stiffening)) is None else [f"{coarse}; convert it finer"]
     if model.kind is Subspace.VECTOR and np.isfinite(cell_ratio) and np.isnan(cell_sag):
         found.append(
             f"{len(model.cells)} cells were chosen by the frequency alone: nothing loads the body, "

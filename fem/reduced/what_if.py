@@ -69,10 +69,13 @@ def what_if(
     law
         Name of the elastic law.
     """
-    if scales.shape != (len(loads), len(model.region_names)) or not (scales > 0).all():
+    wanted = f"wanted a positive number for each of {len(model.region_names)} part(s)"
+    if scales.shape != (len(loads), len(model.region_names)):
+        raise InputError(f"scales {scales.shape} of {len(loads)} runs: {wanted}")
+    if (wrong := np.argwhere(~(scales > 0))).size:
+        run, part = wrong[0]
         raise InputError(
-            f"scales {scales.shape} of {len(loads)} runs: wanted a positive number for each of "
-            f"{len(model.region_names)} part(s)"
+            f"run {run + 1}: factor {scales[run, part]:g} of {model.region_names[part]!r}: {wanted}"
         )
     elasticity = ReducedElasticity(model, law)
     found = np.full(loads.shape, np.nan)
@@ -107,11 +110,13 @@ def what_if_error(
     scales: Float[np.ndarray, "runs parts"],
     forces: Callable[[int], Float[np.ndarray, "points 3"]],
     count: int = 4,
+    order: int = 1,
     seed: int = 0,
     law: str = Law.NEO_HOOKEAN,
 ) -> WhatIfError:
     """Solve ``count`` runs, the one that moves farthest among them, by the full body too.
 
+    It has elements of ``order``: with 2 what the model's linear ones lock is in the error.
     ``forces`` gives what the load of a run was pulled back from: [N] at the points, (points, 3).
 
     Raises
@@ -130,10 +135,9 @@ def what_if_error(
         material = material_of(mesh)
         moduli = type(material)(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        full = solve_nonlinear(
-            body, supports, forces=forces(int(run)), law=law, order=1
-        ).displacement
+        known = {"forces": forces(int(run)), "law": law, "order": order}
+        full = solve_nonlinear(body, supports, **known).displacement[: len(mesh.points)]
         rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
-        modes = natural_modes(body, 1, supports=supports, order=1, lumped=True)
+        modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
         frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
     return WhatIfError(runs, rest, frequency)

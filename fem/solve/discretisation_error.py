@@ -1,30 +1,29 @@
-"""Discretisation error of a static answer: P1 against P2, or an estimate of it."""
+"""Discretisation error: P1 against P2, or an estimate of it; what elements a motion takes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ConvergenceError
+from ..discrete.space import affordable_order, p2_unknowns
+from ..errors import ConvergenceError, InputError
+from ..model_error import BENDS_ALIKE
 from ..result import LOCKING, DiscretisationError, StaticResult
 from ..scene.mesh import TetMesh, material_of
+from ..scene.supports import Supports
+from .modal import natural_modes, quick_order
 
-# Unknowns of a P2 solve above which the gap is estimated instead.
-LARGEST_P2 = 150_000
-
-
-def p2_unknowns(mesh: TetMesh) -> int:
-    """Unknowns of the P2 space of ``mesh``, by Euler's formula (exact for one ball-like piece)."""
-    faces = (4 * len(mesh.tets) + len(mesh.boundary.faces)) // 2
-    used = len(np.unique(mesh.tets))
-    edges = used + faces - len(mesh.tets) - 1
-    return 3 * (used + edges)
+# Unknowns of quadratic elements up to which a motion takes them where linear ones lock in bending.
+FEW_UNKNOWNS = 20_000
 
 
-def affordable_order(mesh: TetMesh) -> int:
-    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
-    return 2 if p2_unknowns(mesh) <= LARGEST_P2 else 1
+class MotionElements(NamedTuple):
+    """Order of a motion's elements, and how many times too stiff they are: NaN, not known."""
+
+    order: int
+    stiffening: float = np.nan
 
 
 def motion_order(mesh: TetMesh) -> int:
@@ -33,11 +32,45 @@ def motion_order(mesh: TetMesh) -> int:
     return affordable_order(mesh) if locks else 1
 
 
+def motion_elements(
+    mesh: TetMesh, supports: Supports | None, order: int | None = None
+) -> MotionElements:
+    """Elements of a motion: of ``order`` where it is given, else ``motion_order``'s.
+
+    Quadratic ones too where linear ones lock in bending and few quadratic ones do.
+    """
+    if (used := order or motion_order(mesh)) == 2:
+        return MotionElements(2)
+    stiffening = linear_stiffening(mesh, supports)
+    if order is None and stiffening > BENDS_ALIKE and p2_unknowns(mesh) <= FEW_UNKNOWNS:
+        return MotionElements(2)
+    return MotionElements(used, stiffening)
+
+
+def linear_stiffening(mesh: TetMesh, supports: Supports | None = None) -> float:
+    """How many times as stiff [1] linear elements make ``mesh`` as quadratic ones do, as held.
+
+    The ratio of the squares of the first frequencies, both with the consistent mass. Linear
+    elements lock in bending where a part is few of them thick, whatever its nu. NaN where quadratic
+    ones have no modes within seconds.
+    """
+    try:
+        if quick_order(mesh) != 2:
+            return np.nan
+        linear, quadratic = (
+            float(natural_modes(mesh, 1, supports=supports, order=order).frequencies[0]) ** 2
+            for order in (1, 2)
+        )
+    except (InputError, ConvergenceError):
+        return np.nan
+    return linear / quadratic if quadratic > 0 else np.nan
+
+
 def find_discretisation_error(
     result: StaticResult, solve: Callable[..., StaticResult], warnings: list[str]
 ) -> DiscretisationError:
     """Error of ``result``: ``solve(order=...)`` answers the same problem with the other order."""
-    if result.order == 1 and p2_unknowns(result.mesh) > LARGEST_P2:
+    if result.order == 1 and affordable_order(result.mesh) == 1:
         return DiscretisationError(recovery_estimate(result), "stress recovery")
     try:
         other = solve(order=3 - result.order)

@@ -28,7 +28,7 @@ from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count, checked_positive, checked_rows, checked_vector
-from .discretisation_error import motion_order
+from .discretisation_error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .newton import minimise
 from .potential import Incremental
@@ -262,7 +262,7 @@ class DynamicMethod:
         """Follow the scene for its duration, one step of ``scheme`` a frame."""
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
-        order = order or motion_order(scene.mesh)
+        order, stiffening = motion_elements(scene.mesh, scene.supports, order)
         body = _body_of(scene, law or Law.NEO_HOOKEAN, order, device, scheme)
         states, halved = [body.state], 0
         for frame in range(1, frames + 1):
@@ -270,10 +270,10 @@ class DynamicMethod:
             halved += body.last_step is not None and body.last_step.dt != dt
             if progress is not None:
                 progress(frame, frames)
-        locks = locking_share(scene.mesh) if order == 1 else 0.0
-        notes, smaller = body.contact.notes, halving_notes(halved, frames)
-        kept = {"kept_apart": scene.self_contact and not notes, "notes": notes + smaller}
-        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locks, **kept)
+        locks, notes = locking_share(scene.mesh) if order == 1 else 0.0, body.contact.notes
+        smaller, kept = halving_notes(halved, frames), scene.self_contact and not notes
+        known = {"kept_apart": kept, "notes": notes + smaller, "stiffening": stiffening}
+        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locks, **known)
 
 
 METHOD = DynamicMethod()

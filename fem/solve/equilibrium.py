@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contact.barrier import barrier_thickness
+from ..discrete.space import affordable_order
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
 from ..result import LoadFactor, SagResult, StaticResult, locking_share
@@ -17,7 +18,7 @@ from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
-from .discretisation_error import affordable_order, find_discretisation_error
+from .discretisation_error import find_discretisation_error
 from .method import FrameProgress
 from .nodal_pressure import solve_averaged
 from .nonlinear import solve_nonlinear

@@ -13,7 +13,7 @@ from ..discrete.assembly import Discretisation, discretise, stiffness
 from ..discrete.constraints import node_supports, reduced_load
 from ..discrete.mass import mass_shares
 from ..discrete.quadrature import TET_POINTS, element_points
-from ..discrete.space import shape_functions
+from ..discrete.space import affordable_order, shape_functions
 from ..discrete.strain import displacement_gradients, first_piola
 from ..errors import InputError
 from ..laws.law import Law
@@ -22,7 +22,6 @@ from ..scene.material import ElementMaterial, LameParameters
 from ..scene.mesh import TetMesh
 from ..scene.supports import Supports
 from ..validation import checked_vector
-from .discretisation_error import affordable_order
 from .dynamics import Dynamics
 from .schemes import Scheme
 from .statics import TOLERANCE, check_solution, solve_static

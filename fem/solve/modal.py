@@ -14,7 +14,7 @@ from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.mass import consistent_mass, diagonal_mass, lumped_mass
-from ..discrete.space import extend_linear
+from ..discrete.space import affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.lanczos import RitzPairs, lanczos
@@ -26,7 +26,6 @@ from ..scene.mesh import TetMesh, material_of
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
-from .discretisation_error import affordable_order
 from .method import FrameProgress
 
 # Relative residual of a mode: its frequency is then good to the square of it.

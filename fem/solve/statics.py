@@ -16,6 +16,7 @@ from ..discrete.constraints import node_supports, reduced_load
 from ..discrete.elastic import ElasticBody
 from ..discrete.forces import load_vector
 from ..discrete.quadrature import CENTROID
+from ..discrete.space import affordable_order
 from ..discrete.strain import displacement_gradients, linear_stress, strain_and_stress
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -25,7 +26,6 @@ from ..scene.components import MAX_COMPONENTS, face_components, free_motions
 from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
-from .discretisation_error import affordable_order
 
 # Relative residual of the linear solve: far below any discretisation error, reached in fp64.
 TOLERANCE = 1e-8

@@ -1,15 +1,24 @@
 """Poisson's ratio near one half: averaged pressures against P2 and against plain P1."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.reduced.method import model_in_words
+from autophyx_tet.fem.reduced.reduction import accuracy_warnings, reduce_body
 from autophyx_tet.fem.scenarios.drop import drop
 from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scenarios.squeeze import squeeze
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.loads import Traction
+from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.discretisation_error import linear_stiffening
+from autophyx_tet.fem.solve.dynamics import METHOD
+from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
+from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.fem.verdicts import locking
 
@@ -101,10 +110,58 @@ def test_averaged_pressures_where_quadratic_elements_are_not_affordable(monkeypa
     mesh = with_uniform(box_mesh((0.2, 0.2, 0.1), (6, 6, 4)), E=1e5, nu=0.49, rho=1000.0)
     fine = sag(mesh, law="linear")
     linear = sag(mesh, order=1, law="linear")
-    monkeypatch.setattr("autophyx_tet.fem.solve.discretisation_error.LARGEST_P2", 0)
+    monkeypatch.setattr("autophyx_tet.fem.discrete.space.LARGEST_P2", 0)
     averaged = sag(mesh, law="linear")
     assert averaged.static.averaged
     assert averaged.static.locking_share == 0 < linear.static.locking_share
     off = [abs(r.max_displacement / fine.max_displacement - 1) for r in (averaged, linear)]
     assert off[0] < 0.5 * off[1]
     assert "averaged around the nodes" in locking(averaged.static).sentence
+
+
+# A beam 1 x .05 x .05 m one element thick, its first frequency and its sag by Euler & Bernoulli.
+L, SIDE, E, RHO = 1.0, 0.05, 2e11, 7850.0
+EXACT_F1 = 1.875104**2 / (2 * np.pi) * np.sqrt(E * SIDE**2 / (12 * RHO)) / L**2
+EXACT_SAG = 9.81 * RHO * SIDE**2 * L**4 / (8 * E * SIDE**4 / 12)
+
+
+def _beam(cells=(9, 1, 1)):
+    mesh = with_uniform(box_mesh((L, SIDE, SIDE), cells), E=E, nu=0.3, rho=RHO)
+    return mesh, Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+
+
+def test_linear_elements_are_too_stiff_by_what_theory_says():
+    """One element thick: (f1 / f1 of Euler & Bernoulli)^2, with shear and P2's own error in 6 %."""
+    mesh, held = _beam()
+    f1 = float(natural_modes(mesh, 1, supports=held, order=1).frequencies[0])
+    assert linear_stiffening(mesh, held) == pytest.approx((f1 / EXACT_F1) ** 2, rel=0.06)
+    assert linear_stiffening(mesh, held) > 4
+
+
+@pytest.mark.slow
+def test_linear_elements_are_less_too_stiff_where_they_are_finer():
+    """Excess falls with the square of the element: in half the size to a third at most."""
+    excess = [linear_stiffening(*_beam(cells)) - 1 for cells in ((10, 1, 1), (20, 2, 2))]
+    assert 0 < excess[1] < excess[0] / 3
+
+
+def test_a_motion_of_a_coarse_bar_takes_elements_that_bend():
+    """Let go at once a beam swings to twice its sag: BDF2 damps it by less than 10 %."""
+    mesh, held = _beam()
+    swing = {"duration": 0.5 / EXACT_F1, "frames": 20, "gravity_vector": (0, 0, -9.81)}
+    scene = Scene(mesh=mesh, supports=held, self_contact=False, **swing)
+    motion = METHOD.solve(scene, scheme=Scheme.BDF2)
+    assert np.abs(motion.displacements[..., 2]).max() == pytest.approx(2 * EXACT_SAG, rel=0.1)
+    assert locking(motion).passed
+    few = METHOD.solve(replace(scene, frames=1), order=1)
+    assert not locking(few).passed
+    assert "too coarse for linear elements" in locking(few).sentence
+
+
+def test_a_reduced_body_says_that_its_elements_are_too_stiff():
+    mesh, held = _beam()
+    model = reduce_body(mesh, held)
+    f1 = model.accuracy.best_frequency
+    assert f1**2 == pytest.approx(model.accuracy.stiffening, rel=1e-3)
+    assert f"{f1:.3f} of the full body's with quadratic elements" in model_in_words(model)
+    assert any("too coarse for linear elements" in said for said in accuracy_warnings(model))

@@ -83,9 +83,11 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     table, model = tmp_path / "runs.csv", tmp_path / "r.npz"
     table.write_text("body,load\n1,1\n2,2\n4,1\n")
     assert main(["reduce", str(bar), "-o", str(model), "--what-if", str(table), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["reduced"]
+    document = json.loads(capsys.readouterr().out)
+    told = document["reduced"]
     assert told["what_if"]["runs"] == 3
-    assert max(map(abs, told["what_if"]["rest_error"])) < 0.05
+    assert min(told["what_if"]["rest_error"]) > 0.2  # its elements lock: what `sag` finds is not this
+    assert any("too coarse for linear elements" in said for said in document["warnings"])
     assert told["accuracy"]["motion"] < 0.05
     answers = np.genfromtxt(tmp_path / "r.what_if.csv", delimiter=",", names=True)
     u, f = answers["max_displacement_m"], answers["first_frequency_Hz"]

@@ -54,6 +54,7 @@ class Moving(Simulation):
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
             "model_error": self.motion.model_error,
+            "stiffening": self.motion.stiffening,
             **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
 

@@ -18,7 +18,7 @@ ADVICE = {
     "size: --size is the longest side in metres.",
     "buckling": "Slender parts want a stiffer material, more thickness or a support higher up.",
     "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel 0.03 or less.",
-    "locking": "--order 2 has elements that do not lock; a coarser mesh makes them affordable.",
+    "locking": "--order 2 has elements that do not lock; --solver lbs wants a finer mesh.",
     "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
     "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
     "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
