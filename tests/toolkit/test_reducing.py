@@ -86,7 +86,7 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     document = json.loads(capsys.readouterr().out)
     told = document["reduced"]
     assert told["what_if"]["runs"] == 3
-    assert min(told["what_if"]["rest_error"]) > 0.2  # its elements lock: what `sag` finds is not this
+    assert min(told["what_if"]["rest_error"]) > 0.2  # against quadratic ones: these lock
     assert any("too coarse for linear elements" in said for said in document["warnings"])
     assert told["accuracy"]["motion"] < 0.05
     answers = np.genfromtxt(tmp_path / "r.what_if.csv", delimiter=",", names=True)
