@@ -48,9 +48,15 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     started = time.perf_counter()
     found = what_if(model, scales=scales, loads=loads)
     seconds = time.perf_counter() - started
-    compared = {"count": min(4, runs), "order": affordable_order(scene.mesh)}
     error = what_if_error(
-        model, found, scene.mesh, scene.held, scales=scales, forces=forces, **compared
+        model,
+        found,
+        scene.mesh,
+        scene.held,
+        scales=scales,
+        forces=forces,
+        count=min(4, runs),
+        order=affordable_order(scene.mesh),
     )
     return WhatIfTable(header, rows, found, error, seconds)
 
