@@ -40,6 +40,10 @@ class Span(NamedTuple):
     max: float
 
 
+# Name and category of a matter of which nothing is known but its numbers.
+AS_STATED = "as stated"
+
+
 class Band(NamedTuple):
     """What is physically possible in a category: E [Pa], nu [1], rho [kg/m^3]."""
 
@@ -129,13 +133,27 @@ class Material:
         return MaterialValue(E, nu, (self.rho.min * self.rho.max) ** 0.5)
 
 
+def stated_material(value: MaterialValue) -> Material:
+    """Row of a matter that is known by its ``value`` alone: no kind, and no strength."""
+    spans = {name: Span(number, number) for name, number in zip(FIELDS, value, strict=True)}
+    return Material(AS_STATED, AS_STATED, **spans, source=AS_STATED)
+
+
+def _band_of(category: str) -> Band:
+    """What is possible in a category; of what is only stated, in any."""
+    if category != AS_STATED:
+        return CATEGORIES[category]
+    spans = zip(*CATEGORIES.values(), strict=True)
+    return Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
+
+
 def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
     """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
-    if category not in CATEGORIES:
+    if category not in {*CATEGORIES, AS_STATED}:
         raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
     complaints = []
     for field, value in zip(FIELDS, (E, nu, rho), strict=True):
-        low, high = getattr(CATEGORIES[category], field)
+        low, high = getattr(_band_of(category), field)
         limit = "nu < 0.5 and " if field == "nu" and value >= 0.5 else ""
         if limit or not low <= value <= high:  # a NaN is outside too
             unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]

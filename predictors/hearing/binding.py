@@ -50,9 +50,13 @@ class NamedPart:
 
     @property
     def spoken(self) -> str:
-        """Its name as words to embed ("bed frame" for "BedFrame_01"), or "object"."""
-        idle = words.EXPORTED | words.FILLERS
-        return " ".join(word for word in self.name_words if word not in idle) or "object"
+        """Its name as words to embed ("bed frame" for "BedFrame_01"), or "object".
+
+        What it is comes last and is no filler: a "soup can" is no soup.
+        """
+        own = [word for word in self.name_words if word not in words.EXPORTED]
+        told = [word for word in own[:-1] if word not in words.FILLERS] + own[-1:]
+        return " ".join(told) or "object"
 
 
 def _strength(noun: str, part: NamedPart) -> float:

@@ -9,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...fem.scene.materials import Material, MaterialTable, key, load_contents
+from ...fem.scene.materials import FIELDS, Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
 from ..language.binding import names_object
 from ..language.clauses import Clause, Degree
 from ..prediction import PartChoice
 from ..quantities.quantity import Measure, Quantity
+from .held import is_held
 from .kernel import RowKernel
 from .levels import PLACE, behaves, rows_at, value_at
-from .numbers import may_have, rubber_of, with_numbers
+from .numbers import as_stated, may_have, rubber_of, with_numbers
 
 # What an everyday part is made of if neither the text nor its name says more.
 COMMON = "wood steel plastic glass ceramic fabric leather rubber stone paper".split()
@@ -132,8 +133,8 @@ class Decider:
         choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
         if numbers.derivation and not said.open:
             choice = replace(choice, settled=True)
-        if {"E", "nu", "rho"} <= {number.measure for number in said.numbers}:
-            choice = replace(choice, settled=True, guessed=False)
+        if {*FIELDS} <= {number.measure for number in said.numbers}:
+            choice = as_stated(choice)
         return choice, (*doubts, *_doubts_of(part, said, choice), *numbers.warnings)
 
     def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
@@ -159,6 +160,9 @@ class Decider:
             of_object = said.whole and not said.spoken and names_object(naming)
             return replace(choice, borrowed=said.borrowed and not of_object), ()
         label = self.table.exact(part.material) if part.material else None
+        if label and is_held(part, label):
+            bare = " ".join(part.name_words[-1:])
+            part, label = replace(part, name_words=(bare,), material=None), None
         if label and not _ruled_out(label, said):
             why, understood = f"name: {part.material_label!r}", said.unknown is None
             return _choice(part, label, why, clause=deciding, understood=understood), ()

@@ -34,6 +34,7 @@ from .allotment import allot
 from .comparison import with_relations
 from .decision import Decider, PartStatement
 from .kernel import RowKernel
+from .numbers import as_stated
 
 _WHOLE = Subject("whole")
 
@@ -185,10 +186,10 @@ class Lookup:
             i = _index(name, parts)
             value = MaterialValue(**(choices[i].value._asdict() | dict(numbers)))
             said = ", ".join(f"{key}={number:g}" for key, number in numbers.items())
-            choices[i] = replace(
-                choices[i], value=value, settled=True, derivation=(f"{said} as set",),
-                guessed=choices[i].guessed and len(numbers) < len(value),
-            )  # fmt: skip
+            how = {"settled": True, "derivation": (f"{said} as set",)}
+            choices[i] = replace(choices[i], value=value, **how)
+            if len(numbers) == len(value):
+                choices[i] = as_stated(choices[i])
         return choices
 
 

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from ...fem.errors import UsageError
-from ...fem.scene.materials import CATEGORIES, FIELDS, NU_CAP, Material, MaterialValue, Span
+from ...fem.scene.materials import (
+    CATEGORIES,
+    FIELDS,
+    NU_CAP,
+    Material,
+    MaterialValue,
+    Span,
+    stated_material,
+)
+from ..prediction import PartChoice
 from ..quantities.quantity import Blend, Quantity
 from .derivation import (
     FIBRES,
@@ -93,6 +103,14 @@ def with_numbers(
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
     return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
+
+
+def as_stated(choice: PartChoice) -> PartChoice:
+    """Settle a choice whose E, nu and rho are all stated: a guessed row is none any more."""
+    if not choice.guessed:
+        return replace(choice, settled=True)
+    row, why = stated_material(choice.value), choice.derivation[-1]
+    return replace(choice, row=row, why=why, weight=1.0, settled=True, guessed=False)
 
 
 def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:

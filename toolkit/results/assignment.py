@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...fem.errors import BandError, InputError, UsageError
-from ...fem.scene.materials import FIELDS, MaterialValue, outside_band
+from ...fem.scene.materials import AS_STATED, FIELDS, MaterialValue, outside_band
 from ...fem.scene.mesh import TetMesh
 from ...fem.uncertainty.likely import MIDDLE
 from ...predictors.construction.masses import MassInterval
@@ -129,11 +129,19 @@ class Assignment:
 
     def _bands(self) -> list[Verdict]:
         """Whether the E, nu and rho of every part are usual for its category."""
-        return [
+        found = [
             Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
-        ] or [Verdict("good", "E, nu and rho of every part are usual for its kind.", "inside band")]
+        ]
+        stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
+        if len(stated) < len(self.choices) and not found:
+            said = "E, nu and rho of every part are usual for its kind."
+            found.append(Verdict("good", said, "inside band"))
+        if stated:
+            said = f"{', '.join(stated)}: no strength is known of what is only numbers, as stated."
+            found.append(Verdict("note", said, "as stated"))
+        return found
 
     def verdicts(self) -> list[Verdict]:
         """Whether E, nu and rho are usual, and how well the mass is known."""

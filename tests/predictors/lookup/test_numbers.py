@@ -1,7 +1,8 @@
 """Numbers win over the table; what stands in their place follows published relations."""
 
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.material_properties import load_strengths
+from autophyx_tet.fem.scene.materials import load_table, outside_band
 from autophyx_tet.predictors.language.binding import bind
 from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.lookup.derivation import (
@@ -16,7 +17,7 @@ from autophyx_tet.predictors.lookup.numbers import may_have, rubber_of, with_num
 from autophyx_tet.predictors.quantities.quantity import Blend, Quantity
 
 TABLE = load_table()
-OAK, NYLON, RUBBER = (TABLE.exact(name) for name in ("oak", "nylon", "rubber"))
+OAK, NYLON, RUBBER, STEEL = map(TABLE.exact, ("oak", "nylon", "rubber", "steel"))
 
 
 def test_hardness_gives_the_modulus_of_its_paper():
@@ -135,3 +136,37 @@ def test_numbers_alone_settle_a_plausible_matter(text, E, rho):
     assert E[0] * (1 - 1e-9) <= choice.value.E <= E[1] * (1 + 1e-9)
     assert rho[0] <= choice.value.rho <= rho[1]
     assert choice.guessed or {"E", "rho"} <= {q.measure for q in choice.clause.numbers}
+
+
+def _chosen(name, text="", **options):
+    bound = bind(parse(text, TABLE, [name]), [[name]])
+    return lookup_of(TABLE).settle([[name]], bound, **options).choices[0]
+
+
+def test_what_is_only_numbers_is_no_row_of_the_table():
+    """All three said or set: as stated, known exactly, of no strength; a slip of units is told."""
+    said = _chosen("widget", "E = 70 GPa, nu = 0.33, density 2700 kg/m3")
+    numbers = {"E": 7e10, "nu": 0.33, "rho": 2700.0}
+    given = _chosen("widget", values={"widget": numbers})
+    for choice in (said, given):
+        assert choice.value == (7e10, 0.33, 2700.0)
+        assert choice.material == "as stated"
+        assert (choice.row.E, choice.row.rho) == ((7e10, 7e10), (2700, 2700))
+        assert choice.settled
+        assert not choice.guessed
+        assert choice.material not in load_strengths()
+        assert not outside_band(choice.row.category, *choice.value)
+        assert outside_band(choice.row.category, 7e13, 0.33, 2700)
+    assert _chosen("leg", "steel, E = 70 GPa, nu = 0.33, density 2700 kg/m3").row is STEEL
+    assert _chosen("widget", values={"widget": {"E": 7e10}}).guessed
+
+
+def test_what_holds_something_is_not_made_of_it():
+    """Of a name's words the last is what a thing is: a can of soup is a can, and soup is soup."""
+    for name in ("soup_can", "jam_jar", "water_bottle", "butter_dish", "Sand Bucket", "egg_carton"):
+        choice = _chosen(name)
+        assert choice.guessed, name
+        assert choice.row.category not in ("liquid", "soft food", "soil"), name
+    assert _chosen("soup").material == "soup (contents)"
+    assert _chosen("butter").material == "butter"
+    assert _chosen("oak_barrel").row.category == "wood"
