@@ -135,8 +135,8 @@ class Material:
 
 def stated_material(value: MaterialValue) -> Material:
     """Row of a matter that is known by its ``value`` alone: no kind, and no strength."""
-    spans = {name: Span(number, number) for name, number in zip(FIELDS, value, strict=True)}
-    return Material(AS_STATED, AS_STATED, **spans, source=AS_STATED)
+    E, nu, rho = (Span(number, number) for number in value)
+    return Material(AS_STATED, AS_STATED, E, nu, rho, source=AS_STATED)
 
 
 def _band_of(category: str) -> Band:
