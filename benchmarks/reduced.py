@@ -217,20 +217,22 @@ def draw(rows: list[dict], path: Path) -> None:
     """Error of the motion against the CPU time of a step, a panel a body."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(BODIES), figsize=(10.2, 3.6), sharey=True)
+    figure, axes = plt.subplots(1, len(BODIES), figsize=(10.2, 4.1), sharey=True)
+    labels = list(dict.fromkeys(row["model"] for row in rows if row["body"] in BODIES))[1:]
     for ax, name in zip(axes, BODIES, strict=True):
-        own = [row for row in rows if row["body"] == name and "wobble" in row]
-        for k, row in enumerate(row for row in own if row["model"] != "full"):
-            style = {"color": f"C{k}", "label": row["model"], "ms": 7}
+        own = {row["model"]: row for row in rows if row["body"] == name and "wobble" in row}
+        for k, label in enumerate(labels):
+            row = own.get(label, {"step_ms": np.nan, "wobble": np.nan})
+            style = {"color": f"C{k}", "label": label, "ms": 7}
             ax.plot(row["step_ms"], 100 * row["wobble"], "os^DvPX*hd"[k], **style)
-        for row in (row for row in own if row["model"] == "full"):
-            ax.axvline(row["step_ms"], color="gray", ls=":")
+        if "full" in own:
+            ax.axvline(own["full"]["step_ms"], color="gray", ls=":")
         ax.set(xscale="log", yscale="log", title=name, xlabel="CPU time of a step [ms]")
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("error of the motion [%]")
     known = axes[0].get_legend_handles_labels()
     figure.legend(*known, loc="lower center", ncol=3, fontsize=8, frameon=False)
-    figure.tight_layout(rect=(0, 0.17, 1, 1))
+    figure.tight_layout(rect=(0, 0.2, 1, 1))
     figure.savefig(path, dpi=110)
 
 

@@ -139,7 +139,8 @@ def select_cells(
         weights = nonnegative_weights(columns.T @ columns, columns.T @ y, first)
         kept = weights > 0
         if np.array_equal(grown[kept], chosen):
-            break
+            usable[new] = False  # they point along what is missed, but by round-off
+            continue
         chosen, factor = grown[kept], weights[kept]
         missing = y - columns[:, kept] @ factor
     return Cubature(chosen, factor, float(np.linalg.norm(missing)) / whole)

@@ -169,7 +169,8 @@ def principal_fields(
     """First ``most`` principal components of what ``fields`` have outside M-orthonormal ones."""
     root = np.sqrt(mass).repeat(3)[:, None]
     known, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
-    U = np.linalg.svd(A - known @ (known.T @ A), full_matrices=False)[0][:, :most]
+    U, sizes, _ = np.linalg.svd(A - known @ (known.T @ A), full_matrices=False)
+    U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
     return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(len(fields), 3, -1)
 
 

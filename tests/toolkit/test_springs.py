@@ -42,7 +42,9 @@ def test_a_drop_is_written_and_reported(bar, tmp_path, capsys):
     assert "springs take nu = 0.25, its material has 0.4" in out.err
     assert "anchors thick" in out.err
     page = files[1].read_text()
-    assert "springs take nu" in page
+    told = ("springs take nu", "anchors thick")
+    assert all(any(words in warning for warning in found["warnings"]) for words in told)
+    assert all(words in page for words in told)
     assert "anchors, " in page
 
 
