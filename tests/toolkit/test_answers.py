@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.predictors.prediction import Binding
 from autophyx_tet.toolkit.report.answers import found, unheard
 from autophyx_tet.toolkit.report.pages import run_page, simulation_page
 from autophyx_tet.toolkit.report.report import report_page
@@ -56,6 +57,19 @@ def test_what_is_guessed_or_not_understood_is_told():
     assert "blarg" in unheard(said.doubts)[1]
     assert unheard(())[1] == "nothing: every word was used"
     assert answers(post("oak"))["Materials"].startswith("2 of 2 from words or names; E is known")
+
+
+def test_a_part_that_no_clause_speaks_of_is_a_guess():
+    """Whether its binding comes from this process or from a file."""
+    row = {"name": "seat", "guessed": False, "understood": True, "weight": 1.0}
+    row |= {"ranges": {"E": {"min": 1e9, "max": 2e9}}}
+    simulated = apx.simulate(post("oak").mesh)
+    for clause, count in ((None, 0), ("the seat is oak", 1)):
+        binding = Binding(clause, 0.9, 100, 0.1)
+        for told in (binding, binding._asdict()):
+            said = dict(found(simulated, [{**row, "binding": told}]))["Materials"]
+            assert said.startswith(f"{count} of 1 from words or names")
+            assert "factor of 2 or" in said
 
 
 def test_the_report_of_a_simulation_repeats_what_was_warned_of_before():

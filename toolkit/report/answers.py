@@ -9,6 +9,7 @@ import numpy as np
 
 from ...fem.scene.mesh import TetMesh
 from ...predictors.prediction import GUESS
+from ..io.document import plain
 from ..meshing.messages import listed
 from ..results.conversion import Conversion
 from ..results.quantities import si
@@ -116,12 +117,17 @@ def _times(factor: float) -> str:
 
 def _materials(parts: Sequence[dict[str, Any]]) -> str:
     """How many are as said, which are guesses, how far E is known."""
-    guesses = [
-        p["name"] for p in parts if p["guessed"] or not p["understood"] or p["weight"] < GUESS
-    ]
+    guesses = [part["name"] for part in parts if _is_guess(part)]
     spans = [p["ranges"]["E"] for p in parts]
     ends = [(s["min"], s["max"]) if isinstance(s, dict) else (s.min, s.max) for s in spans]
     widest = max(high / low for low, high in ends)
     known = f"{len(parts) - len(guesses)} of {len(parts)} from words or names"
     guessed = f", a guess for {listed(guesses)}" if guesses else ""
     return f"{known}{guessed}; E is known to a factor of {widest:.2g} or better"
+
+
+def _is_guess(part: dict[str, Any]) -> bool:
+    """Whether no word settles its material: nothing near is known, or no clause speaks of it."""
+    binding = plain(part["binding"])
+    unsaid = binding is not None and binding["clause"] is None
+    return part["guessed"] or not part["understood"] or part["weight"] < GUESS or unsaid
