@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from autophyx_tet.fem import BoundaryConditions, ElementMaterial, Scene, TetMesh, box_mesh
 from autophyx_tet.fem.safety import part_safety
+from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.material_properties import load_strengths
 from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
+from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.fem.verdicts import percent, strength, usual_size
+
+from .bodies import faces_at
 
 ROLLERS = ("plane:x<0:x", "plane:y<0:y", "plane:z<0:z")
 
@@ -56,6 +61,22 @@ def test_no_verdict_where_the_modulus_is_not_the_materials():
     aluminium = {"bar": "aluminium 6061-T6"}
     assert part_safety(pulled("aluminium 6061-T6", 1e6, E=1e9), aluminium) == ()
     assert part_safety(pulled("aluminium 6061-T6", 1e6), {}) == ()
+
+
+@pytest.mark.parametrize("cells", [(12, 1, 1), (16, 2, 2)], ids=str)
+def test_a_bent_bar_has_its_largest_stress_at_its_skin(cells):
+    """Cantilever under a force at its tip: M c / I at the root; nu = 0: no corner is singular."""
+    L, side, force = 1.0, 0.05, 5900.0
+    mesh = box_mesh((L, side, side), cells)
+    steel = load_table().exact("carbon steel").value()
+    material = ElementMaterial.uniform(len(mesh.tets), E=steel.E, nu=0.0, rho=steel.rho)
+    mesh = TetMesh(mesh.points, mesh.tets, mesh.region, ("bar",), material)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+    down = np.array([0.0, 0.0, -force / side**2])
+    result = solve_static(mesh, held, traction=Traction(faces_at(mesh, 0, L), down), order=2)
+    (found,) = part_safety(result, {"bar": "carbon steel"})
+    assert found.stress == pytest.approx(6 * force * L / side**3, rel=0.1)
+    assert found.place[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_small_shares_are_never_zero_and_large_ones_are_times():
