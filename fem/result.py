@@ -134,7 +134,7 @@ class SagResult:
     max_displacement
         Largest displacement of a point [m].
     sag_ratio
-        ``max_displacement / height``.
+        ``max_displacement`` over the longest side [1].
     discretisation_error
         Relative error of the largest displacement, and how it was found.
     supported

@@ -15,7 +15,7 @@ from .scene.mesh import TetMesh, largest_explicit_step
 from .uncertainty.intervals import Interval
 from .uncertainty.likely import Likely
 
-# A body holds its shape if no point moves more than this share of its height.
+# A body holds its shape if no point moves more than this share of its longest side.
 HOLDS = 0.05
 CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
@@ -70,7 +70,7 @@ def holds_shape(result: SagResult) -> Check:
     also += f"; {percent(result.assumed)} of its volume is attached to nothing" if loose else ""
     return Check(
         "holds shape", passed, ratio, HOLDS,
-        f"It {does}: a point moves {percent(ratio)} of its height (limit {HOLDS:.0%}){also}.",
+        f"It {does}: a point moves {percent(ratio)} of its longest side (limit {HOLDS:.0%}){also}.",
     )  # fmt: skip
 
 

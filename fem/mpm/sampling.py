@@ -26,13 +26,14 @@ NEAREST = 8
 # Cantilevers against quadratic tets, two along a cell: 1.2 % too soft at four cells of thickness, 4
 # to 6 % at two, 16 to 26 % at one, and 280 % at 0.6; with four along a cell 2, 1 to 5 and 52 %.
 ALONG, FINE = 2, 4
-THIN, THINNEST = 2.0, 1.0
+THIN = 2.0
 
 
 class TetSample(NamedTuple):
     """Places ``x`` (n, 3) [m] on regular lattices, ``tet`` (n,) and ``volume`` (n,) [m^3] of each.
 
-    ``thin`` are names of parts that are too thin for the grid to bend, even by finer particles.
+    ``thin`` are names of parts that are too thin for the grid to bend rightly, by finer particles
+    too.
     """
 
     x: np.ndarray
@@ -65,7 +66,7 @@ def sample_tets(
     region = mesh.region[tet]
     volumes = np.bincount(mesh.region, mesh.volumes, len(mesh.region_names))
     counts = np.bincount(region, minlength=len(mesh.region_names))
-    thin = np.flatnonzero(cells < np.where(fine, THINNEST, THIN))
+    thin = np.flatnonzero(cells < THIN)
     names = tuple(mesh.region_names[k] for k in thin)
     return TetSample(x, tet, (volumes / np.maximum(counts, 1))[region], names)
 

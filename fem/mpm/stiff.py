@@ -164,7 +164,8 @@ def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
     names = [name for name in thin if name in {given.parts[i] for i in bending}]
     if names:
         notes.append(
-            f"{', '.join(names)}: less than about two cells thick, bends wrongly: finer --grid"
+            f"{', '.join(names)}: less than about two cells thick, bends wrongly, by a fifth and "
+            "more: finer --grid"
         )
     if given.held.all():
         notes.append("everything is stationary: nothing can move")

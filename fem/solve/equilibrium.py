@@ -29,8 +29,8 @@ logger = logging.getLogger(__name__)
 
 # Beyond this strain the linear law is not enough.
 LINEAR_LIMIT = 0.05
-# Share of the height beyond which a linear displacement means collapse: large strains would have to
-# be followed through folding and self-contact, minutes for what the eye has seen already.
+# Share of the longest side beyond which a linear displacement means collapse: large strains would
+# have to be followed through folding and self-contact, minutes for what the eye has seen already.
 COLLAPSE = 0.5
 # Newton steps of the repeat: one that converges takes 5 to 15.
 ITERATIONS = 30
@@ -86,11 +86,11 @@ class StaticMethod:
             static, trusted = _checked_strain(scene, static, name, warnings, loads)
         for warning in warnings:
             logger.warning(warning)
-        largest, height = _largest(static), scene.height
+        largest, longest = _largest(static), scene.longest
         supported = np.asarray(scene.held.fixed.any(axis=1))
-        found = (static, height, largest, largest / height, error, supported, tuple(warnings))
-        assumed = scene.held.assumed
-        return SagResult(*found, load_factor=factor, trusted=trusted, assumed=assumed)
+        answer = (static, scene.height, largest, largest / longest, error)
+        known = {"load_factor": factor, "trusted": trusted, "assumed": scene.held.assumed}
+        return SagResult(*answer, supported, tuple(warnings), **known)
 
 
 METHOD = StaticMethod()
@@ -138,10 +138,10 @@ def _checked_strain(
     scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
 ) -> _Rest:
     """Solve again under ``law`` where the linear answer strains or sinks too much; or keep it."""
-    share = _largest(linear) / scene.height
+    share = _largest(linear) / scene.longest
     if share > COLLAPSE:
         warnings.append(
-            f"it collapses: the linear answer moves {share:.1f} times its height, which "
+            f"it collapses: the linear answer moves {share:.1f} times its longest side, which "
             "says that it cannot stand, not how it lies"
         )
         return _Rest(linear, False)

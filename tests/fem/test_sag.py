@@ -7,9 +7,12 @@ from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.scene import Scene
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.verdicts import holds_shape
 
-from .bodies import shaken_box
+from .bodies import shaken_box, with_uniform
 
 
 def _join(*meshes):
@@ -127,3 +130,15 @@ def test_soft_body_is_repeated_nonlinearly():
     linear = sag(mesh, up="z", order=1, law=Law.LINEAR)
     assert linear.static.law is Law.LINEAR
     assert linear.static.max_strain > 0.05
+
+
+def test_a_lying_bar_is_measured_by_its_length():
+    """A cantilever that sinks by .117 of its length neither collapses nor moves 2.3 times it."""
+    L, side, E, rho = 1.0, 0.05, 5e7, 1000.0
+    mesh = with_uniform(box_mesh((L, side, side), (8, 1, 1)), E=E, nu=0.3, rho=rho)
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+    result = StaticMethod().solve(Scene(mesh=mesh, supports=held, gravity_vector=(0, 0, -9.81)))
+    exact = 9.81 * rho * side**2 * L**4 / (8 * E * side**4 / 12)
+    assert result.sag_ratio == pytest.approx(exact / L, rel=0.05)
+    assert result.trusted
+    assert not any("collapses" in warning for warning in result.warnings)

@@ -8,9 +8,12 @@ import time
 import autophyx_tet as apx
 import numpy as np
 import pytest
+from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.toolkit.cli.main import main
+from autophyx_tet.toolkit.report.window import show_in_window
 from autophyx_tet.toolkit.results.run import Stopwatch
 from PIL import Image
 
@@ -62,6 +65,17 @@ def test_a_report_is_a_frame_in_a_notebook(assigned):
     assert page.count("<") == 2  # the frame and its end
     assert html.unescape(page.split('srcdoc="')[1].rpartition('"')[0]) == framed.page
     assert "Sag under its own weight" in framed.page
+
+
+def test_without_a_display_it_is_said(assigned, monkeypatch, tmp_path):
+    """On Linux no window opens where neither X nor Wayland is named: an error, not a silent end."""
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    write_mesh(tmp_path / "mesh.vtu", assigned.mesh)
+    with pytest.raises(InputError, match="no display to open a window on; --picture"):
+        show_in_window(tmp_path)
 
 
 @pytest.mark.slow

@@ -233,7 +233,7 @@ def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
     if kind == "sag":
         yield (
             f"largest displacement {answer['max_displacement']:.3g} m "
-            f"({percent(answer['sag_ratio'])} of its height), "
+            f"({percent(answer['sag_ratio'])} of its longest side), "
             f"largest von Mises stress {answer['max_von_mises']:.3g} Pa"
         )
     elif kind == "motion":

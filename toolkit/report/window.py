@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ def show_in_window(result: Path, *, colour: str | None = None, picture: Path | N
     Raises
     ------
     InputError
-        Where pyvista is missing, or the file has no such array.
+        Where pyvista or a display is missing, or the file has no such array.
     """
     try:
         import pyvista
@@ -35,6 +37,8 @@ def show_in_window(result: Path, *, colour: str | None = None, picture: Path | N
     chosen = colour or next((n for n in ("von_mises", "displacement", "E") if n in known), None)
     if colour is not None and colour not in known:
         raise InputError(f"{path} has no {colour!r}: there are {', '.join(known)}")
+    if picture is None and not _has_display():
+        raise InputError("view: there is no display to open a window on; --picture FILE.png draws")
     plotter: Any = pyvista.Plotter(off_screen=picture is not None, title=str(path))
 
     def show(frame: float) -> None:
@@ -45,6 +49,12 @@ def show_in_window(result: Path, *, colour: str | None = None, picture: Path | N
     if len(grids) > 1 and picture is None:
         plotter.add_slider_widget(show, [0, len(grids) - 1], title="frame", fmt="%.0f")
     plotter.show(screenshot=picture or False)
+
+
+def _has_display() -> bool:
+    """Whether a window can open: on Linux X or Wayland is named in the environment."""
+    named = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return not sys.platform.startswith("linux") or bool(named)
 
 
 def _file(result: Path) -> Path:

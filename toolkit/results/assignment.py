@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from ...converters.material_sampling import SampledMesh
     from ...predictors.prediction import PartChoice
 
+# A network's own E that leaves the range of the nearest row by more than this is told.
+UNLIKE = 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
@@ -134,6 +137,7 @@ class Assignment:
             for choice in self.choices
             for complaint in outside_band(choice.row.category, *choice.value)
         ]
+        found += self._unlike()
         stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
         if len(stated) < len(self.choices) and not found:
             said = "E, nu and rho of every part are usual for its kind."
@@ -142,6 +146,15 @@ class Assignment:
             said = f"{', '.join(stated)}: no strength is known of what is only numbers, as stated."
             found.append(Verdict("note", said, "as stated"))
         return found
+
+    def _unlike(self) -> Iterator[Verdict]:
+        """Say where a network's own E is far from the row that it is said to be like."""
+        for choice in self.choices:
+            E, row = choice.value.E, choice.row
+            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
+                said = f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row"
+                span = f"({row.E.min:.3g} to {row.E.max:.3g})"
+                yield Verdict("note", f"{said} {span}.", "inside band", ADVICE["inside band"])
 
     def verdicts(self) -> list[Verdict]:
         """Whether E, nu and rho are usual, and how well the mass is known."""
@@ -155,7 +168,8 @@ class Assignment:
             yield Verdict(
                 "note",
                 f"It weighs {_material(self.mesh) and self.mesh.mass:.3g} kg if {listed(parts)} "
-                f"{'are' if len(parts) > 1 else 'is'} solid, {low:.2g} to {high:.2g} kg if not.",
+                f"{'are' if len(parts) > 1 else 'is'} solid as drawn, "
+                f"{low:.2g} to {high:.2g} kg by what may be hollow, its density and its volume.",
                 "mass",
                 ADVICE["mass"],
             )
