@@ -167,14 +167,14 @@ def follows(motion: MotionResult) -> tuple[Check, ...]:
     """Whether few coordinates move as the full body would; nothing where that is not known."""
     if (error := motion.model_error) is None:
         return ()
-    passed = error.share <= MOTION_LIMIT
-    do = "follow" if passed else "do not follow"
+    near, coarse = error.share <= MOTION_LIMIT, too_coarse(motion.stiffening)
+    do = "follow" if near else "do not follow"
     limit = percent(MOTION_LIMIT)
     said = (
         f"Its few coordinates {do} the full body of the same elements: off by {error.words} "
-        f"(limit {limit})."
+        f"(limit {limit})" + (f"; but {coarse}." if coarse else ".")
     )
-    return (Check("reduced model", passed, error.share, MOTION_LIMIT, said),)
+    return (Check("reduced model", near and not coarse, error.share, MOTION_LIMIT, said),)
 
 
 def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:

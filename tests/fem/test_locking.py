@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.model_error import ModelError
 from autophyx_tet.fem.reduced.method import model_in_words
 from autophyx_tet.fem.reduced.reduction import accuracy_warnings, reduce_body
+from autophyx_tet.fem.result import MotionResult
 from autophyx_tet.fem.scenarios.drop import drop
 from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scenarios.squeeze import squeeze
@@ -20,7 +22,7 @@ from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.fem.verdicts import locking
+from autophyx_tet.fem.verdicts import follows, locking
 
 from .bodies import faces_at, shaken_box, with_uniform
 
@@ -165,3 +167,13 @@ def test_a_reduced_body_says_that_its_elements_are_too_stiff():
     assert f1**2 == pytest.approx(model.accuracy.stiffening, rel=1e-3)
     assert f"{f1:.3f} of the full body's with quadratic elements" in model_in_words(model)
     assert any("too coarse for linear elements" in said for said in accuracy_warnings(model))
+
+
+def test_few_coordinates_of_elements_that_lock_are_no_good_verdict():
+    """A motion within .1 % of a full body that is 4 times too stiff does not pass."""
+    near = ModelError(1e-3, 1e-6)
+    said = {"frames": (), "dt": 0.1, "points": 4, "model_error": near}
+    (check,) = follows(MotionResult(**said, stiffening=4.2))
+    assert not check.passed
+    assert "4.2 times too stiff" in check.sentence
+    assert all(follows(MotionResult(**said, stiffening=s))[0].passed for s in (1.05, np.nan))

@@ -29,7 +29,7 @@ ADVICE = {
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
 }
 # Checks whose failure changes what the body can be used for.
-SERIOUS = ("holds shape", "buckling", "strength", "size", "no penetration")
+SERIOUS = ("holds shape", "buckling", "strength", "size", "no penetration", "reduced model")
 # Checks whose answer is another one where the mesh is another body than the file.
 OF_THE_BODY = ("holds shape", "buckling", "strength", "first frequency", "range", "mass")
 
