@@ -151,7 +151,11 @@ class Decider:
         contents = load_contents().phrases.get(part.spoken)
         if contents and not part.material and (said.whole or not said.clauses):
             return _choice(part, contents, f"name: {part.name!r}"), ()
-        if naming is not None and not (said.whole and part.material):
+        label = self.table.exact(part.material) if part.material else None
+        named = self.table.exact(naming.material or "") if naming else None
+        # "Beech", said of the whole, is against an ash_leg, and not against a glass_top.
+        other = named is label or (named and label and named.category != label.category)
+        if naming is not None and not (said.whole and label and other):
             material = naming.material or ""
             row = self._named(naming.phrase or material, material, said.first("stiffness"))
             why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
@@ -159,7 +163,6 @@ class Decider:
             # "The chair is beech": so are its legs.
             of_object = said.whole and not said.spoken and names_object(naming)
             return replace(choice, borrowed=said.borrowed and not of_object), ()
-        label = self.table.exact(part.material) if part.material else None
         if label and is_held(part, label):
             bare = " ".join(part.name_words[-1:])
             part, label = replace(part, name_words=(bare,), material=None), None
@@ -169,10 +172,7 @@ class Decider:
         coating = said.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
-            doubt = (
-                f"part {part.name!r}: only what covers it is said, {row.name}: it is taken as made "
-                "of it"
-            )
+            doubt = f"part {part.name!r}: only what covers it is said, {row.name}: taken as its own"
             return _choice(part, row, f"{coating}, which covers it", guessed=True), (doubt,)
         if deciding is None or said.unknown is not None:
             return self._by_meaning(part, said), ()
@@ -288,12 +288,13 @@ def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list
             f"{near}); its values are those of {choice.row.name}, which is no more than a guess"
         )
     named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
-    if len(named) > 1:
-        first, *others = named
+    first, *others = named or [""]
+    if others:
         told.append(
             f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
             f"{first!r} is taken, {', '.join(map(repr, others))} not"
         )
-    for doubt in dict.fromkeys(said.all("doubts")):
-        told.append(f"part {part.name!r}: {doubt}")
+    if said.whole and named and choice.why.startswith("name: ") and choice.row.name not in named:
+        told.append(f"part {part.name!r}: its name, {choice.row.name}, wins: the text says {first}")
+    told += [f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(said.all("doubts"))]
     return told

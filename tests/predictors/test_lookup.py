@@ -220,6 +220,17 @@ def test_what_is_said_of_the_object_needs_no_warning_but_for_parts_that_the_text
         assert [choice.elsewhere for choice in choices] == [False, warned], text
 
 
+def test_a_sentence_wins_over_a_name_of_its_kind_and_another_kind_is_told():
+    """ "Beech" is against an ash_leg; a glass_top of an oak table stays glass, told."""
+    assert [row.name for row in materials("ash_leg body", "beech wood")] == [
+        "beech (along grain)"
+    ] * 2
+    labels = [["glass_top"], ["frame"]]
+    settled = LOOKUP.settle(labels, read_sentence("an oak table", labels, TABLE))
+    assert settled.choices[0].row is TABLE.exact("glass")
+    assert any("'glass_top': its name" in warning for warning in settled.warnings)
+
+
 def test_a_pot_of_clay_is_fired_and_the_clay_in_it_is_soil():
     for text, row in (("pot: clay", "earthenware"), ("pot: stiff clay", "stiff clay")):
         (choice,) = choose([["pot"]], text)
