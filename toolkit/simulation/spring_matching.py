@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ...fem.discrete.space import affordable_order
+from ...fem.model_error import too_coarse
 from ...fem.scene.scene import Scene
+from ...fem.solve.discretisation_error import linear_stiffening, motion_order
 from ...fem.solve.modal import natural_modes
 from ...fem.springs.body import spring_body
 from ...fem.springs.fit import SpringFit, fit_to_motion, profile_warnings
@@ -16,11 +17,13 @@ def fitted_springs(
 ) -> tuple[SpringFit, tuple[str, ...]]:
     """Fit of the network of ``options``, and what it does not know of the body.
 
-    The frequency that it is compared with is that of the elements which `modal` takes.
+    The frequency that it is compared with is that of the elements which motions are made with.
     """
     body = spring_body(scene, options.anchors, options.neighbours)
-    order = affordable_order(scene.mesh)
+    order = motion_order(scene.mesh)
     modes = natural_modes(scene.mesh, 1, supports=scene.supports, order=order)
     frequency = float(modes.frequencies[0])
     fit = fit_to_motion(body, motion.displacement, motion.dt, eta=options.eta, frequency=frequency)
-    return fit, (*body.notes, *profile_warnings(fit))
+    coarse = too_coarse(linear_stiffening(scene.mesh, scene.supports)) if order == 1 else None
+    notes = () if coarse is None else (f"the frequency it is compared with is too high: {coarse}",)
+    return fit, (*notes, *body.notes, *profile_warnings(fit))
