@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def show_in_window(result: Path, *, colour: str | None = None, picture: Path | N
         Where pyvista or a display is missing, or the file has no such array.
     """
     try:
-        import pyvista
+        pyvista: Any = import_module("pyvista")  # typed, it would take a checker longer than us
     except ImportError as error:
         raise InputError("view needs pyvista: pip install 'autophyx-tet[view]'") from error
     path = _file(result)
