@@ -25,6 +25,7 @@ def ball_of_splats(n=20_000, opacity=0.8):
     return PointTable(columns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", [48, 96])
 def test_a_shell_of_splats_becomes_a_solid_ball(cells):
     """V = 4/3 pi r^3 within 3 %, watertight, one piece: the inside is not a cavity."""

@@ -71,6 +71,7 @@ def test_squeeze():
     assert result.smallest_gap > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("E", [1e5, 1e10])
 def test_squeeze_with_friction_converges_for_soft_and_stiff(E):
     """The plates hold the faces that they touch: pressed a tenth, it bulges between them."""

@@ -74,6 +74,7 @@ def test_a_column_that_is_let_go_swings_about_its_rest():
     assert slowest_period(rod, still) > period  # it bends more slowly than it is stretched
 
 
+@pytest.mark.slow
 def test_motions_are_alike_where_stiffness_and_weight_are():
     """Ten times E and rho is the same motion; it falls out of step the more, the stiffer it is."""
     sag = SagRender(PART, TRUTH, swing=True)

@@ -118,6 +118,7 @@ def test_two_processes_stay_in_step(text, tmp_path):
     assert (tmp_path / "1.reports").read_text() == "0"
 
 
+@pytest.mark.slow
 def test_training_sees_what_prediction_sees(text):
     """Of 5 objects both get the same voxels, colours (to their noise) and places (to a cell)."""
     cells = 64

@@ -51,6 +51,7 @@ def test_a_material_without_a_strength_is_named():
     )
 
 
+@pytest.mark.slow
 def test_what_is_guessed_or_not_understood_is_told():
     said = post("the head is oak, the foot is blarg")
     assert "1 of 2 from words or names, a guess for 'foot'" in answers(said)["Materials"]
@@ -72,6 +73,7 @@ def test_a_part_that_no_clause_speaks_of_is_a_guess():
             assert "factor of 2 or" in said
 
 
+@pytest.mark.slow
 def test_the_report_of_a_simulation_repeats_what_was_warned_of_before():
     """`simulate` reads what `assign` did not understand from the mesh's sidecar."""
     body = post("the head is oak, the foot is blarg")

@@ -119,6 +119,7 @@ def test_a_broken_guarantee_goes_on_to_a_coarser_epsilon_and_says_so(monkeypatch
     assert any("not the" in w and "asked for" in w for w in report.warnings)
 
 
+@pytest.mark.slow
 def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
     """Every attempt lacks a fifth of the cube: exit 4 with the distance, unless it is accepted."""
     cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))

@@ -119,6 +119,7 @@ def job(tmp_path):
     return Job("box", "box.stl", "oak", str(path), ("--no-cache",))
 
 
+@pytest.mark.slow
 def test_limits_of_time_and_memory_hold(tmp_path):
     """A row that takes too long ends with 124; one that wants too much memory fails at once."""
     row = job(tmp_path)

@@ -15,6 +15,7 @@ def _volume(surface):
     return trimesh.Trimesh(*surface, process=False).volume
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-2])
 def test_a_ball_stays_within_its_tolerance(tolerance):
     """Both ways; the volume changes by at most area times tolerance."""

@@ -48,6 +48,7 @@ def test_a_drop_is_written_and_reported(bar, tmp_path, capsys):
     assert "anchors, " in page
 
 
+@pytest.mark.slow
 def test_match_finds_the_stiffness_of_a_motion(bar, tmp_path, capsys):
     """A motion of the network 1.5 times as stiff gives that scale, and again that motion."""
     body = box_mesh((0.4, 0.1, 0.1), (8, 2, 2))

@@ -80,6 +80,7 @@ def test_nested_balls_and_touching_cubes():
     assert report.doubled_points == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [1.5, 1.0])
 def test_a_tilted_rod_keeps_its_volume(edges):
     """As thick as the lattice's edge it loses three quarters when cut, 1 % when matched."""
@@ -195,6 +196,7 @@ def test_far_nodes_are_inside_as_their_neighbours_are(lid):
     assert len(np.unique(lattice.together(np.arange(lattice.node_count)))) == 2  # even and odd
 
 
+@pytest.mark.slow
 def test_parts_of_one_shell_are_one_body():
     """A ball of two materials in stripes: each is in pieces, the ball is not."""
     ball = trimesh.creation.icosphere(3)

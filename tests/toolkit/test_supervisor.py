@@ -78,6 +78,7 @@ def nothing_left(folder):
     assert left <= {"tmp", "ready", "box.obj"}, left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["swallows", "deaf", "hears"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_command_ends_within_two_seconds_of_a_signal(tmp_path, kind, number):

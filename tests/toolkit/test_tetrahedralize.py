@@ -69,6 +69,7 @@ def _dirty_ball():
     return ball, trimesh.Trimesh(soup, np.arange(len(soup)).reshape(-1, 3), process=False)
 
 
+@pytest.mark.slow
 def test_dirty_ball():
     ball, dirty = _dirty_ball()
     mesh, report = tetrahedralize(asset_of(ball=dirty), **QUICK)
@@ -79,6 +80,7 @@ def test_dirty_ball():
     assert report.quality.boundary.bad_edges == 0
 
 
+@pytest.mark.slow
 def test_sheet_among_solids_is_named():
     sheet = trimesh.Trimesh([[2, 0, 0], [3, 0, 0], [3, 1, 0], [2, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     mesh, report = converted(cube=trimesh.creation.box((1, 1, 1)), label=sheet)
