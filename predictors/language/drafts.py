@@ -109,7 +109,8 @@ class Draft:
             return
         self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
         self.levels = {**other.levels, **self.levels}
-        self.numbers = self.numbers or [q for q in other.numbers if q.measure != "mass"]
+        own = {"mass", *(q.measure for q in self.numbers)}
+        self.numbers += [q for q in other.numbers if q.measure not in own]
         self.blend, self.unknown = self.blend or other.blend, self.unknown or other.unknown
 
     @property
@@ -137,17 +138,18 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
     for i, draft in enumerate(drafts):
         if draft.same is None:
             continue
-        others = [d for d in (*reversed(drafts[:i]), *drafts[i + 1 :]) if d.material or d.levels]
+        before = [*reversed(drafts[:i]), *drafts[i + 1 :]]
+        others = [d for d in before if d.material or d.levels or d.numbers]
         head = draft.same[-1:]
-        alike = (d for d in others if not head or any(name[-1:] == head for name in d.names))
-        found = next(alike, None)
-        if found is None and draft.material and head:  # "the lid is oak like the box"
+        alike = [d for d in others if any(name[-1:] == head for name in d.names)]
+        alike = alike if head else others[:1]
+        if not alike and draft.material and head:  # "the lid is oak like the box"
             draft.names.append(draft.same)
-        elif found is None:
+        elif not alike:
             who = " ".join(draft.same) or "what came before"
             lexed.notes.append(f"'the same as {who}': nothing is said of it")
-        else:
-            draft.like(found)
+        for other in alike:
+            draft.like(other)
 
 
 def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:

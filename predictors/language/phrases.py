@@ -20,7 +20,22 @@ _NUMBER = re.compile(r"(?!\d\.\d{4}$)\d[\d.]*")  # "1.4301" is a grade and nothi
 _YEAR = re.compile(r"(?:19|20)\d\d")
 _CLASS = re.compile(r"\d\d?\.\d")  # of bolts: "8.8"
 _RUBBERY = re.compile(r"(?i)\b(?:T?PU|TPE|polyurethane|urethane)\b")
-_COUNTING = ("a", "an", "times", "x", "×", "of", "about", "roughly", "only", "at", "least", "as")
+_PERCENT = ("%", "percent")
+_COUNTING = (
+    *_PERCENT,
+    "a",
+    "an",
+    "times",
+    "x",
+    "×",
+    "of",
+    "about",
+    "roughly",
+    "only",
+    "at",
+    "least",
+    "as",
+)
 
 
 def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -36,7 +51,7 @@ def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         sign = out[start].text.lower() if start < len(out) else ""
         unlike = sign == "as" and start and out[start - 1].role == "not"
         way = -way if sign == "less" or unlike else way
-        factor, exact, start = _factor(out, start - 1 if unlike else start)
+        factor, exact, start = _factor(out, start - 1 if unlike else start, way)
         if sign == "as" and not (unlike or exact):
             factor, exact = 1.0, True
         factor = 1 / factor if way < 0 and factor > 1 else factor
@@ -63,15 +78,17 @@ def _comparison_start(before: list[Lexeme], lexeme: Lexeme, after: Sequence[Lexe
     return len(before) if lexeme.text.lower().endswith("er") else None
 
 
-def _factor(before: list[Lexeme], start: int) -> tuple[float, bool, int]:
+def _factor(before: list[Lexeme], start: int, way: int) -> tuple[float, bool, int]:
     """How many times, whether a number says so, and where the comparison starts."""
     factor, exact, first = PLAIN_FACTOR, False, start
+    percent = start > 0 and before[start - 1].text.lower() in _PERCENT
     for i in range(start - 1, max(start - 1 - _REACH, -1), -1):
         lexeme = before[i]
         if lexeme.role in ("factors", "vague"):
             factor, exact, first = float(lexeme.value), lexeme.role == "factors", i
         elif lexeme.role == "digits":
             factor, exact, first = number(lexeme.text) or 1.0, True, i
+            factor = max(1 + way * factor / 100, 0.01) if percent else factor
         elif lexeme.text.lower() not in _COUNTING:
             break
     return factor, exact, first

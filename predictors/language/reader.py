@@ -141,7 +141,11 @@ def _groups(
     """Tokens of a run, ``before`` and ``after`` which signs stand."""
     opens = after in ("=", "o") or before in ("x", "F")
     owes = before in tuple("=o^cf!mTAW~") and not opens
-    if any(x.text.lower() in ("whole", "entire") for x in run):
+    said = next((i for i, x in enumerate(run) if x.text.lower() in ("whole", "entire")), None)
+    if said is not None:
+        if any(x.part for x in run[:said]):
+            yield from _groups(run[:said], lexicon, before, "", last)
+            run = run[said:]
         run = [x for x in run if x.role != "word" or x.part]
         yield Constituent("W", Draft("whole"))
     for group in groups_of(run, lexicon, owes=owes, opens=opens):

@@ -92,6 +92,8 @@ _BARE = {
 }
 
 
+# As programs write a material: "(7e10, 0.33, 2700)" is E [Pa], nu and rho [kg/m^3].
+_TRIPLE = re.compile(rf"\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\)")
 _DIRECTED = re.compile(r"E_?(?:x|L|1|11|xx)\b")
 _MINUS = re.compile(r"[=:]\s*[-−]$")
 _MOST = {"E": 2e12, "rho": 25e3}  # beyond, a comma before three digits is a decimal point
@@ -113,7 +115,7 @@ def numerals(text: str) -> list[Numeral]:
     text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
-    for finder in (_blends, _shores, _measures):
+    for finder in (_triples, _blends, _shores, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
@@ -129,6 +131,16 @@ def _blends(text: str) -> Iterator[Numeral]:
         note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
         blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
+
+
+def _triples(text: str) -> Iterator[Numeral]:
+    for match in _TRIPLE.finditer(text):
+        E, nu, rho = map(number, match.groups())
+        if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
+            note = f"{match[0]!r} is taken as E in Pa, nu and rho in kg/m3"
+            for k, (measure, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
+                said = Quantity(cast(Measure, measure), value, match[k])
+                yield Numeral(*match.span(k), said, note if k == 1 else "")
 
 
 def _shores(text: str) -> Iterator[Numeral]:

@@ -107,6 +107,7 @@ def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
     ranked = sorted(best.items(), key=lambda item: (item[1], item[0] not in known))
     nearest = [word for word, off in ranked if off == ranked[0][1]]
     nearest = [word for word in nearest if word in known] or nearest
+    nearest.sort(key=lambda word: abs(len(word) - len(atom.text)))  # "silicoen" is no silicon
     # "fiber" and "fibre" are one word: either will do.
     return nearest[0] if len({_skeleton(word) for word in nearest}) == 1 else None
 

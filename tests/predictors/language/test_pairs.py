@@ -131,6 +131,9 @@ def test_contrasts_and_exchanges(agree):
         nylon: bracket, shelf; rubber: leg => bracket, shelf: nylon; leg: rubber
         frame oak | saddle leather => frame: oak; saddle: leather
         seat is made form pine, legs oak => seat: pine; leg: oak
+        Apart from the rubber tyre the whole bike is oak => rail: oak; tyre: rubber
+        nylon makes the liner, and brass forms the knob => liner: nylon; knob: brass
+        Copper? No: brass. That goes for the bell. The cup is oak => bell: brass; cup: oak
     """)
 
 
@@ -163,7 +166,13 @@ def test_each_part_has_its_own_numbers(clauses_of, form, joint):
 
 @pytest.mark.parametrize(
     ("said", "factor"),
-    [("three times as stiff", 3), ("half as stiff", 0.5), ("twice as stiff", 2)],
+    [
+        ("three times as stiff", 3),
+        ("half as stiff", 0.5),
+        ("twice as stiff", 2),
+        ("20 % stiffer", 1.2),
+        ("20 % softer", 0.8),
+    ],
 )
 @pytest.mark.parametrize("form", ["the lid is oak and the rail is {}", "lid: oak, rail {}"])
 def test_a_comparison_may_leave_out_with_what(clauses_of, form, said, factor):
@@ -171,3 +180,13 @@ def test_a_comparison_may_leave_out_with_what(clauses_of, form, said, factor):
     assert [(c.factor, c.exact) for clause in clauses for c in clause.comparisons] == [
         (factor, True)
     ]
+
+
+def test_numbers_as_programs_write_them(clauses_of):
+    """Each part's own three, named by the symbol's index too; the hub has what the rim has."""
+    text = "core = (7e10, 0.33, 2700); E_rim 210 GPa, nu_rim .29, rho_rim 7860; hub same as rim"
+    found = clauses_of(text, ["core", "rim", "hub"])
+    steel = {"E": 210e9, "nu": 0.29, "rho": 7860.0}
+    wanted = {"core": {"E": 7e10, "nu": 0.33, "rho": 2700.0}, "rim": steel, "hub": steel}
+    for part, clauses in found.items():
+        assert {q.measure: q.value for c in clauses for q in c.numbers} == wanted[part]
