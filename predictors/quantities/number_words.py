@@ -7,8 +7,8 @@ import re
 import tomllib
 from pathlib import Path
 
-_DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
-_COUNTS: dict[str, int] = _DATA["words"]
+DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
+_COUNTS: dict[str, int] = DATA["words"]
 _WORD = rf"(?i:{'|'.join(sorted(map(re.escape, _COUNTS), key=len, reverse=True))})"
 _THEN = r"(?:(?:(?<=hundred)|(?<=thousand)) and |[ -])"
 _WORDS = re.compile(

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from .number_words import in_digits
+from .number_words import DATA, in_digits
 from .quantity import Blend, Measure, Quantity
 
-_DATA = tomllib.loads((Path(__file__).parent / "data/quantities.toml").read_text(encoding="utf-8"))
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
 _DIGITS = r"(?:\d{1,3}(?:[   ]\d{3})+(?![\d.])|\.?\d(?:[\d.,']*\d)?)"
 _POWER = r"10(?:\s?\^\s?[-+−]?\d+|[⁻⁰¹²³⁴-⁹]+)"
@@ -30,7 +27,7 @@ _LINK = (
     r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
     r"|just|only|exactly|nearly|almost|some|in the range of)\s*)*"
 )
-_PREFIXES, _PREFIXED, _PLAIN = (_DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
+_PREFIXES, _PREFIXED, _PLAIN = (DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
 
 
 def _any(words: Any) -> str:
@@ -43,11 +40,11 @@ _ATOM = (
     r"(?:(?:\^|\*\*)?[-−]?[23](?!\d)|[²³]|⁻[¹²³])?(?![^\W\d_])"
 )
 _TIMES = r"(?:\s?(?:/|·|\*|per\b)\s?|\s(?=[^\W\d_]+(?:\^?[-−][123]|⁻[¹²³])))"
-_UNIT = rf"(?:(?i:{_any(_DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATOM})*)"
-_ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in _DATA["cues"].items())
+_UNIT = rf"(?:(?i:{_any(DATA['units']['named'])})(?!\w)|{_ATOM}(?:{_TIMES}{_ATOM})*)"
+_ANY_CUE = "|".join(f"(?P<cue_{measure}>{cue})" for measure, cue in DATA["cues"].items())
 _VALUE = (
     rf"(?P<between>between\s)?(?P<low>{_NUMBER}){_SPREAD.format(n=_NUMBER, unit=_UNIT)}"
-    rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{_DATA['units']['share']})"
+    rf"(?:\s?-?(?P<unit>{_UNIT})|\s?(?P<share>{DATA['units']['share']})"
     r"|\s?(?P<odd>[A-Za-zµ]{1,3}/[A-Za-z(]+[A-Za-z·)]*[²³\d]?)(?!\w))?"
 )
 _BEFORE = re.compile(rf"(?<![\w.])(?:{_ANY_CUE}){_LINK}{_VALUE}")
@@ -186,7 +183,7 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
     """What a match says: by its word, else by its unit; told where the two are at odds."""
     group, said, (start, end) = match.groupdict(), match[0].strip(), match.span()
     dimension, factor = _si(group["unit"]) if group["unit"] else (None, 1.0)
-    words = (m for m in _DATA["cues"] if cued and group[f"cue_{m}"])
+    words = (m for m in DATA["cues"] if cued and group[f"cue_{m}"])
     measure: Any = next(words, dimension)
     if (measure, dimension) == ("mass", "rho"):
         measure = "rho"  # "it weighs 1.6 kg/l"
@@ -242,12 +239,12 @@ def number(text: str) -> float:
 @lru_cache(maxsize=256)
 def _si(unit: str) -> tuple[str | None, float]:
     """What a unit measures, None for nothing of ours, and how much of SI it is."""
-    name = _DATA["units"]["named"].get(unit.strip().lower())
+    name = DATA["units"]["named"].get(unit.strip().lower())
     for times, atom in [] if name else re.findall(rf"({_TIMES})?({_ATOM})", unit):
         sign = "/" if "/" in times or "per" in times.lower() else "*"
         name = f"{name}{sign}{_atom(atom)}" if name else _atom(atom)
     quantity = _registry().Quantity(1.0, name)
-    for dimension, measure in _DATA["measures"].items():
+    for dimension, measure in DATA["measures"].items():
         if quantity.is_compatible_with(dimension):
             size = quantity.to(dimension).magnitude
             return ("rho", size / GRAVITY) if measure == "weight" else (measure, size)
@@ -280,6 +277,6 @@ def _registry() -> Any:
 
     # Its own list of units takes longer to read than any text.
     registry = UnitRegistry(None)  # pyright: ignore[reportArgumentType]
-    for definition in _DATA["definitions"]["units"]:
+    for definition in DATA["definitions"]["units"]:
         registry.define(definition)
     return registry
