@@ -15,7 +15,7 @@ from ..fem.scene.mesh import TetMesh
 from ..predictors.asset import Asset
 from .config import command_line, with_given
 from .io.document import now
-from .io.outputs import check_file, check_mesh, check_run
+from .io.outputs import check_file, check_mesh, check_outputs, check_run
 from .io.sidecar import Sidecar, read_known
 from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
 from .results.assignment import Assignment
@@ -134,7 +134,7 @@ def assign(
     from .walls.part_words import Called
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
-    _check_outputs(output, field_output)
+    check_outputs(output, field_output)
     mesh, sidecar, seen, warnings = read_known(mesh, asset)
     said = Walls.said(walls, sidecar, mesh.region_names)
     bound, table = _read(text, mesh, sidecar, options)
@@ -171,13 +171,6 @@ def _told(built: Sequence[BuiltPart], sampled: SampledMesh) -> Iterator[str]:
     yield from filter(None, (one.warning for one in built))
     if sampled.unmatched:
         yield f"regions {list(sampled.unmatched)} have no voxel: the nearest part gave the values"
-
-
-def _check_outputs(output: Path | None, field_output: Path | None) -> None:
-    if output is not None:
-        check_mesh(output)
-    if field_output is not None:
-        check_file(field_output, (".npz",))
 
 
 def _read(
@@ -268,6 +261,7 @@ def run(
     from ..converters.files import alone
     from .report.folder import write_folder
     from .report.picture.snapshot import SUFFIXES, write_picture
+    from .walls.stated_walls import with_stated_walls
 
     check_run(output)
     ways = dialled((assign_options or AssignOptions()).checked(), dial=dial)
@@ -275,6 +269,7 @@ def run(
         check_file(picture, SUFFIXES)
     with alone(output):
         clock = Stopwatch()
+        asset, walls = with_stated_walls(asset, texts, walls, convert_options)
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
         known = {"up": solid.asset.up, "differences": solid.report.differences}
@@ -295,6 +290,6 @@ def run(
             result = replace(result, features=features_of(solid.asset).voxels)
             clock.lap("features")
         if picture is not None:
-            drawn = write_picture(picture, cases[0].simulation, up=solid.asset.up)
-            result = replace(result, files=(drawn,))
+            files = (write_picture(picture, cases[0].simulation, up=solid.asset.up),)
+            result = replace(result, files=files)
         return write_folder(output, result, touch=bool(simulate_options and simulate_options.touch))

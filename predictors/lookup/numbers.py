@@ -18,7 +18,7 @@ from ...fem.scene.materials import (
     stated_material,
 )
 from ..prediction import PartChoice
-from ..quantities.quantity import Blend, Quantity
+from ..quantities.quantity import Blend, Quantity, wall_said
 from .derivation import (
     FIBRES,
     RUBBER_NU,
@@ -94,10 +94,10 @@ def with_numbers(
         how.append(line)
     if "mass" in said:
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
-    if "thickness" in said:
+    if "thickness" in said and not wall_said(part, [said["thickness"]]):
         warnings.append(
             f"part {part!r}: {said['thickness'].text!r} changes nothing here: the geometry is "
-            "taken as it is (--part-wall hollows a part)"
+            'taken as it is ("2 mm walls" and --part-wall hollow a part)'
         )
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
     if exact:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,6 +22,17 @@ class Quantity:
     value: float
     text: str
     called: bool = True
+
+
+def wall_said(part: str, numbers: Sequence[Quantity]) -> Quantity | None:
+    """The thickness of the wall that numbers give a part: "2 mm walls", not "2 mm thick".
+
+    A part that is called a wall has none around it.
+    """
+    if "wall" in part.lower():
+        return None
+    said = (n for n in numbers if n.measure == "thickness" and "wall" in n.text.lower())
+    return next(said, None)
 
 
 @dataclass(frozen=True)

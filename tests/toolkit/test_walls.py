@@ -11,6 +11,7 @@ from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
 from autophyx_tet.toolkit.walls.built_parts import bodies_of
+from autophyx_tet.toolkit.walls.stated_walls import with_stated_walls
 from autophyx_tet.toolkit.walls.wall_options import WallOptions
 
 CAN = (0.066, 0.066, 0.115)
@@ -45,6 +46,45 @@ def test_a_steel_can_of_stated_wall_weighs_area_times_wall():
     beta = 1 - inner[0] ** 3 * inner[1] * inner[2] / (CAN[0] ** 3 * CAN[1] * CAN[2])
     assert result.mesh.material.E == pytest.approx(beta * row["E"], rel=0.05)  # sampled shares
     assert any("apparent" in warning and "0.2 mm" in warning for warning in result.warnings)
+
+
+def test_a_wall_that_the_text_states_is_that_of_the_option():
+    """m = rho (outer - inner volume) of a box; a part called wall, and "thick", hollow nothing."""
+    for text in ("a steel box with a 2 mm wall", "steel box, wall thickness 0.2 cm"):
+        result = assigned(text)
+        rho = result.part_rows()[0]["rho"]
+        mass = rho * (np.prod(CAN) - np.prod(np.array(CAN) - 2 * 0.002))
+        assert result.mesh.mass == pytest.approx(mass, rel=0.02), text  # shares are sampled
+        assert not any("changes nothing" in warning for warning in result.warnings)
+    solid = assigned("a steel box with a 2 mm wall", WallOptions(solid=True))
+    assert solid.mesh.mass == pytest.approx(rho * np.prod(CAN), rel=0.01)
+    assert any("2 mm wall" in doubt and "not used" in doubt for doubt in solid.doubts)
+    thick = assigned("a steel plate, 2 mm thick")
+    assert thick.mesh.mass == pytest.approx(rho * np.prod(CAN), rel=0.01)
+    assert any("changes nothing" in warning for warning in thick.warnings)
+    house = joined(("wall", "roof"), box_mesh(CAN, (2, 2, 2)), box_mesh((0.05,) * 3, (2, 2, 2)))
+    built = assigned("the wall is concrete, wall thickness 20 mm", mesh=house).built
+    assert built[0].construction.form != "shell"
+
+
+def test_walls_that_all_texts_state_are_known_before_the_mesh():
+    """Options go first; texts that do not agree, and a wall that holds something, wait."""
+    lid = trimesh.creation.box((0.1, 0.1, 0.02))
+    lid.apply_translation((0, 0, 1))
+    asset = Asset("cup", (Part("cup", trimesh.creation.box((0.1, 0.1, 0.2))), Part("lid", lid)))
+    two = "a steel cup with a 2 mm wall"
+
+    def stated(*texts, walls=None):
+        found, said = with_stated_walls(asset, texts, walls, None)
+        assert found is asset
+        return {} if said is None else said.by_part()
+
+    assert stated(two) == stated(two, "the cup is glass, walls of 2 mm") == {"cup": 0.002}
+    assert stated("the lid is pine, wall thickness 3 mm") == {"lid": 0.003}
+    assert stated(two, "the cup is glass, walls of 4 mm") == {}
+    assert stated(two, "a glass cup") == {}
+    assert stated("a steel cup with a 2 mm wall full of water") == {}
+    assert stated(two, walls=WallOptions(part_wall=("cup=0.001",))) == {"cup": 0.001}
 
 
 def test_the_name_of_a_hollow_thing_is_enough():

@@ -56,6 +56,14 @@ def check_mesh(path: Path) -> None:
     check_document(Sidecar.path(path), SIDECAR)
 
 
+def check_outputs(mesh: Path | None, field: Path | None) -> None:
+    """Refuse a mesh as ``check_mesh`` does, and a field that is no .npz; None is not written."""
+    if mesh is not None:
+        check_mesh(mesh)
+    if field is not None:
+        check_file(field, (".npz",))
+
+
 def check_run(folder: Path) -> None:
     """Refuse a folder of a run that could not be written, or where documents are not of a run."""
     check_folder(folder)

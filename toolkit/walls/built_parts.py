@@ -20,6 +20,7 @@ from ...predictors.construction.kinds import middle
 from ...predictors.construction.masses import MassInterval, densities_of, mass_interval
 from ...predictors.field import MaterialField
 from ...predictors.prediction import GUESS, PartChoice, Prediction
+from ...predictors.quantities.quantity import Quantity
 from ..io.sidecar import Sidecar
 from ..options import pairs
 from ..surfaces.layer import SAMPLES, hull_share, wall_share
@@ -75,7 +76,8 @@ class BuiltPart:
     """How a part is built, the material that stands for it, and its mass.
 
     ``apparent`` E [Pa], nu [1], rho [kg/m^3] where its walls are smeared over its elements;
-    ``said_filling`` is the row of what it is said to be full of.
+    ``said_filling`` is the row of what it is said to be full of, ``unused_wall`` the words for a
+    wall that options overrule.
     """
 
     construction: Construction
@@ -85,6 +87,7 @@ class BuiltPart:
     inside_E: float = 0.0
     solid_mass: float = 0.0
     said_filling: str = ""
+    unused_wall: str = ""
 
     def as_built(self, value: MaterialValue) -> MaterialValue:
         """The material that stands for the part if what it is made of is ``value``."""
@@ -109,8 +112,10 @@ class BuiltPart:
 
     @property
     def doubt(self) -> str:
-        """What was said to be in it and is not counted, for want of room."""
+        """What was said of its wall, or to be in it, and is not counted."""
         built = self.construction
+        if self.unused_wall:
+            return f"part {built.part!r}: {self.unused_wall!r} is not used: {built.sentence}"
         if not self.said_filling or built.filling:
             return ""
         return (
@@ -199,14 +204,24 @@ def build_parts(
             called.words(region),
             {"filling": called.filling(region), **said.of(choice.part)},
             called.said_filling(region),
+            called.walls[region],
         )
         for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True))
     )
 
 
 def _built(
-    body: Body, choice: PartChoice, words: ThingWords, said: dict[str, Any], said_filling: str
+    body: Body,
+    choice: PartChoice,
+    words: ThingWords,
+    said: dict[str, Any],
+    said_filling: str,
+    wall: Quantity | None,
 ) -> BuiltPart:
+    given, free = said["wall"], not (said["solid"] or said["in_mesh"])
+    if wall and given is None and free:
+        said = {**said, "wall": wall.value}
+    unused = wall.text if wall and said["wall"] != wall.value else ""
     shape = {"hull_share": body.hull_share(), "smallest_side": body.smallest_side}
     table, contents = load_table(), load_contents()
     construction = construction_of(
@@ -223,6 +238,7 @@ def _built(
     )
     filling = said["filling"]
     built = BuiltPart(construction, interval, solid_mass=rho * volume, said_filling=said_filling)
+    built = replace(built, unused_wall=unused)
     if construction.form != "shell":
         return built
     share = body.share(construction.thickness)

@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Float
+
 from ...fem.scene.materials import Material, MaterialTable, key, load_contents
 from ...fem.scene.mesh import TetMesh
 from ...predictors.construction.construction import ThingWords
 from ...predictors.language.binding import GENERAL, Bound, BoundPart
 from ...predictors.language.clauses import Clause
+from ...predictors.quantities.quantity import Quantity, wall_said
 from ..io.sidecar import Sidecar
 
 MAIN_SHARE = 0.5  # of the volume: the part that a file's name and "this is a ..." speak of
@@ -43,6 +47,8 @@ class Called:
         What the asset is called, and what the text says that it is.
     held
         What each part is said to be full of, by itself or with the whole; None for nothing.
+    walls
+        The thickness of the wall [m] that each part is said to have, None where nothing is said.
     """
 
     labels: tuple[tuple[str, ...], ...]
@@ -50,16 +56,19 @@ class Called:
     object_name: str
     thing: tuple[str, ...]
     held: tuple[Held | None, ...]
+    walls: tuple[Quantity | None, ...]
 
     @classmethod
     def of(cls, mesh: TetMesh, sidecar: Sidecar, bound: Bound, table: MaterialTable) -> Called:
         """Gather the words for the regions of a mesh, of which so much is said."""
+        main = main_parts(mesh.region_volumes())
         return cls(
             labels=sidecar.labels_of(mesh.region_names),
-            main=_main_parts(mesh),
+            main=main,
             object_name=sidecar.source.get("name") or "",
             thing=bound.sentence.thing,
             held=tuple(_held(part, bound.sentence.clauses, table) for part in bound.parts),
+            walls=walls_said(mesh.region_names, main, bound),
         )
 
     def divided(self, mesh: TetMesh, sidecar: Sidecar, parents: Sequence[int]) -> Called:
@@ -67,8 +76,9 @@ class Called:
         return replace(
             self,
             labels=sidecar.labels_of(mesh.region_names),
-            main=_main_parts(mesh),
+            main=main_parts(mesh.region_volumes()),
             held=tuple(self.held[part] for part in parents),
+            walls=tuple(self.walls[part] for part in parents),
         )
 
     def usual_materials(self) -> dict[str, tuple[str, str]]:
@@ -104,6 +114,20 @@ def _held(part: BoundPart, clauses: Sequence[Clause], table: MaterialTable) -> H
     return next(found, None)
 
 
-def _main_parts(mesh: TetMesh) -> tuple[bool, ...]:
-    volumes = mesh.region_volumes()
+def walls_said(
+    names: Sequence[str], main: Sequence[bool], bound: Bound
+) -> tuple[Quantity | None, ...]:
+    """The wall that a text gives each part; that of the whole is of its main part, or of all."""
+
+    def of(part: int) -> Quantity | None:
+        general = main[part] or not any(main)
+        spoken = zip(bound.parts[part].clauses, bound.parts[part].how, strict=True)
+        clauses = [bound.sentence.clauses[k] for k, how in spoken if general or how not in GENERAL]
+        return next(filter(None, (wall_said(names[part], one.numbers) for one in clauses)), None)
+
+    return tuple(of(part) for part in range(len(names)))
+
+
+def main_parts(volumes: Float[np.ndarray, "parts"]) -> tuple[bool, ...]:
+    """Return which parts are the main one, by their volumes [m^3]."""
     return tuple((volumes >= MAIN_SHARE * volumes.sum()).tolist())
