@@ -16,8 +16,8 @@ FLOORS = {
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
-        "vocabulary", "quantities", "language", "interpreter", "hearing", "construction", "images",
-        "partition", "prediction", "lookup", "predictor", "retrieval", "film", "unipixie",
+        "vocabulary", "quantities", "lexemes", "language", "interpreter", "hearing", "construction",
+        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film", "unipixie",
         "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (

@@ -2,5 +2,5 @@
 
 In: a text, the material table, the names that an asset has for its parts.
 Out: a Sentence of Clauses and of unread words; which clauses speak of which part.
-Read: clauses, reader, lexing, groups, grammar, drafts, binding.
+Read: clauses, reader, groups, grammar, drafts, binding.
 """

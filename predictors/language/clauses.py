@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ..quantities.quantity import Blend, Quantity
+from ..quantities.quantity import Blend, Comparison, Quantity
 
 # What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
 # nothing that it says ("oak" alone).
@@ -35,29 +35,6 @@ class Subject:
     names: tuple[tuple[str, ...], ...] = ()
     exceptions: tuple[tuple[str, ...], ...] = ()
     holds: bool = False
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What is said of a part beside another: "twice as stiff as the legs".
-
-    Parameters
-    ----------
-    measure
-        What is compared: E or rho.
-    factor
-        How many times the other's value; above 1 without a number where it is ``exact`` no more
-        than "stiffer", below 1 for "softer".
-    exact
-        Whether a number was said.
-    other
-        The words that name the other part; () for all others.
-    """
-
-    measure: Literal["E", "rho"]
-    factor: float
-    exact: bool
-    other: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from itertools import pairwise, takewhile
 from typing import Any
 
 from ...fem.scene.materials import Material
-from ..quantities.quantity import Blend, Quantity
+from ..lexemes.lexeme import Lexed, Lexeme
+from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import SHORT, Phrase, ReaderLexicon, known_parts, places, words
-from .clauses import Clause, Comparison, Scope, Subject
+from .clauses import Clause, Scope, Subject
 from .groups import Mention
-from .lexing import Lexed, Lexeme
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _NAMES = ("NN", "NNP", "FW", "XX", "UH")  # tags of what may be a name

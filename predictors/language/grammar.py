@@ -16,10 +16,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..lexemes.lexeme import Lexeme
 from ..vocabulary.lexicon import ReaderLexicon, known_parts, words
 from .drafts import Draft
-from .lexing import Lexeme
-from .phrases import contents_called
 
 SAYING = "VNXBbPpDGSsWtOEmY"  # signs of tokens that have a draft
 
@@ -135,7 +134,7 @@ def _renamed(_: Cascade, head: Draft, other: Draft) -> None:
 
 def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
     row = other.material.name if other.material else None
-    head.filling = contents_called(other.said, cascade.lexicon) or row or head.filling
+    head.filling = cascade.lexicon.contents_called(other.said) or row or head.filling
 
 
 def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
@@ -143,7 +142,7 @@ def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
     containers, row = words()["containers"], other.material
     heads = {name[-1] for name in head.names if name}
     fills = row is None or row.category in containers["matter"]
-    loose = contents_called(other.said, cascade.lexicon) not in (None, row and row.name)
+    loose = cascade.lexicon.contents_called(other.said) not in (None, row and row.name)
     plural = bool(other.lexemes) and other.lexemes[-1].text.lower().endswith("s")
     return bool(heads & set(containers["words"])) and loose and (fills or plural)
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ...fem.scene.materials import Material
-from ..quantities.quantity import Blend, Quantity
+from ..lexemes.lexeme import Lexeme
+from ..lexemes.treatments import implied, is_hue, puts_hue
+from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, places, words
-from .clauses import Comparison
-from .lexing import Lexeme
-from .phrases import implied, is_hue, puts_hue
 
 _SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".

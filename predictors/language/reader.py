@@ -11,13 +11,16 @@ from dataclasses import replace
 
 from ...fem.errors import UsageError
 from ...fem.scene.materials import MaterialTable
+from ..lexemes.bare_numbers import bare_numbers, lone_grades
+from ..lexemes.comparisons import join_comparisons
+from ..lexemes.lexeme import Lexeme
+from ..lexemes.lexing import lex
+from ..lexemes.pointers import first_phrase, point_back
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
 from .clauses import Sentence
 from .drafts import Draft, clause_of, is_mixed, settle, take_strange, tell, unread_lexemes
 from .grammar import Cascade, Constituent, grammar
 from .groups import Group, groups_of
-from .lexing import Lexeme, lex
-from .phrases import bare_numbers, first_phrase, join_comparisons, lone_grades, point_back
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (

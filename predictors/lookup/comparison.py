@@ -8,8 +8,8 @@ from functools import cache
 from typing import NamedTuple
 
 from ...fem.scene.materials import Material, MaterialValue
-from ..language.clauses import Comparison
 from ..prediction import PartChoice
+from ..quantities.quantity import Comparison
 
 
 class _Beside(NamedTuple):

@@ -1,4 +1,4 @@
-"""A number that was said of a material, and a second matter in it."""
+"""What is said in numbers of a material: a value, a second matter in it, a relation."""
 
 from __future__ import annotations
 
@@ -41,3 +41,26 @@ class Blend:
 
     material: str
     share: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What is said of a part beside another: "twice as stiff as the legs".
+
+    Parameters
+    ----------
+    measure
+        What is compared: E or rho.
+    factor
+        How many times the other's value; above 1 without a number where it is ``exact`` no more
+        than "stiffer", below 1 for "softer".
+    exact
+        Whether a number was said.
+    other
+        The words that name the other part; () for all others.
+    """
+
+    measure: Literal["E", "rho"]
+    factor: float
+    exact: bool
+    other: tuple[str, ...]

@@ -112,6 +112,11 @@ class ReaderLexicon:
         """Phrase -> row of what fills a thing: "coffee", "books"."""
         return {self.phrase(name): row.name for name, row in load_contents().phrases.items()}
 
+    def contents_called(self, said: Sequence[str]) -> str | None:
+        """Row of the loose matter or liquid that the last words of ``said`` name."""
+        tails = (tuple(said[i:]) for i in range(len(said)))
+        return next((self.contents[tail] for tail in tails if tail in self.contents), None)
+
     @cached_property
     def firsts(self) -> dict[str, list[str]]:
         """Second word of a row of two -> the first words of such rows."""

@@ -4,12 +4,12 @@ import pytest
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.hearing.binding import NamedPart
 from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
-from autophyx_tet.predictors.language.clauses import Clause, Comparison, Subject
+from autophyx_tet.predictors.language.clauses import Clause, Subject
 from autophyx_tet.predictors.lookup.comparison import with_relations
 from autophyx_tet.predictors.lookup.decision import Decider, PartStatement
 from autophyx_tet.predictors.lookup.kernel import RowKernel
 from autophyx_tet.predictors.lookup.levels import DENSITY, STIFFNESS
-from autophyx_tet.predictors.quantities.quantity import Quantity
+from autophyx_tet.predictors.quantities.quantity import Comparison, Quantity
 
 TABLE = load_table()
 DECIDER = Decider(TABLE, RowKernel(TABLE))

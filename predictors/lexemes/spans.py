@@ -1,15 +1,14 @@
-"""A text as lexemes: part names, materials, numbers and connectors, each one token."""
+"""Spans of a text that may be a lexeme: part names, numbers, phrases of the table, codes."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 from ..quantities.numerals import numerals
-from ..vocabulary.lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
-from ..vocabulary.spelling import mended_spelling
+from ..vocabulary.lexicon import Atom, Meaning, Phrase, ReaderLexicon, part_name_words, words
+from .lexeme import Lexeme
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
@@ -20,57 +19,15 @@ _HARMLESS = re.compile(
     r"(?i)\d+(x\d*)+|x\d+|[mz]\d+(x[\d.]+)*|(dn|ip|ral|iso|din)\d+|\d+(st|nd|rd|th|s|d|k)"
 )
 _TEMPER = re.compile(r"-?(?:T[1-9]\d{0,4}|H\d{2,3}|O|F)")  # of a wrought alloy: "A356.0-T6"
-_THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
 
 
-@dataclass(frozen=True)
-class Lexeme:
-    """One token of a sentence: what it does, what it says, how the model tags it."""
-
-    text: str
-    start: int
-    end: int
-    role: str
-    value: Any = None
-    words: Phrase = ()
-    known: bool = True  # to the dictionary, the table or the part names
-    part: bool = False  # whether a part of the asset is called so
-    tag: str = ""
-    dep: str = ""
-    note: str = ""
-
-
-@dataclass
-class Lexed:
-    """Lexemes of a text and what was mended on the way."""
-
-    lexemes: list[Lexeme]
-    notes: list[str]
-
-
-def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
-    """Cut a text into lexemes and tag them."""
-    known = {word for name in names for word in part_name_words(name)}
-    text = _plain(text)
-    cut = atoms(text, lexicon.model, known)
-    cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
+def spans(
+    text: str, cut: list[Atom], lexicon: ReaderLexicon, names: Sequence[str], known: set[str]
+) -> list[Lexeme]:
+    """Return every span that says something, also over each other."""
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
     found += _designations(text, lexicon)
-    chosen = _longest(found + _codes(text, found))
-    lexemes = _spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
-    lexemes = [
-        replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
-        for x in lexemes
-    ]
-    return Lexed(_tag(lexemes, lexicon), notes)
-
-
-def _plain(text: str) -> str:
-    """Write what stands for a word or a column by that, in as many characters."""
-    for rule in words()["rewrites"]:
-        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = re.sub(rule["find"], width, text)
-    return text
+    return found + _codes(text, found)
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -206,94 +163,3 @@ def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
         role, at = "idle" if idle else "word", end - len(said)
         out.append(Lexeme(said, at, end, role, words=(said.lower(),), known=idle))
     return out
-
-
-_RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
-
-
-def _longest(found: list[Lexeme]) -> list[Lexeme]:
-    """Of candidates over each other the longest, then the more telling."""
-    order = sorted(found, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3)))
-    chosen: list[Lexeme] = []
-    for lexeme in order:
-        if all(lexeme.end <= c.start or c.end <= lexeme.start for c in chosen):
-            chosen.append(lexeme)
-    return sorted(chosen, key=lambda x: x.start)
-
-
-def _fill(
-    cut: list[Atom], chosen: list[Lexeme], lexicon: ReaderLexicon, known: set[str], strange: set
-) -> list[Lexeme]:
-    """Put the words that no phrase took between the lexemes."""
-    out = list(chosen)
-    for atom in cut:
-        if any(c.start < atom.end and atom.start < c.end for c in chosen):
-            continue
-        first = atom.text[0]
-        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
-        out.append(
-            Lexeme(
-                atom.text, atom.start, atom.end, role, words=(atom.stem,),
-                known=atom.start not in strange, part=atom.stem in known,
-            )
-        )  # fmt: skip
-    return sorted(out, key=lambda x: x.start)
-
-
-def _spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
-    """Put the parts of a range where it is said: "leg_1 to leg_4", "blade_1..3", "bodies 1-3"."""
-    out: list[Lexeme] = []
-    first: Lexeme | None = None  # a part or its number, and nothing but "to" or dots since
-    for lexeme in lexemes:
-        ends = lexeme.role == "part" or (lexeme.role == "digits" and lexeme.part)
-        bare = ends and first is not None and lexeme.role == "digits"
-        if bare and first is not None and first.role == "part":  # "rib_01..03"
-            lexeme = replace(lexeme, role="part", words=(*first.words[:-1], *lexeme.words))
-        if ends and first is not None and first.role == lexeme.role and out[-1] is not first:
-            while out[-1] is not first:
-                out.pop()
-            both = replace(first, role="and", words=(), part=False)
-            for words in _between(first.words, lexeme.words, names):
-                out += [both, replace(first, words=words)]
-            out.append(both)
-        if ends or (first is not None and lexeme.text.lower() not in _THROUGH):
-            first = lexeme if ends else None
-        out.append(lexeme)
-    return out
-
-
-def _between(first: Phrase, last: Phrase, names: Sequence[str]) -> list[Phrase]:
-    """Words of the names between two that count on: the same words, with numbers between theirs."""
-    if first[:-1] != last[:-1] or not (first[-1].isdigit() and last[-1].isdigit()):
-        return []
-    told = {int(part_name_words(name)[-1]) for name in names if name[-1:].isdigit()}
-    inside = sorted(n for n in told if int(first[-1]) < n < int(last[-1]))
-    return [(*first[:-1], str(n).zfill(len(first[-1]))) for n in inside]
-
-
-# What the model is shown for tokens that it cannot know, and for phrases that are one token here.
-_PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
-_PHRASES = {
-    "fill": "with", "is": "is", "of": "of", "with": "with", "except": "except", "not": "not",
-    "looks": "like", "off": "for", "on": "on", "than": "than", "degree": "very", "same": "same",
-    "stiffness": "soft", "density": "heavy", "character": "tough", "rest": "rest", "whole": "all",
-}  # fmt: skip
-
-
-def _tag(lexemes: list[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
-    """Let the model tag the sentence with every material, number and odd name as a plain word."""
-    if not lexemes:
-        return []
-    shown = [
-        _PLAIN.get(x.role, "") or (" " in x.text and _PHRASES.get(x.role)) or _sober(x.text)
-        for x in lexemes
-    ]
-    doc = lexicon.model.doc(shown)
-    return [
-        replace(lexeme, tag=token.tag_, dep=token.dep_)
-        for lexeme, token in zip(lexemes, doc, strict=True)
-    ]
-
-
-def _sober(word: str) -> str:
-    return word.lower() if word.isupper() and len(word) > 1 else word.replace("\n", ".")
