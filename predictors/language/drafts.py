@@ -105,7 +105,7 @@ class Draft:
         if self.kind and self.material and other.material:
             if other.material.category != self.material.category:
                 return
-        elif self.material and not self.own:
+        elif self.material:
             return
         self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
         self.levels = {**other.levels, **self.levels}

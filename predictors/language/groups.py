@@ -8,9 +8,9 @@ from typing import Literal
 
 from ...fem.scene.materials import Material
 from ..lexemes.lexeme import Lexeme
-from ..lexemes.treatments import implied, is_hue, puts_hue
+from ..lexemes.treatments import implied, puts_hue
 from ..quantities.quantity import Blend, Comparison, Quantity
-from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, places, words
+from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
 
 _SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
@@ -58,7 +58,7 @@ class Group:
     @property
     def modifiers(self) -> list[str]:
         """Nouns before a material that may make another of it: "polymer clay"."""
-        start = next((m.lexeme.start for m in self.values if m.kind == "material"), 0)
+        start = next((m.lexeme.start for m in self.values), 0)
         nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
         return [] if self.named else [x.text for x in nouns if x.end < start]
 
@@ -95,7 +95,7 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             degree = lexeme.value
         elif role == "fake":
             fake = True
-        elif role == "material" and lexeme.part and len(lexeme.words) > 1 and not fake:
+        elif role == "material" and lexeme.part and len(lexeme.words) > 1:
             # "cardboard box" of a part "box": the phrase names the matter, its last word the part.
             out.append(Mention("material", replace(lexeme, part=False), lexeme.value))
             out.append(Mention("part", replace(lexeme, words=lexeme.words[-1:])))
@@ -106,20 +106,15 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             fake = True
         elif role in ("coat", "coating", "look", "attributes", "fill"):
             _dress(out, lexeme, role, last=i + 1 == len(run))
-        elif role == "density" and lexeme.text.lower() == "light" and is_hue(run[i + 1 : i + 2]):
-            continue  # "light oak", "light grey"
         elif role in ("stiffness", "density", "character"):
             out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
             degree = ""
         elif role == "compare":
             out.append(Mention("comparison", lexeme, lexeme.value))
         elif role == "number":
-            kind = "blend" if isinstance(lexeme.value, Blend) else "number"
-            out.append(Mention(kind, lexeme, lexeme.value))
+            out.append(Mention("number", lexeme, lexeme.value))
         elif role in ("word", "part"):
             out.append(_word(lexeme, run, i))
-        elif role == "digits" and lexeme.part and (not out or out[-1].kind == "part"):
-            out.append(Mention("part", lexeme))  # "wheel 2"
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
@@ -127,7 +122,7 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
 
 def _scaled(level: int | str, degree: str) -> int | str:
     """Move a level outwards where the degree is high: "very soft"."""
-    if not isinstance(level, int) or degree != "more" or level == 3:
+    if not isinstance(level, int) or degree != "more":
         return level
     return max(1, level - 1) if level < 3 else min(5, level + 1)
 
@@ -135,10 +130,9 @@ def _scaled(level: int | str, degree: str) -> int | str:
 def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bool) -> Mention:
     """A material, or the part that is called after one: "loose soil", "the glass is sapphire"."""
     others = any(x.role == "material" for x in run if x is not lexeme)
-    nouns_after = any(x.role in ("word", "part") and x.tag.startswith("NN") for x in run[i + 1 :])
-    alone = not any(x.part or x.role == "word" for x in run if x is not lexeme)
+    alone = not any(x.role == "word" for x in run if x is not lexeme)
     owes = owes and not any(x.text.lower() == "the" for x in run[:i])
-    if lexeme.part and not nouns_after and not owes and (others or alone or run[-1] is lexeme):
+    if lexeme.part and not owes and (others or alone or run[-1] is lexeme):
         return Mention("part", lexeme, None if others else lexeme.value)
     return Mention("coating" if fake else "material", lexeme, lexeme.value)
 
@@ -146,16 +140,14 @@ def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bo
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
     """A part's word, a modifier, or a name that nobody knows beside a part of the asset."""
     plain = replace(lexeme, words=())
-    strange = not lexeme.known and not lexeme.part
+    strange = not lexeme.known
     compound = any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2]) and i + 1 < len(run)
     if not lexeme.part and (compound or (strange and lexeme.text.lower().endswith("ed"))):
         return Mention("modifier", plain)  # "hot-dip", "rotomoulded"
     if lexeme.part or strange or lexeme.tag.startswith(("NN", "FW", "XX", "ADD")):
-        nouns = [x for x in (*reversed(run[:i]), *run[i + 1 :]) if x.tag.startswith("NN")]
-        beside = any(x.part for x in nouns) and not any(x.role == "material" for x in run)
+        others = [x for x in run if x is not lexeme]
+        beside = any(x.part for x in others) and not any(x.role == "material" for x in others)
         return Mention("unknown" if strange and beside else "part", lexeme)
-    if i and run[i - 1].role == "material" and set(lexeme.words[-1:]) & places() & known_parts():
-        return Mention("part", lexeme)  # "a leather back", whatever its tag
     is_adjective = lexeme.tag.startswith(("JJ", "CD", "V", "RP"))
     return Mention("modifier", lexeme if is_adjective else plain)
 
@@ -163,11 +155,10 @@ def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
 def _dress(out: list[Mention], lexeme: Lexeme, role: str, *, last: bool) -> None:
     """Turn the material before a coat, a look or "-filled" into what it is there for."""
     before = out[-1] if out else None
-    close = before is not None and lexeme.start - before.lexeme.end <= 1
     if before is None:
         return
-    hyphened = lexeme.text.startswith("-") or before.lexeme.end == lexeme.start
-    if before.kind == "material" and (role != "coat" or hyphened or len(out) == 1 or not last):
+    close = lexeme.start - before.lexeme.end <= 1
+    if before.kind == "material" and (role != "coat" or len(out) == 1 or not last):
         out[-1] = replace(before, kind="filling" if role == "fill" else "coating")
     elif not before.says and close and not before.lexeme.part:
         out.pop()  # "powder-coated"
@@ -224,8 +215,7 @@ def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
             blocks.append([*waiting, mention])
         waiting = []
     placed = not blocks and any(word in places() for m in waiting for word in m.lexeme.words)
-    own = waiting and waiting[-1].lexeme.part and not (blocks and not blocks[-1][-1].says)
-    if placed or own:
+    if placed or (waiting and waiting[-1].lexeme.part):
         blocks.append(waiting)  # "the second is pine"
     return blocks
 
@@ -233,10 +223,9 @@ def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
 def _paired(blocks: list[list[Mention]]) -> list[Group]:
     """Join each part with what is said of it, before it or after it."""
     says = [block[-1].says for block in blocks]
-    if len(blocks) == 3 and says == [False, True, False]:
+    if says == [False, True, False]:
         # "top beech ply" of a part "top"; "bench: oak slats" would have its colon.
-        named = [any(m.lexeme.part for m in block) for block in blocks]
-        if named[0] and not named[2]:
+        if not any(m.lexeme.part for m in blocks[2]):
             return [_group(blocks[0], blocks[1], part_first=True)]
         return [_group(blocks[0], []), _group(blocks[2], blocks[1])]
     part_first = bool(says) and not says[0]
@@ -248,9 +237,6 @@ def _paired(blocks: list[list[Mention]]) -> list[Group]:
             second, *blocks = blocks
             parts, values = (_up_to_name(first), second) if part_first else (second, first)
             out.append(_group(parts, values, part_first=part_first))
-        elif first[-1].says and out and not any(m.kind == "material" for m in first):
-            out[-1].values += first  # "silicone seal 40 Shore A"
-            out[-1].lexemes += [m.lexeme for m in first]
         else:
             out.append(_group([], first) if first[-1].says else _group(first, []))
     return out
