@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...fem.scene.materials import Material
 from ..lexemes.lexeme import Lexeme
-from ..lexemes.treatments import implied, puts_hue
+from ..lexemes.treatments import implied, is_hue, puts_hue
 from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
 
@@ -106,6 +106,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             fake = True
         elif role in ("coat", "coating", "look", "attributes", "fill"):
             _dress(out, lexeme, role, last=i + 1 == len(run))
+        elif role == "density" and lexeme.text.lower() == "light" and is_hue(run[i + 1 : i + 2]):
+            continue  # "light oak", "light grey"
         elif role in ("stiffness", "density", "character"):
             out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
             degree = ""
