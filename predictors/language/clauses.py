@@ -73,8 +73,6 @@ class Clause:
         Rows of what lies on it, and of what it is full of.
     blend
         A second matter in it.
-    condition
-        What picks a row among its relatives: "green", "tempered".
     doubts
         What was guessed or left out in reading it, each a sentence without its subject.
     certainty
@@ -100,7 +98,6 @@ class Clause:
     coating: str | None = None
     filling: str | None = None
     blend: Blend | None = None
-    condition: str = ""
     doubts: tuple[str, ...] = ()
     certainty: float = 1.0
 

@@ -16,6 +16,7 @@ from .clauses import Clause, Scope, Subject
 from .groups import Mention
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
+_BESIDE = 12  # letters between a state and its matter: "rusty galvanised steel"
 _NAMES = ("NN", "NNP", "FW", "XX", "UH")  # tags of what may be a name
 _NAMING = ("word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
 
@@ -93,10 +94,12 @@ class Draft:
             setattr(self, name, getattr(self, name) or getattr(other, name))
         self.same = other.same if self.same is None else self.same
 
-    def rule_out(self) -> None:
-        """Turn what is said into what is not: "not steel", "not soft"."""
+    def rule_out(self, lexicon: ReaderLexicon) -> None:
+        """Turn what is said into what is not: "not steel" and none of its kin, "not soft"."""
         if self.material:
-            self.excluded.append(self.kind or self.material.name)
+            self.excluded += (
+                [self.kind] if self.kind else lexicon.family(self.material, self.phrase)
+            )
         self.levels = {k: 2 if v > 3 else 4 for k, v in self.levels.items()}
         self.material, self.kind, self.phrase, self.character, self.unknown = None, None, "", [], ""
 
@@ -225,7 +228,7 @@ def _is_measure(lexeme: Lexeme) -> bool:
     return lexeme.role == "digits" and not lexeme.part and not lexeme.text.isdigit()
 
 
-def _doubts(draft: Draft) -> tuple[str, ...]:
+def _doubts(draft: Draft, lexicon: ReaderLexicon) -> tuple[str, ...]:
     """What of a draft was guessed or left out."""
     strange = (
         x.text for x in draft.lexemes
@@ -234,6 +237,13 @@ def _doubts(draft: Draft) -> tuple[str, ...]:
     )  # fmt: skip
     left = [*draft.left, *(strange if draft.material else ())]
     told = [f"{word!r} beside it is left out" for word in left]
+    if draft.material:
+        states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
+        at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
+        said = (
+            x.text for x in draft.lexemes if x.text.lower() in states and 0 < at - x.end <= _BESIDE
+        )
+        told += [f"{word!r} is not used: its values are those of {draft.phrase}" for word in said]
     noted = [x.note for x in draft.lexemes if x.note]
     return tuple(dict.fromkeys([*noted, *draft.notes, *told]))
 
@@ -243,15 +253,15 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     start = min((x.start for x in draft.lexemes), default=0)
     end = max((x.end for x in draft.lexemes), default=0)
     names = tuple(dict.fromkeys(name for name in draft.names if name))
-    meant = lexicon.meant(draft.unknown.lower()) if not draft.material else ()
+    liquid = lexicon.contents_called(draft.unknown.lower().split())
+    meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
     if meant and len(draft.unknown) > SHORT:
         draft.material, draft.phrase = lexicon.rows[meant], meant[0]
         draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
     heads, fired = {name[-1] for name in names}, words()["fired"]
     if draft.phrase.lower() in fired and heads & {*fired["things"]}:
         draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
-    unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft)
-    spoken = (x.text.lower() for x in draft.lexemes)
+    unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft, lexicon)
     scope = "none" if draft.scope == "parts" and not names else draft.scope
     return Clause(
         text=text[start:end],
@@ -263,7 +273,6 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         stiffness=draft.levels.get("stiffness"),
         density=draft.levels.get("density"),
         character=tuple(dict.fromkeys(draft.character)),
-        condition=next((w for w in spoken if w in words()["conditions"]["words"]), ""),
         doubts=doubts,
         certainty=MENDED if doubts else SURE,
         phrase=draft.phrase,
@@ -271,7 +280,7 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         coating=draft.coating,
         filling=draft.filling,
         blend=draft.blend,
-        excluded=tuple(draft.excluded),
+        excluded=tuple(x for x in draft.excluded if not draft.material or x != draft.material.name),
         numbers=tuple(draft.numbers),
         comparisons=tuple(draft.comparisons),
     )

@@ -165,7 +165,7 @@ def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
 
 
 def _negated(cascade: Cascade, head: Draft, other: Draft) -> None:
-    other.rule_out()
+    other.rule_out(cascade.lexicon)
     _more(cascade, head, other)
 
 

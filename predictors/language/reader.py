@@ -126,7 +126,8 @@ def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     role = lexemes[i + 1].role if i + 1 < len(lexemes) else ""
     if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
         return True
-    if lexeme.text.lower() in words()["conditions"]["words"] and role in ("material", "word"):
+    states = (*words()["conditions"]["words"], *words()["states"]["words"])
+    if lexeme.text.lower() in states and role in ("material", "word"):
         return True
     if lexeme.role == "fill":  # "foam-filled"
         close = bool(run) and run[-1].role in ("material", "hyphen")

@@ -23,9 +23,10 @@ _SPREAD = (
     r"(?:\s?(?:-|–|to|\.\.+|bis|(?(between)and|(?!)))\s?(?P<high>{n})"
     r"|\s?(?:±|\+/-)\s?[\d.,]+\s?%?|\s?(?:and|or|/)\s(?P<also>{n})(?=\s?-?{unit}))?"
 )
+_BOUND = DATA["units"]["bound"]
 _LINK = (
     r"\s*(?:\((?:ISO|DIN|EN|ASTM)[^()]*\)\s*)?(?:(?:of|is|was|are|=|:|~|≈|about|around|approx\.?|approximately|roughly|ca\.?|at|to"
-    r"|just|only|exactly|nearly|almost|some|in the range of)\s*)*"
+    r"|just|only|exactly|nearly|almost|some|in the range of|(?i:" + _BOUND + r"))\s*)*"
 )
 _PREFIXES, _PREFIXED, _PLAIN = (DATA["units"][k] for k in ("prefixes", "prefixed", "plain"))
 
@@ -79,6 +80,10 @@ _BLEND = re.compile(
     rf"|(?<=[A-Z0-9])[- ](?P<fibre5>GF|CF)(?![\w-]| ?\d)"
     rf"|{_FIBRES.replace('fibre>', 'fibre4>')}[ -](?i:filled|reinforced|loaded)(?!\w)(?= (?!with))"
 )
+_TEMPERATURE = re.compile(
+    rf"(?P<sign>[-−])?(?P<n>{_NUMBER})\s?(?:[°º]\s?|(?i:deg(?:rees?)?)\s?)(?P<scale>[CFcf])(?:elsius|ahrenheit)?(?!\w)"
+)
+ROOM = (0.0, 50.0)  # degrees Celsius between which handbooks' values of solids hold
 USUAL_SHARE = 0.3  # of fibres, by weight, where none is said: the grade most sold (GF30)
 GRAVITY = 9.80665  # m/s^2: a weight of a volume [N/m^3] to its density
 _FIBRE_ROWS = {"g": "E-glass fibre", "c": "CFRP (along fibre)"}
@@ -112,12 +117,21 @@ def numerals(text: str) -> list[Numeral]:
     text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
-    for finder in (_triples, _blends, _shores, _measures):
+    for finder in (_temperatures, _triples, _blends, _shores, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
     # A number in words begins where its first word does.
     return sorted(f._replace(start=starts.get(f.start, f.start)) for f in found)
+
+
+def _temperatures(text: str) -> Iterator[Numeral]:
+    for match in _TEMPERATURE.finditer(text):
+        degrees = number(match["n"]) * (-1 if match["sign"] else 1)
+        celsius = degrees if match["scale"] in "Cc" else (degrees - 32) / 1.8
+        odd = not ROOM[0] <= celsius <= ROOM[1]
+        note = f"{match[0]!r} is not used: the values are those of room temperature" if odd else ""
+        yield Numeral(*match.span(), None, note)
 
 
 def _blends(text: str) -> Iterator[Numeral]:
@@ -200,6 +214,10 @@ def _read(match: re.Match, *, cued: bool) -> Numeral | None:
         return Numeral(start, end, None)  # "l = 20 mm"
     if measure == "other" or not value > 0:
         return Numeral(start, end, None, f"{said!r} is not used")
+    if re.search(rf"(?i)(?<!\w)(?:{_BOUND})(?!\w)", said[: match.start("low") - start]):
+        note = f"{said!r} is a bound: its value is taken"
+    if group["unit"] == "mPa":
+        note = f"{said!r} is read as {group['low']} MPa"
     if _DIRECTED.match(said):
         note = f"{said!r} is of one direction: E is the same in all"
     bare = _BARE.get(measure, ())

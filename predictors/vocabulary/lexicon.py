@@ -155,6 +155,12 @@ class ReaderLexicon:
         """All words by which a row is called."""
         return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}
 
+    def family(self, row: Material, said: str) -> list[str]:
+        """Names of a row and of its kin that bear the words said for it too: kinds of "glass"."""
+        same = (other for other in self.table if other.category == row.category)
+        kin = [other.name for other in same if {*self.phrase(said)} <= self.row_words(other)]
+        return [row.name, *(name for name in kin if name != row.name)]
+
     def first_row(self, names: Iterable[str]) -> Material | None:
         """Return the row of the first name that the table has."""
         found = (self.rows.get(self.phrase(name)) for name in names)
