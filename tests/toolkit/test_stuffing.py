@@ -121,6 +121,13 @@ def test_a_tilted_bar_bends_as_it_should(seed):
     assert _tip(mesh, turn) == pytest.approx(wanted, rel=0.03)
 
 
+def test_what_two_bodies_of_a_part_share_is_counted_once():
+    """Two bars .04 into each other, as one part: 1.96 long, and not 2."""
+    bars = [trimesh.creation.box((1, 0.2, 0.2)).apply_translation((x, 0, 0)) for x in (0, 0.96)]
+    mesh, _ = stuffed(0.05, bar=turned(trimesh.util.concatenate(bars)))
+    assert mesh.volume == pytest.approx(1.96 * 0.04, rel=0.01)
+
+
 def test_the_same_input_gives_the_same_mesh():
     """To the bit, sharp edges and all."""
     box = turned(trimesh.creation.box((1, 0.6, 0.4)))

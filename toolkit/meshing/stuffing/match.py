@@ -57,7 +57,7 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
     samples = [stratified(shell.bounds, rng=rng, count=count) for shell in field.shells]
     held = [where[s.shell.contains(where)] for s, (where, _) in zip(field.shells, samples,
                                                                     strict=True)]  # fmt: skip
-    whole = np.array([_volume(shell, cell * len(inside)) for shell, (_, cell), inside in
+    whole = np.array([_volume(shell, cell, inside) for shell, (_, cell), inside in
                       zip(field.shells, samples, held, strict=True)])  # fmt: skip
     wanted = whole.copy()
     for rank, inside in enumerate(held):
@@ -69,9 +69,14 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
     return np.where(wanted > HIDDEN * whole, wanted, 0.0)
 
 
-def _volume(shell: ShellField, sampled: float) -> float:
-    """Exact volume of a closed shell, else the sampled one."""
-    exact = shell.shell.volume
+def _volume(shell: ShellField, cell: float, inside: Float[np.ndarray, "n 3"]) -> float:
+    """Exact volume of a closed shell without what its bodies share, else the sampled one.
+
+    There is one sample in each ``cell``; those ``inside`` two bodies have a winding number of two.
+    """
+    sampled = cell * len(inside)
+    shared = np.maximum(np.round(np.abs(shell.shell.winding(inside))) - 1, 0)
+    exact = shell.shell.volume - cell * float(shared.sum())
     return exact if abs(exact - sampled) <= CLOSED * sampled else sampled
 
 
