@@ -1,5 +1,7 @@
 """How a lattice fits: what is thinner than its edge, what it joins, what it cuts off."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -95,3 +97,14 @@ def test_a_body_that_would_fall_apart_is_refused():
         tetrahedralize(plate, **options)
     _, report = tetrahedralize(plate, **options, accept_broken=True)
     assert any("'plate'" in one and "fell off" in one for one in report.warnings)
+
+
+@pytest.mark.slow
+def test_samples_get_a_finer_lattice_than_asked_where_that_one_falls_apart():
+    """The plate as a scan has it, and no mesher asked for: whole, and the first try is told."""
+    plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))
+    mesh, report = tetrahedralize(replace(plate, sampled=True), edge_length=0.1)
+    assert report.ok
+    assert report.quality.components == 1
+    assert mesh.volume == pytest.approx(0.03, rel=0.01)
+    assert any("1 of 2 attempts failed" in one for one in report.warnings)

@@ -123,12 +123,20 @@ def _problem(
 def _found(
     asset: Asset, problem: Problem, mesher: str, max_tets: int | None, *, whole: bool
 ) -> Attempts:
-    """What the attempts of the ``mesher``, or of the automatic one, gave."""
-    if mesher == AUTO and not asset.sampled:
-        target = problem.target.unless_finer(problem.volume.total)
-        problem = problem._replace(target=target)
+    """What the attempts of the ``mesher``, or of the automatic one, gave.
+
+    The automatic one puts guarantees before the edge that a lattice was to have.
+    """
     name = chosen_mesher(mesher, sampled=asset.sampled or whole)
-    return mesh_within(problem._replace(mesher=name), max_tets)
+    free = problem._replace(mesher=name, target=problem.target.unless_finer(problem.volume.total))
+    if mesher == AUTO and not asset.sampled:
+        return mesh_within(free, max_tets)
+    found = mesh_within(problem._replace(mesher=name), max_tets)
+    if mesher != AUTO or found.kept or not problem.target.edge_is_given:
+        return found
+    finer = mesh_within(free, max_tets)
+    best = finer.made if finer.kept else found.made or finer.made
+    return Attempts(best, found.record + finer.record)
 
 
 def _judged(
