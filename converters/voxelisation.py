@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Float, Int
 
 from ..fem.scene.mesh import TetMesh
 from ..predictors.grid import Grid
 from ..predictors.voxels import PartVoxels
 
 _PAIRS = 1 << 19  # pairs of a tet and a column at a time: about 100 MB of temporaries
+# Regions are one shape where volume and radii differ by less than this share: a leg of 5 cm of a
+# table of 1.2 m, meshed four times, differs by .6 %; a bar with the radii of a rod has 4.7 % more.
+SAME_SHAPE = 0.02
 _ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
 
 
@@ -21,7 +24,34 @@ def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
     A region too thin to hold a centre gets the free voxel nearest to its largest tet.
     """
     grid = Grid.around(mesh.bounds, cells=cells)
-    return PartVoxels(grid, _stamp_missing(mesh, grid, _rasterised(mesh, grid)), mesh.region_names)
+    part = _stamp_missing(mesh, grid, _rasterised(mesh, grid))
+    return PartVoxels(grid, part, mesh.region_names, shapes=congruent_regions(mesh))
+
+
+def congruent_regions(mesh: TetMesh) -> tuple[int, ...]:
+    """For each region the first one that it is, moved, turned or mirrored; itself if none.
+
+    Compared are volume and principal radii of gyration, which no rigid motion changes.
+    """
+    found = np.array([_invariants(mesh, mesh.region == i) for i in range(len(mesh.region_names))])
+    gap = np.abs(found[:, None] - found)
+    same = np.all(gap <= SAME_SHAPE * np.minimum(found[:, None], found), axis=2)
+    return tuple((same | np.eye(len(found), dtype=bool)).argmax(axis=1).tolist())
+
+
+def _invariants(mesh: TetMesh, tets: Bool[np.ndarray, "tets"]) -> Float[np.ndarray, "4"]:
+    """Principal radii of gyration [m], the longest last, and the volume [m^3]."""
+    volumes, corners = mesh.volumes[tets], mesh.points[mesh.tets[tets]]
+    volume = volumes.sum()
+    if not volume:
+        return np.full(4, np.nan)  # like no other
+    corners = corners - np.average(corners.mean(axis=1), axis=0, weights=volumes)
+    sums = corners.sum(axis=1)
+    # The exact second moment of a tet: V / 20 (sum of x x' over corners + (sum of x) (sum of x)').
+    moment = np.einsum("t,tai,taj->ij", volumes, corners, corners)
+    moment = (moment + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / (20 * volume)
+    radii = np.sqrt(np.linalg.eigvalsh(moment).clip(min=0))
+    return np.array([*radii, volume])
 
 
 def divided_by_voxels(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) -> TetMesh:

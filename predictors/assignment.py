@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
 
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
 from .language.binding import Bound
 from .lookup.lookup import lookup_of
+from .partition import alike, merged
 from .prediction import PartChoice, Prediction
 from .predictor import PREDICTORS, Appearance, Predictor
 from .voxels import PartVoxels
@@ -31,7 +35,7 @@ def predict_materials(
     appearance: Callable[[], Appearance] | None = None,
     table: MaterialTable | None = None,
 ) -> Prediction:
-    """Return the material of every part.
+    """Return the material of every part; what is one thing several times is found once.
 
     Parameters
     ----------
@@ -66,14 +70,13 @@ def predict_materials(
         alpha=alpha, volumes=volumes,
     )  # fmt: skip
     choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
-    left_open = [c.part for i, c in enumerate(choices) if not c.settled and i in parts.part]
-    if not left_open:
-        made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
-    else:
-        _check_alpha(alpha, predictor, left_open[0])
-        made = predictor.predict(
-            parts, bound.sentence, choices=choices, appearance=appearance, up=up, alpha=alpha
-        )
+    made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
+    if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
+        _check_alpha(alpha, predictor, choices[left_open[0]].part)
+        first = alike(parts, left_open)
+        known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
+        found = predictor.predict(merged(parts, first), bound.sentence, **known)
+        made = _for_each(found, parts, first)
     return replace(made, warnings=settled.warnings)
 
 
@@ -112,3 +115,39 @@ def _usual(
     return PartChoice(
         choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why, guessed=True
     )
+
+
+def _for_each(made: Prediction, parts: PartVoxels, first: Sequence[int]) -> Prediction:
+    """Give each part the answer, and the pieces, of the ``first`` part that it is like."""
+    if list(first) == sorted(set(first)):
+        return made
+    of_piece = made.parts.part
+    label = np.full_like(of_piece, -1)
+    main: list[_Share] = []
+    others: list[_Share] = []
+    for i, k in enumerate(first):
+        pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
+        main.append(_Share(i, pieces[0]))
+        others += [_Share(i, piece) for piece in pieces[1:]]
+    shares = [*main, *others]
+    for number, (part, piece) in enumerate(shares):
+        label[(parts.part == part) & (of_piece == piece)] = number
+    names = tuple(
+        parts.part_names[part]
+        + made.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
+        for part, piece in shares
+    )
+    pieces = PartVoxels(parts.grid, label, names, tuple(parts.labels[s.part] for s in shares))
+    choices = (replace(made.choices[s.piece], part=n) for s, n in zip(shares, names, strict=True))
+    field = replace(made.field, part=label, part_names=names)
+    return replace(
+        made, parts=pieces, parents=tuple(s.part for s in shares), field=field,
+        choices=tuple(choices),
+    )  # fmt: skip
+
+
+class _Share(NamedTuple):
+    """What of a part lies in a piece of the answer, by their numbers."""
+
+    part: int
+    piece: int

@@ -1,24 +1,35 @@
 """Parts divided, and clauses matched to them, by how surely each clause speaks of a cell.
 
 A part that is one piece for the modeller may be several for the speaker ("the legs are oak, the
-seat is foam" of a chair in one piece): it is then divided by the clauses.
+seat is foam" of a chair in one piece): it is then divided by the clauses. Parts that are one thing
+several times, as the legs of a table, are one for a predictor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from .hearing import words
 from .hearing.clauses import HeardClause
 from .hearing.vocabulary import stem
+from .vocabulary.lexicon import part_name_words, places
 from .voxels import PartVoxels
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
 SPECK = 0.01  # of a part's cells: a smaller piece is given to its surroundings
 _LEAST = 1e-6  # of a share, for its logarithm
+# Parts of one name are one thing where the largest has so many times the volume of the smallest at
+# most: "leg_1" and "leg_2", but not the top and a leg that are both called "Cylinder".
+SIZES = 2.0
+# What modelling programs call a thing before anyone names it.
+NAMELESS = words.EXPORTED | frozenset(
+    "object part mesh shape body cube cylinder sphere plane circle cone torus".split()
+)
 
 
 class Partition(NamedTuple):
@@ -111,3 +122,45 @@ def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
     name = f"{part} {' '.join(spoken)}"
     options = (name, *(f"{name} {i}" for i in range(2, len(taken) + 3)))
     return next(option for option in options if option not in taken)
+
+
+def alike(parts: PartVoxels, among: Iterable[int]) -> tuple[int, ...]:
+    """For each part the first one that is the same thing, itself where none is or not ``among``.
+
+    Two are the same where all words for them are, but for numbers and places ("leg_fl", "leg_br"),
+    and their sizes are near; where no word names them, where they are of one shape.
+    """
+    first = list(range(len(parts.part_names)))
+    seen: list[int] = []
+    kinds = [_kind(labels) for labels in parts.part_labels]
+    for i in among:
+        others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, kinds[i][0]))
+        first[i] = next(others, i)
+        seen += [i] * (first[i] == i)
+    return tuple(first)
+
+
+def merged(parts: PartVoxels, first: Sequence[int]) -> PartVoxels:
+    """Parts with the cells of each in that of its ``first``; the others, now empty, stay."""
+    if list(first) == sorted(set(first)):
+        return parts
+    label = np.append(first, -1)[parts.part]  # -1, outside, is the last
+    return replace(parts, part=label)
+
+
+def _kind(labels: Sequence[str]) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Words of a part's name, and of its other labels, that do not tell it from its like."""
+    name, *others = (tuple(filter(_telling, part_name_words(label))) for label in labels)
+    return name, frozenset(word for label in others for word in label)
+
+
+def _telling(word: str) -> bool:
+    """Whether a word is more than a number, a letter, a place or what a program wrote."""
+    return len(word) > 1 and word.isalpha() and word not in places() | NAMELESS
+
+
+def _one_thing(parts: PartVoxels, one: int, other: int, name: Sequence[str]) -> bool:
+    if parts.shapes[one] == parts.shapes[other]:
+        return True
+    small, large = sorted((parts.volumes[one], parts.volumes[other]))
+    return bool(name) and large <= SIZES * small

@@ -30,20 +30,27 @@ class PartVoxels:
         Unique names of the parts.
     labels
         For each part, all words the asset has for it (node, group, material names); () for none.
+    shapes
+        For each part the first one of its shape, by number; () where shapes were not compared.
     """
 
     grid: Grid
     part: Int[np.ndarray, "nx ny nz"]
     part_names: tuple[str, ...]
     labels: tuple[tuple[str, ...], ...] = ()
+    shapes: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.part.shape != self.grid.shape:
             raise InputError(f"part has shape {self.part.shape}, the grid {self.grid.shape}")
         if not self.labels:
             object.__setattr__(self, "labels", ((),) * len(self.part_names))
+        if not self.shapes:
+            object.__setattr__(self, "shapes", tuple(range(len(self.part_names))))
         if len(self.labels) != len(self.part_names):
             raise InputError(f"got labels for {len(self.labels)} of {len(self.part_names)} parts")
+        if len(self.shapes) != len(self.part_names):
+            raise InputError(f"got shapes for {len(self.shapes)} of {len(self.part_names)} parts")
         low, high = int(self.part.min()), int(self.part.max())
         if low < -1 or not 0 <= high < len(self.part_names):
             raise InputError(
