@@ -9,6 +9,7 @@ import warp as wp
 
 from ..discrete.kernels_elastic import gradient_at, shape_gradients
 from ..discrete.kernels_tet import gradients, row10, six_volumes
+from ..laws.kernels_tensor import positive_part
 from ..laws.linear import stiffness_block
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
@@ -27,17 +28,6 @@ def strain_change(H: wp.mat33d, G: wp.mat33d, rate: bool) -> wp.mat33d:
 @wp.func
 def viscous_stress(D: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
     return wp.float64(2.0) * mu * D + lam * wp.trace(D) * wp.identity(n=3, dtype=wp.float64)
-
-
-@wp.func
-def positive_part(S: wp.mat33d) -> wp.mat33d:
-    Q = wp.mat33d()
-    e = wp.vec3d()
-    wp.eig3(S, Q, e)
-    kept = wp.vec3d()
-    for i in range(3):
-        kept[i] = wp.max(e[i], wp.float64(0.0))
-    return Q * wp.diag(kept) * wp.transpose(Q)
 
 
 @wp.kernel

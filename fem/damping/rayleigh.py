@@ -11,6 +11,7 @@ from jaxtyping import Float
 from ..discrete.assembly import Discretisation
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.elastic import Response
+from ..errors import InputError
 from ..scene.material import ElementMaterial, LameParameters
 from .viscosity import Viscosity
 
@@ -36,6 +37,8 @@ class Rayleigh:
         mass: Float[np.ndarray, "nodes"],
         damping: Damping,
     ) -> None:
+        if damping.stiffness and material.tensor is not None:
+            raise InputError("damping in proportion to stiffness knows no grain: wanted mass alone")
         self.alpha, self.beta = damping.mass, damping.stiffness
         self.mass = damping.mass * mass[:, None]
         viscous = LameParameters(*(damping.stiffness * m for m in material.lame))

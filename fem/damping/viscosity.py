@@ -14,7 +14,7 @@ from ..device import start_warp
 from ..discrete.assembly import Discretisation
 from ..discrete.block_matrix import BlockMatrix
 from ..discrete.elastic import Response
-from ..discrete.quadrature import element_points
+from ..discrete.space import element_points
 from ..discrete.strain import displacement_gradients
 from ..scene.material import LameParameters
 

@@ -2,5 +2,5 @@
 
 In: a mesh, a law, supports and loads.
 Out: nodes, block matrices, elastic energy and forces, masses, strains and stresses.
-Read: space, quadrature, assembly, block_matrix, elastic, constraints, forces, mass, strain.
+Read: space, assembly, block_matrix, elastic, constraints, forces, mass, strain.
 """

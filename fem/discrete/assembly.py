@@ -12,8 +12,7 @@ from ..laws.law import LAWS, Law
 from ..scene.material import ElementMaterial
 from ..scene.mesh import TetMesh
 from .block_matrix import BlockMatrix
-from .quadrature import element_points
-from .space import Space, make_space
+from .space import Space, element_points, make_space
 
 
 class Pattern(NamedTuple):
@@ -108,7 +107,7 @@ def linear_stiffness(grid: Discretisation, material: ElementMaterial) -> BlockMa
     """Stiffness matrix [N/m] of linear elasticity, along the grain where there is one."""
     if material.tensor is None:
         return stiffness(grid, *material.lame)
-    from . import kernels_matrix as k
+    from . import kernels_grain as k
 
     wp = start_warp()
     device, pattern = grid.device, grid.pattern

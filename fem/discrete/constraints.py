@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..device import start_warp
 from ..errors import InputError
+from ..scene.material import ElementMaterial
 from ..scene.supports import Supports
+from .assembly import Discretisation, linear_stiffness
 from .block_matrix import BlockMatrix, add_diagonal
 from .space import Space, extend_linear
 
@@ -41,6 +45,44 @@ def apply_supports(
     free = wp.array(~fixed, dtype=wp.vec3d, device=device)
     inputs = [matrix.rows, matrix.columns, free, matrix.values]
     wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
+
+
+class _Known(NamedTuple):
+    grid: Discretisation
+    material: ElementMaterial
+    held: Supports
+    matrix: BlockMatrix
+
+
+# Stiffnesses of the last bodies: a rest, its buckling and its vibrations have the same one, and
+# linear elements come between.
+_RECENT: list[_Known] = []
+_KEPT = 2
+
+
+def held_stiffness(grid: Discretisation, material: ElementMaterial, held: Supports) -> BlockMatrix:
+    """Stiffness [N/m] of linear elasticity with supports: one that was kept, or a new one."""
+    for known in _RECENT:
+        if known.grid is grid and known.material is material and _alike(known.held, held):
+            return known.matrix
+    matrix = linear_stiffness(grid, material)
+    apply_supports(matrix, held.fixed, held.springs)
+    return matrix
+
+
+def keep_stiffness(
+    grid: Discretisation, material: ElementMaterial, held: Supports, matrix: BlockMatrix
+) -> None:
+    """Keep a ``held_stiffness`` for the next call of it: from now on nobody may change it."""
+    if not any(known.matrix is matrix for known in _RECENT):
+        _RECENT.insert(0, _Known(grid, material, held, matrix))
+        del _RECENT[_KEPT:]
+
+
+def _alike(one: Supports, two: Supports) -> bool:
+    """Whether supports hold the same, wherever they hold it."""
+    same = np.array_equal(one.fixed, two.fixed) and np.array_equal(one.springs, two.springs)
+    return bool(same)
 
 
 def reduced_load(

@@ -8,10 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import start_warp
-from ..errors import InputError
 from ..laws.law import LAWS
-from ..scene.material import ElementMaterial
-from .assembly import Discretisation, linear_stiffness
+from ..scene.material import (
+    ElementMaterial,
+    LameParameters,
+    isotropic_part,
+    isotropic_tensor,
+)
+from .assembly import Discretisation
 from .block_matrix import BlockMatrix
 
 
@@ -25,12 +29,15 @@ class Response(NamedTuple):
 class ElasticBody:
     """Elastic energy W(u) of a body, its gradient and its second derivative.
 
+    A grain adds its own to a finite law: what its stiffness tensor has beyond an isotropic one
+    below it acts on Green's strain, so that small strains see the tensor and turns cost nothing.
+
     Parameters
     ----------
     grid
         The discretised mesh.
     material
-        E, nu, rho of every tet.
+        E, nu, rho of every tet, and its stiffness tensor where it has a grain.
     law
         Name of the elastic law, one of ``LAWS``.
     """
@@ -41,14 +48,21 @@ class ElasticBody:
 
         self.grid, self.law = grid, law
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
-        self._grained: BlockMatrix | None = None
-        if material.tensor is not None:
-            if self._law.finite:
-                raise InputError(f"the {self._law.title} law knows no grain: wanted the linear one")
-            self._grained = linear_stiffness(grid, material)
-        moduli = [grid.array(m) for m in material.lame]
+        self._tensor, lame = self._split(material)
+        moduli = [grid.array(m) for m in lame]
         self._p1_arrays = [grid.points, grid.elements, *moduli]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
+
+    def _split(self, material: ElementMaterial) -> tuple[Any, LameParameters]:
+        """Tensors on the device of what the law does not know, and the Lame parameters it takes."""
+        if material.tensor is None:
+            return None, material.lame
+        from .kernels_grain import mat66d
+
+        base = isotropic_part(material) if self._law.finite else np.zeros((2, len(material.E)))
+        beyond = material.tensor - isotropic_tensor(*base)
+        tensor = start_warp().array(beyond, dtype=mat66d, device=self.grid.device)
+        return tensor, LameParameters(*base)
 
     def _launch(self, kernel: Any, inputs: list) -> None:
         tets = len(self.grid.space.elements)
@@ -56,18 +70,30 @@ class ElasticBody:
 
     def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
         """Energy and force at the displacement ``u`` [m]."""
-        if self._grained is not None:
-            pull = self._grained.times(u)
-            return Response(0.5 * float((u * pull).sum()), pull)
+        energy, force = self._responses(u)
+        # On a GPU the sum is made there: one number comes back.
+        on_gpu = energy.device.is_cuda
+        total = start_warp().utils.array_sum(energy) if on_gpu else energy.numpy().sum()
+        return Response(float(total), force.numpy())
+
+    def energies(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "tets"]:
+        """Energy [J] of every tet at the displacement ``u`` [m]."""
+        return self._responses(u)[0].numpy()
+
+    def _responses(self, u: np.ndarray) -> tuple[Any, Any]:
+        """Device arrays of the energy of every tet and of the force on every node."""
         wp = start_warp()
         field = self.grid.array(u)
-        tets = len(self.grid.space.elements)
-        energy = wp.empty(tets, dtype=wp.float64, device=self.grid.device)
+        energy = wp.zeros(len(self.grid.space.elements), dtype=wp.float64, device=self.grid.device)
         force = wp.zeros_like(field)
-        self._launch(self._kernels.energy_and_force, [*self._arrays, field, energy, force])
-        # On a GPU the sum is made there: one number comes back.
-        total = wp.utils.array_sum(energy) if energy.device.is_cuda else energy.numpy().sum()
-        return Response(float(total), force.numpy())
+        if self._tensor is None or self._law.finite:
+            self._launch(self._kernels.energy_and_force, [*self._arrays, field, energy, force])
+        if self._tensor is not None:
+            from . import kernels_grain as k
+
+            inputs = [*self._arrays[:3], self._tensor, self._law.finite, field, energy, force]
+            self._launch(k.grain_response, inputs)
+        return energy, force
 
     def tangent(self, u: Float[np.ndarray, "nodes 3"], *, projected: bool = False) -> BlockMatrix:
         """Second derivative of W [N/m] at ``u`` [m].
@@ -76,11 +102,17 @@ class ElasticBody:
         what it gives.
         """
         wp = start_warp()
-        if self._grained is not None:
-            rows, columns, values = self._grained.rows, self._grained.columns, self._grained.values
-            return BlockMatrix(rows, columns, wp.clone(values))
         pattern = self.grid.pattern
         values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=self.grid.device)
+        if self._tensor is not None:
+            from . import kernels_grain as k
+
+            inputs = [*self._arrays[:3], self._tensor]
+            if not self._law.finite:
+                self._launch(k.anisotropic_stiffness, [*inputs, pattern.slots, values])
+                return BlockMatrix(pattern.rows, pattern.columns, values)
+            field = self.grid.array(u)
+            self._launch(k.grain_tangent, [*inputs, field, projected, pattern.slots, values])
         kernel, inputs = self._second_derivative(u, projected)
         self._launch(kernel, [*inputs, pattern.slots, values])
         return BlockMatrix(pattern.rows, pattern.columns, values)

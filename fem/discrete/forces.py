@@ -14,8 +14,7 @@ from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
 from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
-from .quadrature import TET_POINTS
-from .space import Space, shape_functions
+from .space import TET_POINTS, Space, shape_functions
 
 
 def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:

@@ -3,14 +3,7 @@
 
 import warp as wp
 
-from .kernels_elastic import shape_gradients
-from .kernels_tet import gradients, row10, six_volumes
-
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
-
-
-mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
-mat63d = wp.types.matrix(shape=(6, 3), dtype=wp.float64)
 
 
 @wp.kernel
@@ -201,40 +194,3 @@ def multiply(
 ):
     i = wp.tid()
     y[i] = row_times(rows, columns, values, x, i)
-
-
-@wp.func
-def strain_columns(p: wp.vec3d) -> mat63d:
-    """Strain, in Mandel's notation, of displacements along x, y, z with the shape gradient p."""
-    B = mat63d()
-    h = wp.float64(0.7071067811865476)
-    for c in range(3):
-        a = (c + 1) % 3
-        b = (c + 2) % 3
-        B[c, c] = p[c]
-        B[3 + c, a] = h * p[b]
-        B[3 + c, b] = h * p[a]
-    return B
-
-
-@wp.kernel
-def anisotropic_stiffness(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    tensor: wp.array(dtype=mat66d),
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-):
-    t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
-    size = elements.shape[1]
-    for n in range(quadrature.shape[0]):
-        d = shape_gradients(g, elements, quadrature[n])
-        for b in range(size):
-            S = (w * tensor[t]) * strain_columns(row10(d, b))
-            for a in range(size):
-                block = wp.transpose(strain_columns(row10(d, a))) * S
-                wp.atomic_add(values, slots[t, size * a + b], block)

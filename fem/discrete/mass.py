@@ -10,8 +10,7 @@ from jaxtyping import Float
 from ..scene.mesh import TetMesh, material_of
 from .assembly import Discretisation
 from .forces import sum_at_nodes
-from .quadrature import duffy_rule
-from .space import Space, shape_functions
+from .space import Space, duffy_rule, shape_functions
 
 # Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
 # the tet: Hinton, Rock & Zienkiewicz (1976).
@@ -37,14 +36,28 @@ def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:
     """
     from scipy.sparse import csr_array
 
-    where, weight = duffy_rule()
-    N = shape_functions(grid.space.order, where)
-    local = np.einsum("q,qi,qj->ij", weight, N, N).ravel()
+    local = _local_mass(grid.space.order).ravel()
     values = (material_of(mesh).rho * mesh.volumes)[:, None] * local
     rows, columns, slots = (a.numpy() for a in grid.pattern)
     data = np.bincount(slots.ravel(), values.ravel(), minlength=len(columns))
     count = len(grid.space.nodes)
     return csr_array((data, columns, rows), shape=(count, count))
+
+
+def squared_masses(
+    mesh: TetMesh, space: Space, x: Float[np.ndarray, "nodes 3"]
+) -> Float[np.ndarray, "tets"]:
+    """Share of every tet in x . M x, with the consistent mass M [kg]."""
+    local = x[space.elements]
+    each = np.einsum("tic,tic->t", local, _local_mass(space.order) @ local)
+    return material_of(mesh).rho * mesh.volumes * each
+
+
+def _local_mass(order: int) -> Float[np.ndarray, "k k"]:
+    """Consistent mass of a tet of mass one."""
+    where, weight = duffy_rule()
+    N = shape_functions(order, where)
+    return np.einsum("q,qi,qj->ij", weight, N, N)
 
 
 def diagonal_mass(mesh: TetMesh, grid: Discretisation) -> Any:

@@ -10,7 +10,14 @@ from jaxtyping import Float
 
 from ..device import start_warp
 from ..laws.law import LAWS, Law
-from ..scene.material import ElementMaterial, LameParameters, mandel_tensor, mandel_vector
+from ..scene.material import (
+    ElementMaterial,
+    LameParameters,
+    isotropic_part,
+    isotropic_tensor,
+    mandel_tensor,
+    mandel_vector,
+)
 from .assembly import Discretisation
 
 
@@ -68,10 +75,15 @@ def strain_and_stress(
     small = (H + H.transpose(0, 2, 1)) / 2
     if not LAWS[law].finite:
         return StrainAndStress(small, linear_stress(H[:, None], material)[:, 0])
-    P = first_piola(law, H, material.lame)
     F = H + np.eye(3)
+    green = small + H.transpose(0, 2, 1) @ H / 2
+    base = isotropic_part(material)
+    P = first_piola(law, H, base)
+    if material.tensor is not None:  # what the grain adds, as ``ElasticBody`` has it
+        beyond = material.tensor - isotropic_tensor(*base)
+        P = P + F @ mandel_tensor(np.einsum("tij,tj->ti", beyond, mandel_vector(green)))
     stress = P @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
-    return StrainAndStress(small + H.transpose(0, 2, 1) @ H / 2, stress)
+    return StrainAndStress(green, stress)
 
 
 @lru_cache(maxsize=8)

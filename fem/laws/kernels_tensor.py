@@ -46,6 +46,18 @@ def volume_change(H: wp.mat33d) -> wp.float64:
 
 
 @wp.func
+def positive_part(S: wp.mat33d) -> wp.mat33d:
+    """The symmetric S without its negative eigenvalues."""
+    Q = wp.mat33d()
+    e = wp.vec3d()
+    wp.eig3(S, Q, e)
+    kept = wp.vec3d()
+    for i in range(3):
+        kept[i] = wp.max(e[i], wp.float64(0.0))
+    return Q * wp.diag(kept) * wp.transpose(Q)
+
+
+@wp.func
 def rotation(F: wp.mat33d) -> wp.mat33d:
     """Rotation of the polar decomposition."""
     U = wp.mat33d()

@@ -78,6 +78,9 @@ def orthotropic_tensor(
     return columns @ np.linalg.inv(compliance) @ columns.T
 
 
+# Share of a grain's least shear modulus that an isotropic solid below it has, and the share of E by
+# which a tensor that is one anyway may differ.
+BELOW, ALIKE = 0.9, 1e-12
 # Entries of a symmetric tensor in Mandel's order, and what each is multiplied by.
 _PAIRS = np.array([[0, 0], [1, 1], [2, 2], [1, 2], [2, 0], [0, 1]])
 _FACTORS = np.array([1.0, 1, 1, 2**0.5, 2**0.5, 2**0.5])
@@ -140,6 +143,24 @@ class ElementMaterial:
     def lame(self) -> LameParameters:
         """Lame parameters (lam, mu) [Pa], each (tets,)."""
         return lame_parameters(self.E, self.nu)
+
+
+def isotropic_part(material: ElementMaterial) -> LameParameters:
+    """Lame parameters [Pa] of isotropic solids that the grain leaves nothing negative beside.
+
+    The shear modulus is ``BELOW`` of the least that the stiffness tensor shows, and lam the largest
+    then; where there is no grain they are those of the material.
+    """
+    if material.tensor is None:
+        return material.lame
+    tensor, trace = material.tensor, np.array([1.0, 1, 1, 0, 0, 0])
+    mu = BELOW * np.linalg.eigvalsh(tensor)[:, 0] / 2
+    rest = tensor - 2 * mu[:, None, None] * np.eye(6)
+    lam = 1 / (np.linalg.inv(rest) @ trace @ trace)
+    apart = np.abs(tensor - isotropic_tensor(*material.lame)).max(axis=(1, 2))
+    plain = apart <= ALIKE * material.E
+    pairs = zip(material.lame, (lam, mu), strict=True)
+    return LameParameters(*(np.where(plain, own, below) for own, below in pairs))
 
 
 def _vector(name: str, value) -> np.ndarray:

@@ -152,9 +152,6 @@ def _checked_strain(
         said = "the linear answer sinks into the ground: "
     else:
         return _Rest(linear, True)
-    if material_of(scene.mesh).tensor is not None:
-        warnings.append(f"{said}it is not to be trusted, and no law of large strains knows a grain")
-        return _Rest(linear, False)
     title = LAWS[law].title
     options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
     options["obstacles"] = (ground,) if ground else ()

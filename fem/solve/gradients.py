@@ -12,8 +12,7 @@ from ..device import checked_device
 from ..discrete.assembly import Discretisation, discretise, stiffness
 from ..discrete.constraints import node_supports, reduced_load
 from ..discrete.mass import mass_shares
-from ..discrete.quadrature import TET_POINTS, element_points
-from ..discrete.space import affordable_order, shape_functions
+from ..discrete.space import TET_POINTS, affordable_order, element_points, shape_functions
 from ..discrete.strain import displacement_gradients, first_piola
 from ..errors import InputError
 from ..laws.law import Law

@@ -12,7 +12,7 @@ from ..cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from ..device import Recorder, checked_device, single_threaded
 from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
-from ..discrete.constraints import apply_supports, node_supports
+from ..discrete.constraints import apply_supports, held_stiffness, node_supports
 from ..discrete.mass import consistent_mass, diagonal_mass, lumped_mass
 from ..discrete.space import affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
@@ -58,11 +58,12 @@ class Vibrations(NamedTuple):
 
     def stiffness(self, shift: float = 0.0) -> BlockMatrix:
         """K + shift M [N/m], held; M in its own blocks."""
+        if not shift:
+            return held_stiffness(self.grid, material_of(self.mesh), self.held)
         matrix = linear_stiffness(self.grid, material_of(self.mesh))
-        if shift:
-            values = matrix.values.numpy()
-            values += shift * self.mass.data[:, None, None] * np.eye(3)
-            matrix.values.assign(values)
+        values = matrix.values.numpy()
+        values += shift * self.mass.data[:, None, None] * np.eye(3)
+        matrix.values.assign(values)
         apply_supports(matrix, self.held.fixed, self.held.springs)
         return matrix
 
@@ -247,7 +248,8 @@ def _v_cycle(problem: Vibrations) -> Any:
     from ..linalg import kernels_solver as k
 
     space, free = problem.grid.space, problem.free.reshape(-1)
-    matrix = problem.stiffness()
+    matrix = linear_stiffness(problem.grid, material_of(problem.mesh))  # its own: it changes
+    apply_supports(matrix, problem.held.fixed, problem.held.springs)
     raised = problem.slow * lumped_mass(problem.mesh, space)
     add_diagonal(matrix, raised[:, None, None] * np.eye(3))
     system = scale(matrix)

@@ -14,7 +14,7 @@ from ..discrete.assembly import Discretisation, stiffness
 from ..discrete.block_matrix import BlockMatrix
 from ..discrete.constraints import reduced_load
 from ..discrete.elastic import ElasticBody
-from ..discrete.quadrature import CENTROID
+from ..discrete.space import CENTROID
 from ..discrete.strain import displacement_gradients
 from ..laws.law import Law
 from ..linalg.solver import solve_system

@@ -15,8 +15,7 @@ from ..discrete.block_matrix import BlockMatrix
 from ..discrete.constraints import apply_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.mass import lumped_mass
-from ..discrete.quadrature import element_points
-from ..discrete.space import EDGES
+from ..discrete.space import EDGES, element_points
 from ..discrete.strain import displacement_gradients
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law

@@ -10,10 +10,10 @@ from jaxtyping import Float
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import CholeskyFactor, known_factor
 from ..device import single_threaded, start_warp
-from ..discrete.assembly import Discretisation, discretise, linear_stiffness
+from ..discrete.assembly import Discretisation, discretise
 from ..discrete.block_matrix import BlockMatrix
-from ..discrete.constraints import apply_supports, node_supports
-from ..discrete.quadrature import element_points
+from ..discrete.constraints import held_stiffness, node_supports
+from ..discrete.space import element_points
 from ..discrete.strain import displacement_gradients, linear_stress
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
@@ -101,9 +101,7 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
-    matrix = linear_stiffness(grid, material)
-    apply_supports(matrix, held.fixed, held.springs)
-    matrix = matrix.to("cpu")
+    matrix = held_stiffness(grid, material, held).to("cpu")
     plan = planned_elimination(matrix, grid.space.edges)
     if plan.operations > MOST_OPERATIONS:
         raise ConvergenceError("whether it buckles was not found: the mesh is too large for it")

@@ -11,16 +11,15 @@ from jaxtyping import Float
 
 from ..deprecation import renamed_options
 from ..device import checked_device, single_threaded
-from ..discrete.assembly import Discretisation, discretise, linear_stiffness
-from ..discrete.constraints import node_supports, reduced_load
+from ..discrete.assembly import Discretisation, discretise
+from ..discrete.constraints import held_stiffness, keep_stiffness, node_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.forces import load_vector
-from ..discrete.quadrature import CENTROID
-from ..discrete.space import affordable_order
+from ..discrete.space import CENTROID, affordable_order
 from ..discrete.strain import displacement_gradients, strain_and_stress
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.solver import Solution, solve_system
+from ..linalg.solver import CHOLESKY, Solution, solve_system
 from ..result import StaticResult
 from ..scene.components import MAX_COMPONENTS, face_components, free_motions
 from ..scene.loads import Traction
@@ -106,14 +105,17 @@ def solve_static(
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)
     prescribed = np.where(held.fixed, held.values, 0.0)
-    matrix = linear_stiffness(grid, material)
-    rhs = reduced_load(matrix, load, held, prescribed)
+    body_law = ElasticBody(grid, material, Law.LINEAR)
+    rhs = load - (body_law.response(prescribed).force if prescribed.any() else 0.0)
+    matrix = held_stiffness(grid, material, held)
+    rhs = np.where(held.fixed, 0.0, rhs)
     nodes = grid.space.nodes
     known = {"points": nodes, "fixed": held.fixed, "edges": grid.space.edges}
     solution = solve_system(matrix, rhs, **known, tolerance=tolerance)
     check_solution(mesh, held, solution, tolerance)
+    if solution.solver == CHOLESKY:  # else it was used up
+        keep_stiffness(grid, material, held, matrix)
     u = np.where(held.fixed, prescribed, solution.x)
-    body_law = ElasticBody(grid, material, Law.LINEAR)
     result = static_result(mesh, body_law, u, load, held, solution.residual, solution.iterations)
     return replace(result, solver=solution.solver)
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..discrete.assembly import discretise, linear_stiffness
-from ..discrete.mass import consistent_mass
+from ..discrete.assembly import discretise
+from ..discrete.elastic import ElasticBody
+from ..discrete.mass import squared_masses
 from ..errors import ConvergenceError
 from ..laws.law import Law
 from ..result import Modes, SagResult
@@ -72,20 +73,17 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
 
 def frequency_intervals(mesh: TetMesh, modes: Modes, ranges: RangeFactors) -> tuple[Interval, ...]:
     """Every natural frequency [Hz], by Rayleigh's quotient: exact for one material."""
-    material = material_of(mesh)
     order = 1 if modes.shapes.shape[1] == len(mesh.points) else 2
     grid = discretise(mesh, order)
+    body = ElasticBody(grid, material_of(mesh), Law.LINEAR)
 
-    def quotients(taken: ElementMaterial) -> Float[np.ndarray, "modes"]:
-        body = mesh.with_material(taken)
-        stiffness, mass = linear_stiffness(grid, taken), consistent_mass(body, grid)
-        return np.array(
-            [(x * stiffness.times(x)).sum() / (x * (mass @ x)).sum() for x in modes.shapes]
+    def interval(frequency: float, shape: Float[np.ndarray, "nodes 3"]) -> Interval:
+        elastic, kinetic = body.energies(shape), squared_masses(mesh, grid.space, shape)
+        taken = elastic.sum() / kinetic.sum()
+        ends = (
+            (elastic @ E) / (kinetic @ rho) / taken
+            for E, rho in ((ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
         )
+        return Interval(*(float(frequency * np.sqrt(end)) for end in ends))
 
-    as_taken = quotients(material)
-    low, high = (
-        modes.frequencies * np.sqrt(quotients(ranges.changed(material, soft=s, heavy=s)) / as_taken)
-        for s in (True, False)
-    )
-    return tuple(Interval(float(a), float(b)) for a, b in zip(low, high, strict=True))
+    return tuple(map(interval, modes.frequencies, modes.shapes))

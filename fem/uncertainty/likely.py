@@ -24,6 +24,7 @@ from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..solve.statics import check_held
 from .intervals import Interval
+from .lattice import shifted_lattice
 from .ranges import Draws, OpenRange, open_ranges
 
 # Draws of E, nu and rho; frequencies, and what of the answers, that are told as likely.
@@ -73,10 +74,10 @@ def likely_answers(
     """What mass, displacement and frequencies likely are; None: of no range, or of no member.
 
     E and rho of a row are drawn evenly in their logarithm, nu evenly, independent of each other and
-    the same for all parts of one row, by a scrambled Sobol sequence (Owen 1998). Parts of ``draws``
-    have the first of theirs in the first body, the second in the second, and so on around; without
-    any row there are as many bodies as draws. How much the answers change is found with linear
-    elements, as in ``displacement_interval``.
+    the same for all parts of one row, by ``shifted_lattice``. Parts of ``draws`` have the first of
+    theirs in the first body, the second in the second, and so on around; without any row there are
+    as many bodies as draws. How much the answers change is found with linear elements, as in
+    ``displacement_interval``.
     """
     mesh, held = scene.mesh, scene.held
     ranges = open_ranges(mesh, materials, draws)
@@ -130,14 +131,12 @@ def _as_taken(ranges: Sequence[OpenRange]) -> Member:
 
 
 def _members(ranges: Sequence[OpenRange], count: int, seed: int) -> list[Member]:
-    """So many bodies: rows by a Sobol sequence, drawn parts as they were drawn, in order."""
+    """So many bodies: rows by a lattice, drawn parts as they were drawn, in order."""
     shares = np.zeros((count, len(ranges), 3))
     of_rows = np.array([one.draws is None for one in ranges])
     if of_rows.any():
-        from scipy.stats import qmc  # half a CPU second; a Latin hypercube scatters twice as much
-
-        sobol = qmc.Sobol(3 * of_rows.sum(), scramble=True, rng=np.random.default_rng(seed))
-        shares[:, of_rows] = sobol.random(count).reshape(count, -1, 3)
+        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
+        shares[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
     members = []
     for number, share in enumerate(shares):
         member = _member(ranges, share)

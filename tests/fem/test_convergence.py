@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.quadrature import TET_POINTS
-from autophyx_tet.fem.discrete.space import make_space, shape_functions
+from autophyx_tet.fem.discrete.space import TET_POINTS, make_space, shape_functions
 from autophyx_tet.fem.discrete.strain import displacement_gradients
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters

@@ -9,17 +9,16 @@ import numpy as np
 from ...fem.conditions.selection import numbers
 from ...fem.errors import UsageError
 from ...fem.grain import Grained, has_grain, with_grains
-from ...fem.laws.law import Law
 from ...fem.scene.mesh import TetMesh
 from ..options import SimulateOptions
 
-METHODS_WITH_GRAIN = ("statics", "modal")
+METHODS_WITH_GRAIN = ("statics", "modal", "dynamics")
 
 
 def grained(
     mesh: TetMesh, options: SimulateOptions, materials: Mapping[str, str], *, method: str
 ) -> Grained:
-    """Give the parts of ``mesh`` their grain where the ``method`` and the law know one, or say so.
+    """Give the parts of ``mesh`` their grain where the ``method`` knows one, or say so.
 
     ``materials`` are the rows of the table by part.
 
@@ -29,11 +28,11 @@ def grained(
         Where ``--grain`` is not understood, or cannot be followed.
     """
     stated = _stated(mesh, options.grain)
-    if method in METHODS_WITH_GRAIN and options.law in (None, Law.LINEAR):
+    if method in METHODS_WITH_GRAIN:
         return with_grains(mesh, materials, stated)
     if stated:
-        raise UsageError("--grain: only bodies at rest and vibrations, of the linear law, take it")
-    note = "wood is taken as stiff across its grain as along it: this method and law know no grain"
+        raise UsageError("--grain: springs, particles and reduced bodies know none")
+    note = "wood is taken as stiff across its grain as along it: this method knows no grain"
     return Grained(mesh, (note,) if has_grain(materials) else ())
 
 

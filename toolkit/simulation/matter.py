@@ -83,9 +83,11 @@ def _check_preset(options: SimulateOptions) -> None:
 
 def cells_wanted(options: SimulateOptions) -> int:
     """Cells along the longest side, by the preset or as said."""
+    if not options.preset:
+        return options.grid
     from ...fem.mpm.method import PRESETS
 
-    return PRESETS[options.preset].grid if options.preset else options.grid
+    return PRESETS[options.preset].grid
 
 
 def substances(

@@ -136,13 +136,13 @@ def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:
 
 
 def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> None:
-    from ..report.picture.snapshot import SUFFIXES
-
     if touch and report is None:
         raise UsageError("--touch: a body to pull is a part of the page: give --report FILE.html")
     if report is not None:
         check_file(report, (".html",))
     if picture is not None:
+        from ..report.picture.snapshot import SUFFIXES
+
         check_file(picture, SUFFIXES)
 
 
@@ -158,17 +158,18 @@ def _shown(
     picture: Path | None,
 ) -> Simulation:
     """Write a result, its page and its picture; the files are on record."""
-    from ..report.pages import simulation_page
-    from ..report.picture.snapshot import write_picture
-    from ..report.report import write_report
-
     if output is not None:
         result = replace(result, files=(*result.write(output), *result.files))
     if report is not None:
+        from ..report.pages import simulation_page
+        from ..report.report import write_report
+
         page = simulation_page(name, result, sidecar, touch=touch, command=command)
         written = write_report(report, page)
         result = replace(result, files=(*result.files, written))
     if picture is not None:
+        from ..report.picture.snapshot import write_picture
+
         drawn = write_picture(picture, result, up=sidecar.up)
         result = replace(result, files=(*result.files, drawn))
     return result
