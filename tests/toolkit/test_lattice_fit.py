@@ -9,10 +9,12 @@ from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
 from autophyx_tet.toolkit.meshing.stuffing.fit import resolving
-from autophyx_tet.toolkit.meshing.stuffing.pieces import without_crumbs
+from autophyx_tet.toolkit.meshing.stuffing.pieces import came_off, without_crumbs
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.surfaces.repair import repair
 from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.surfaces.surface import Surface
+from autophyx_tet.toolkit.surfaces.triangles import edge_components
 
 from .test_stuffing import solids_of, turned
 from .test_tetrahedralize import asset_of
@@ -87,6 +89,23 @@ def test_crumbs_go_and_small_bodies_stay():
     kept = without_crumbs(points, tets, solids)
     assert kept.sum() == len(block.tets) + len(screw.tets)
     assert not kept[-len(crumb.tets) :].any()
+
+
+def test_houses_on_one_ground_are_not_loose():
+    """Two boxes without floors on one sheet: an open surface, two bodies; floors make them one."""
+    boxes = [box_mesh((1, 1, z), (2, 2, 2), lo=(x, 0, 0)) for x, z in ((0, 1), (3, 0.5))]
+    points = np.concatenate([mesh.points for mesh in boxes])
+    tets = np.concatenate([boxes[0].tets, boxes[1].tets + 27])
+    walls = np.concatenate([boxes[0].boundary.faces, boxes[1].boundary.faces + 27])
+    walls = walls[(points[walls][:, :, 2] > 0).any(axis=1)]
+    rim = ((1, 0, 0), (1, 0.5, 0), (3, 0, 0), (3, 0.5, 0))
+    a, b, c, d = (np.flatnonzero((points == corner).all(axis=1))[0] for corner in rim)
+    faces = np.concatenate([walls, [[a, c, b], [c, d, b]]])
+    surface = Surface(points, faces, np.zeros(len(faces), int), edge_components(faces))
+    solids = Solids.of(surface, 1, thinnest=1e-6, whole=True)
+    found = came_off(points, tets, np.zeros(len(tets), int), solids, 1e-3)
+    assert found.loose == {}
+    assert found.parted == {0: pytest.approx(1 / 3)}
 
 
 def test_a_body_that_would_fall_apart_is_refused():

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from ....fem.scene.mesh import signed_volumes
 from ...surfaces.samples import facets, sample
 from ...surfaces.solids import INSIDE, Solids
-from ...surfaces.surface import Surface, component_volumes
+from ...surfaces.surface import Surface, component_volumes, open_components
 from ...surfaces.triangles import ClosestTo, closest, winding_numbers
 
 # Of the volume, and of the body of the input that it comes from: a piece that is smaller than both
@@ -41,6 +41,7 @@ class CameOff(NamedTuple):
     """Share of each part's volume in pieces that have come off.
 
     ``loose`` ones from a larger piece of the same body, ``parted`` ones from bodies that touch too.
+    What an open surface surrounds may be many bodies, like houses on one ground: none is loose.
     """
 
     loose: dict[int, float]
@@ -74,7 +75,9 @@ def came_off(
         gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
         return {int(p): float(gone[p] / total[p]) for p in np.flatnonzero(gone)}
 
-    return CameOff(shares(body), shares(_touching(surface, touching)[body]))
+    ground = open_components(surface)[body]
+    single = np.where(ground, len(surface.component) + np.arange(len(body)), body)
+    return CameOff(shares(single), shares(_touching(surface, touching)[body]))
 
 
 def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"]:
