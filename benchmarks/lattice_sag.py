@@ -32,6 +32,7 @@ ASSETS = (
 )  # fmt: skip
 EDGES = (0.05, 0.035, 0.025)  # of the diagonal
 CONVERGED = 0.05  # relative change of the sag from one edge to the next
+WITHIN = 0.15  # relative: a lattice agrees
 WOOD = {"E": 1e10, "nu": 0.3, "rho": 600.0}
 
 
@@ -52,6 +53,7 @@ def main() -> None:
             out.write(json.dumps(rows[-1]) + "\n")
         print(json.dumps(rows[-1]), flush=True)
     print(table(rows))
+    print(verdict(rows))
 
 
 def compared(asset: Asset) -> dict:
@@ -59,10 +61,15 @@ def compared(asset: Asset) -> dict:
     lattice, engine = settled(asset, mesher="stuffing"), []
     for edge in EDGES:
         engine.append(settled(asset, mesher="ftetwild", edge_length_rel=edge))
-        sags = [one["sag"] for one in engine[-2:]]
-        if len(sags) == 2 and None not in sags and abs(sags[0] / sags[1] - 1) < CONVERGED:
+        if settles(engine):
             break
     return {"lattice": lattice, "ftetwild": engine}
+
+
+def settles(engine: list[dict]) -> bool:
+    """Whether the last two meshes sag alike."""
+    sags = [one["sag"] for one in engine[-2:]]
+    return len(sags) == 2 and None not in sags and abs(sags[0] / sags[1] - 1) < CONVERGED
 
 
 def settled(asset: Asset, **options) -> dict:
@@ -94,6 +101,17 @@ def table(rows: list[dict]) -> str:
         ratio = f"{ours['sag'] / last:.2f}" if ours["sag"] and last else "-"
         lines.append(f"| {row['asset']} | {_told(ours)} | {told} | {ratio} |")
     return "\n".join(lines)
+
+
+def verdict(rows: list[dict]) -> str:
+    """How many lattices agree with fTetWild, and how many have nothing to agree with."""
+    known = [row for row in rows if settles(row["ftetwild"])]
+    sags = [(row["lattice"]["sag"], row["ftetwild"][-1]["sag"]) for row in known]
+    near = sum(ours is not None and abs(ours / theirs - 1) <= WITHIN for ours, theirs in sags)
+    return (
+        f"{near} of {len(rows)} within {WITHIN:.0%}; of {len(rows) - len(known)} fTetWild's meshes "
+        "do not settle"
+    )
 
 
 def _told(one: dict) -> str:
