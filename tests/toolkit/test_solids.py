@@ -1,10 +1,11 @@
 """What encloses a volume, and which part a point lies in."""
 
 import numpy as np
+import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
 from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.surfaces.solids import Solids, _asked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -100,3 +101,13 @@ def test_the_part_of_a_point_does_not_depend_on_the_others(seed, inner_first):
     together = solids.label(where)
     assert (solids.label(where[:7]) == together[:7]).all()
     assert [solids.label(point[None])[0] for point in where] == together.tolist()
+
+
+def test_of_many_components_few_faces_are_asked():
+    """64 of each of a hundred balls; of ten thousand boxes two, which stand for all of the area."""
+    for bodies, faces, each in ((100, 320, 64), (10_000, 12, 2)):
+        component = np.repeat(np.arange(bodies), faces)
+        area = np.random.default_rng(0).uniform(0.9, 1.1, len(component))
+        asked, weight = _asked(component, area)
+        assert np.bincount(component[asked]).tolist() == [each] * bodies
+        assert weight.sum() == pytest.approx(area.sum())

@@ -27,6 +27,8 @@ SHEET_SHARE = 0.8  # of the area of an open component that must enclose somethin
 # Where on a face that is asked: its centre and half-way to its corners, as barycentric weights.
 PROBES = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
 ASKED = 64  # faces of a component that are asked: its share to a few per cent
+ASKED_OF_ALL = 20_000  # of very many, like the leaves of a tree, fewer each: 4 s of questions
+FEWEST_ASKED = 2
 SHEET_DEPTH = 2e-3  # share of the diagonal at which that is looked at
 PAD = 1e-9  # share of the box by which it is widened, for points on it
 
@@ -237,15 +239,16 @@ def _bounds(surface: Surface, count: int) -> Bool[np.ndarray, "components"]:
 def _asked(
     component: Int[np.ndarray, "faces"], area: Float[np.ndarray, "faces"]
 ) -> tuple[Int[np.ndarray, "asked"], Float[np.ndarray, "asked"]]:
-    """Faces that stand for about ``ASKED`` equal areas of each component, and these areas."""
+    """Faces that stand for ``ASKED`` equal areas of each component or fewer, and these areas."""
+    most = int(np.clip(ASKED_OF_ALL // len(np.unique(component)), FEWEST_ASKED, ASKED))
     order = np.argsort(component, kind="stable")
     upto = np.cumsum(area[order])
     start = np.searchsorted(component[order], component[order])
     before = np.concatenate([[0.0], upto])[start]
     total = np.bincount(component, weights=area)[component[order]]
     middle = (upto - before - area[order] / 2) / total
-    share = np.clip(np.floor(ASKED * middle), 0, ASKED - 1).astype(np.int64)
-    key = component[order] * ASKED + share
+    share = np.clip(np.floor(most * middle), 0, most - 1).astype(np.int64)
+    key = component[order] * most + share
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     return order[first], np.bincount(group.reshape(-1), weights=area[order])
 
