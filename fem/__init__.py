@@ -9,13 +9,13 @@ The public names load on first use: ``from autophyx_tet.fem import TetMesh, solv
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from .public_names import on_first_use
 
 # Public name -> module that owns it.
 _HOME = {
     "TetMesh": "scene.mesh",
     "ElementMaterial": "scene.material",
+    "load_table": "scene.materials",
     "box_mesh": "scene.box",
     "Supports": "scene.supports",
     "Traction": "scene.loads",
@@ -49,6 +49,9 @@ _HOME = {
     "natural_modes": "solve.modal",
     "static_displacement": "solve.gradients",
     "implicit_step": "solve.gradients",
+    "MpmMethod": "mpm.method",
+    "Substance": "mpm.classes",
+    "rigid_labels": "mpm.rigid",
     "ReducedModel": "reduced.model",
     "reduce_body": "reduced.reduction",
     "SCENARIOS": "scenarios.scenario",
@@ -61,13 +64,4 @@ _HOME = {
     "Check": "verdicts",
 }
 __all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOME[name]}", __name__), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -21,12 +21,15 @@
 # %%
 import matplotlib.pyplot as plt
 import numpy as np
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.loads import Traction, pressure
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem import (
+    ElementMaterial,
+    Supports,
+    TetMesh,
+    Traction,
+    box_mesh,
+    pressure,
+    solve_static,
+)
 from matplotlib.ticker import NullFormatter
 
 E, nu = 1e7, 0.3  # Pa, 1: a stiff rubber, but compressible

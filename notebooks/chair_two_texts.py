@@ -25,10 +25,6 @@ from pathlib import Path
 import autophyx_tet as apx
 import numpy as np
 import trimesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report.picture import exaggeration, mesh_panel, render_animation
-from autophyx_tet.toolkit.report.scale import Scale
 from IPython.display import Image as NotebookImage
 from PIL import Image
 
@@ -61,7 +57,7 @@ texts = (
     "the legs and the back are oak, the seat is oak",
     "the legs and the back are oak, the seat is firm foam",
 )
-options = ConvertOptions(edge_length_rel=0.04)
+options = apx.ConvertOptions(edge_length_rel=0.04)
 result = apx.run("chair.glb", texts, output=Path("out"), convert_options=options)
 print(*sorted(path.name for path in Path("out").iterdir()))
 hard, soft = result.cases
@@ -75,7 +71,7 @@ for case in result.cases:
 
 # %%
 values = [{row["name"]: row["E"] for row in case.assignment.part_rows()} for case in result.cases]
-oak, foam = (load_table().exact(name).value() for name in ("oak", "firm foam"))
+oak, foam = (apx.load_table().exact(name).value() for name in ("oak", "firm foam"))
 moved = [case.simulation.solved.max_displacement for case in result.cases]
 print(f"the seat: {values[0]['seat']:.3g} and {values[1]['seat']:.3g} Pa")
 print(f"moved by {moved[0] * 1e6:.2g} µm and {moved[1] * 1e3:.2g} mm")
@@ -94,13 +90,13 @@ assert moved[1] > 100 * moved[0]
 frames = 10
 there = np.linspace(0, 1, frames // 2 + 1)
 load = np.concatenate([there, there[-2:0:-1]])  # it comes and goes
-factor = exaggeration(soft.assignment.mesh, soft.simulation.displacement)
-scale = Scale("moved by", "m", "displacement", 0.0, float(moved[1]))
+factor = apx.exaggeration(soft.assignment.mesh, soft.simulation.displacement)
+scale = apx.Scale("moved by", "m", "displacement", 0.0, float(moved[1]))
 panels = []
 for case, words in ((hard, "Oak seat"), (soft, "Foam seat")):
     film = load[:, None, None] * case.simulation.displacement
     panels.append(
-        mesh_panel(
+        apx.mesh_panel(
             case.assignment.mesh,
             np.linalg.norm(film, axis=2),
             on="points",
@@ -110,7 +106,9 @@ for case, words in ((hard, "Oak seat"), (soft, "Foam seat")):
             factor=factor,
         )
     )
-path = render_animation("motions.gif", panels, up=result.conversion.asset.up, pixels=160, samples=2)
+path = apx.render_animation(
+    "motions.gif", panels, up=result.conversion.asset.up, pixels=160, samples=2
+)
 with Image.open(path) as picture:
     assert picture.n_frames == frames
 NotebookImage(filename=path)

@@ -28,8 +28,6 @@ import autophyx_tet as apx
 import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
-from autophyx_tet.toolkit.options import ConvertOptions, ExportOptions
-from autophyx_tet.toolkit.report.picture import render_png, story
 from PIL import Image
 
 parts = {
@@ -52,7 +50,7 @@ bench.export("bench.glb")
 # body.
 
 # %%
-solid = apx.convert("bench.glb", options=ConvertOptions(edge_length_rel=0.04))
+solid = apx.convert("bench.glb", options=apx.ConvertOptions(edge_length_rel=0.04))
 text = "the legs and the plank are oak, the cushion is firm foam"
 body = apx.assign(solid.mesh, text, asset=solid.asset)
 up = solid.asset.up
@@ -60,8 +58,12 @@ ours = apx.simulate(body.mesh, up=up)
 largest = ours.solved.max_displacement
 print(f"{len(body.mesh.tets):,} tets, {body.mesh.mass:.1f} kg, sags by {largest * 1e6:.1f} µm")
 Image.open(
-    render_png(
-        "bench.png", story(solid.asset, body.mesh, ours.displacement), up=up, pixels=240, samples=2
+    apx.render_png(
+        "bench.png",
+        apx.story(solid.asset, body.mesh, ours.displacement),
+        up=up,
+        pixels=240,
+        samples=2,
     )
 )
 
@@ -70,7 +72,7 @@ Image.open(
 # Command line: `autophyx-tet export bench.msh --for calculix -o bench.inp`, then `ccx bench`.
 
 # %%
-apx.export(body.mesh, "calculix", output=Path("bench.inp"), options=ExportOptions(up=up))
+apx.export(body.mesh, "calculix", output=Path("bench.inp"), options=apx.ExportOptions(up=up))
 subprocess.run(["ccx", "bench"], check=True, capture_output=True, timeout=300)
 rows = [line.split() for line in Path("bench.dat").read_text().splitlines()]
 theirs = np.array([row[1:] for row in rows if len(row) == 4 and row[0].isdigit()], dtype=float)

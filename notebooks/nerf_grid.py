@@ -26,11 +26,7 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import read_density, write_density
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report.picture import render_png, story
+from autophyx_tet.converters import DensityGrid, read_density, write_density
 from PIL import Image
 
 radius, height = 0.04, 0.2  # m
@@ -49,7 +45,7 @@ write_density("column.npz", DensityGrid(lo, hi, density, threshold=50.0))
 # ```
 
 # %%
-options = ConvertOptions(up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
+options = apx.ConvertOptions(up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
 solid = apx.convert("column.npz", output=Path("column.msh"), options=options)
 volume = np.pi * radius**2 * height
 print(
@@ -64,7 +60,7 @@ assert abs(solid.mesh.volume / volume - 1) < 0.03
 
 # %%
 body = apx.assign("column.msh", "a soft rubber column", output=Path("rubber.msh"))
-rubber = load_table().exact("soft rubber").value()
+rubber = apx.load_table().exact("soft rubber").value()
 sag = apx.simulate("rubber.msh")
 top = body.mesh.points[:, 2] > height - 0.004
 sunk = -sag.solved.displacement[top, 2].mean()
@@ -74,8 +70,11 @@ assert np.allclose(body.mesh.material.E, rubber.E, rtol=1e-6)
 assert abs(body.mesh.mass / (rubber.rho * volume) - 1) < 0.03
 assert 0.85 < sunk / textbook < 1.05
 Image.open(
-    render_png(
-        "column.png", story(solid.asset, body.mesh, sag.solved.displacement), pixels=240, samples=2
+    apx.render_png(
+        "column.png",
+        apx.story(solid.asset, body.mesh, sag.solved.displacement),
+        pixels=240,
+        samples=2,
     )
 )
 

@@ -29,16 +29,9 @@ import autophyx_tet as apx
 import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
-from autophyx_tet.converters.driving import Driven
-from autophyx_tet.converters.points.splats.gaussians import SH_C0, standard_columns
-from autophyx_tet.converters.points.splats.splat_views import splat_view
-from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem import SCENARIOS, Capsule
-from autophyx_tet.fem.mpm.classes import Substance
-from autophyx_tet.fem.mpm.method import MpmMethod
-from autophyx_tet.fem.mpm.rigid import rigid_labels
-from autophyx_tet.predictors.images.cameras import hemisphere
-from autophyx_tet.toolkit.io.bonsai import bonsai
+from autophyx_tet.converters import SH_C0, Driven, PointTable, splat_view, standard_columns
+from autophyx_tet.fem import SCENARIOS, Capsule, MpmMethod, Substance, rigid_labels
+from autophyx_tet.predictors import hemisphere
 
 
 def discs(surface, colour, count):
@@ -120,9 +113,9 @@ COLOURS = {
     "trunk": (0.5, 0.36, 0.22),
     "foliage": (0.3, 0.58, 0.25),
 }
-bonsai().export("plant.glb")
+apx.bonsai().export("plant.glb")
 plant = apx.convert("plant.glb")
-table = splats_of((s, COLOURS[name], 2500) for name, s in bonsai().geometry.items())
+table = splats_of((s, COLOURS[name], 2500) for name, s in apx.bonsai().geometry.items())
 answers = {}
 for stem in ("EVA foam", "polyethylene foam"):
     mesh = told(plant, f"ceramic pot, moist soil, the foliage is sponge, the trunk is {stem}")

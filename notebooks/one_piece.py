@@ -23,10 +23,6 @@
 import autophyx_tet as apx
 import numpy as np
 import trimesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.toolkit.io.bonsai import bonsai, write_bonsai
-from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report.picture import asset_panel, mesh_panel, render_png
 from IPython.display import Image as NotebookImage
 from scipy.spatial import KDTree
 
@@ -37,7 +33,7 @@ COLOURS = {
     "foliage": (70, 130, 60),
 }
 pieces = []
-for name, surface in bonsai().geometry.items():
+for name, surface in apx.bonsai().geometry.items():
     plain = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     plain.visual.face_colors = (*COLOURS[name], 255)
     pieces.append(plain)
@@ -55,7 +51,7 @@ print(len(scan.faces), "triangles in one mesh")
 # ```
 
 # %%
-solid = apx.convert("scan.ply", options=ConvertOptions(up="y", units="m"))
+solid = apx.convert("scan.ply", options=apx.ConvertOptions(up="y", units="m"))
 body = apx.assign(solid.mesh, "ceramic pot, soil, oak trunk, soft leaves", asset=solid.asset)
 print("before:", *solid.mesh.region_names)
 for row in body.part_rows():
@@ -66,7 +62,7 @@ for row in body.part_rows():
 # The generator knows what the network was not told: whose volume each tet lies in.
 
 # %%
-known = apx.convert(write_bonsai("bonsai.glb")).mesh
+known = apx.convert(apx.write_bonsai("bonsai.glb")).mesh
 _, nearest = KDTree(known.centroids).query(body.mesh.centroids)
 truth = np.array(known.region_names)[known.region[nearest]]
 meant = {"pot": "pot", "soil": "soil", "trunk": "trunk", "leaf": "foliage"}
@@ -79,8 +75,11 @@ for name in COLOURS:
     print(f"  {name:8}{share:.0%}")
 assert right > 0.8  # where soil meets pot and where wood ends in leaves no surface shows
 pot = next(row for row in body.part_rows() if row["name"].endswith("pot"))
-assert np.isclose(pot["E"], load_table().exact("ceramic").value().E)
+assert np.isclose(pot["E"], apx.load_table().exact("ceramic").value().E)
 
 # %%
-panels = [asset_panel(solid.asset, title="One piece"), mesh_panel(body.mesh, title="Four parts")]
-NotebookImage(filename=render_png("one_piece.png", panels, up="y", pixels=320))
+panels = [
+    apx.asset_panel(solid.asset, title="One piece"),
+    apx.mesh_panel(body.mesh, title="Four parts"),
+]
+NotebookImage(filename=apx.render_png("one_piece.png", panels, up="y", pixels=320))

@@ -25,13 +25,13 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.field_sources import field_from_points
-from autophyx_tet.converters.material_sampling import sample_material
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report.picture import render_png, story
+from autophyx_tet.converters import (
+    PointTable,
+    field_from_points,
+    read_points,
+    sample_material,
+    write_points,
+)
 from PIL import Image
 
 count = 6_000
@@ -53,7 +53,7 @@ write_points("float.pcd", PointTable(columns))
 # ```
 
 # %%
-options = ConvertOptions(units="mm", up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
+options = apx.ConvertOptions(units="mm", up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
 solid = apx.convert("float.pcd", output=Path("float.msh"), options=options)
 volume = 4 / 3 * np.pi * semi_axes.prod()
 print(
@@ -66,15 +66,18 @@ assert abs(solid.mesh.volume / volume - 1) < 0.03
 
 # %%
 body = apx.assign("float.msh", "it is made of cork", output=Path("cork.msh"))
-cork = load_table().exact("cork").value()
+cork = apx.load_table().exact("cork").value()
 sag = apx.simulate("cork.msh")
 print(f"{body.mesh.mass * 1e3:.0f} g;", *(verdict.sentence for verdict in sag.verdicts()))
 assert np.allclose(body.mesh.material.E, cork.E, rtol=1e-6)
 assert abs(body.mesh.mass / (cork.rho * volume) - 1) < 0.03
 assert sag.solved.sag_ratio < 0.01
 Image.open(
-    render_png(
-        "float.png", story(solid.asset, body.mesh, sag.solved.displacement), pixels=240, samples=2
+    apx.render_png(
+        "float.png",
+        apx.story(solid.asset, body.mesh, sag.solved.displacement),
+        pixels=240,
+        samples=2,
     )
 )
 
@@ -100,7 +103,7 @@ assert np.isnan(points["E"][~seen]).all()
 # take it from there.
 
 # %%
-rubber = load_table().exact("soft rubber").value()
+rubber = apx.load_table().exact("soft rubber").value()
 front = seen & (points["x"] > 0)
 labelled = {name: points[name][seen].astype(float) for name in "xyz"}
 labelled = {name: values * 1e-3 for name, values in labelled.items()}  # to metres

@@ -25,10 +25,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.dynamics import Dynamics
-from autophyx_tet.fem.solve.gradients import implicit_step
+from autophyx_tet.fem import Dynamics, Supports, box_mesh, implicit_step
 
 gravity, dt = (0.0, 0.0, -9.81), 0.1  # m/s², s
 mesh = box_mesh((1.0, 0.2, 0.2), (10, 2, 4))

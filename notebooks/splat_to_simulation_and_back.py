@@ -26,12 +26,7 @@ from pathlib import Path
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report.picture import render_png, story
+from autophyx_tet.converters import PointTable, read_points, standard_columns, write_points
 from PIL import Image
 
 count = 8_000
@@ -57,7 +52,7 @@ write_points("ball.ply", PointTable(columns))
 # ```
 
 # %%
-options = ConvertOptions(size=0.2, up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
+options = apx.ConvertOptions(size=0.2, up="z", edge_length_rel=0.1, epsilon_rel=3e-3)
 solid = apx.convert("ball.ply", output=Path("ball.msh"), options=options)
 volume = 4 / 3 * np.pi * 0.1**3
 print(
@@ -70,7 +65,7 @@ assert abs(solid.mesh.volume / volume - 1) < 0.04
 
 # %%
 body = apx.assign("ball.msh", "a ball of firm foam", output=Path("foam.msh"))
-foam = load_table().exact("firm foam").value()
+foam = apx.load_table().exact("firm foam").value()
 print(f"E {foam.E:.3g} Pa, nu {foam.nu:.3g}, rho {foam.rho:.4g} kg/m³, {body.mesh.mass:.2f} kg")
 assert np.allclose(body.mesh.material.E, foam.E, rtol=1e-6)
 assert abs(body.mesh.mass / (foam.rho * volume) - 1) < 0.04
@@ -84,8 +79,11 @@ for verdict in sag.verdicts():
     print(verdict.sentence)
 assert 0 < sag.solved.max_displacement < 0.02
 Image.open(
-    render_png(
-        "ball.png", story(solid.asset, body.mesh, sag.solved.displacement), pixels=240, samples=2
+    apx.render_png(
+        "ball.png",
+        apx.story(solid.asset, body.mesh, sag.solved.displacement),
+        pixels=240,
+        samples=2,
     )
 )
 

@@ -29,12 +29,15 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
-from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.film.unet import count_parameters
-from autophyx_tet.predictors.hearing.hints import HintedEncoder
-from autophyx_tet.predictors.training.film.presets import CPU
-from autophyx_tet.predictors.training.film.recipe import train_film
+from autophyx_tet.predictors import (
+    CPU,
+    HintedEncoder,
+    MiniLM,
+    build_text_table,
+    count_parameters,
+    save_text_table,
+    train_film,
+)
 
 start = time.process_time()
 words = HintedEncoder(MiniLM(), plain=False)

@@ -9,10 +9,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "registry", "deprecation", "device", "validation", "scene", "conditions", "laws",
-        "discrete", "cholesky", "linalg", "contact", "damping", "particle_run", "model_error",
-        "result", "solve", "mpm", "reduced", "springs", "matching", "scenarios", "grain", "safety",
-        "uncertainty", "verdicts",
+        "errors", "public_names", "registry", "deprecation", "device", "validation", "scene",
+        "conditions", "laws", "discrete", "cholesky", "linalg", "contact", "damping",
+        "particle_run", "model_error", "result", "solve", "mpm", "reduced", "springs", "matching",
+        "scenarios", "grain", "safety", "uncertainty", "verdicts",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

@@ -1,13 +1,16 @@
 """Every walkthrough runs from start to end, keeps what it asserts, and is shown as it ran."""
 
+import ast
 import hashlib
 import json
 import runpy
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 SOURCES = sorted((Path(__file__).resolve().parent.parent / "notebooks").glob("*.py"))
+FACES = ("autophyx_tet", *(f"autophyx_tet.{room}" for room in ("fem", "converters", "predictors")))
 EACH = pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 LARGEST = 300_000  # bytes: a page shows it at once, and the history stays small
 
@@ -20,6 +23,33 @@ def _with_marks(source):
 
 def test_there_are_notebooks():
     assert SOURCES
+
+
+@EACH
+def test_only_public_names_are_used(source):
+    """What is imported, or taken from ``apx``, stands in ``__all__`` of one of the faces."""
+    tree = ast.parse(source.read_text())
+    used = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("autophyx_tet"):
+            used += [(node.module, alias.name) for alias in node.names]
+        if isinstance(node, ast.Import):
+            names = {a.name: a.asname for a in node.names if a.name.startswith("autophyx_tet")}
+            assert names in ({}, {"autophyx_tet": "apx"})
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            used += [("autophyx_tet", node.attr)] if node.value.id == "apx" else []
+    assert used
+    hidden = [
+        row for row in used if row[0] not in FACES or row[1] not in import_module(row[0]).__all__
+    ]
+    assert not hidden
+
+
+def test_every_public_name_is_there():
+    for face in FACES:
+        module = import_module(face)
+        assert all(hasattr(module, name) for name in module.__all__)
+        assert set(dir(module)) >= set(module.__all__) - {"__version__"}
 
 
 @pytest.mark.slow
