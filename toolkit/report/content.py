@@ -15,6 +15,7 @@ from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import UpAxis
 from ..results.description import Acting, Marks
 from ..results.verdict import Verdict
+from .look import Look
 from .touch import TouchBody
 
 Fact = tuple[str, str]  # a label, and words
@@ -77,6 +78,8 @@ class Case:
         What a reader asks first: what moves most, whether it gives way ...
     touch
         The body to pull; None: the page has none.
+    look
+        How the asset looks, by tets; None: it has no colours.
     alpha
         Place of what is not said between soft (0) and stiff (1), where cases differ by it.
     """
@@ -99,6 +102,7 @@ class Case:
     vibrations: Float[np.ndarray, "modes points 3"] | None = None
     state: str = "Under load"
     clock: Literal["time", "load"] = "time"
+    look: Look | None = None
     alpha: float | None = None
 
     def __post_init__(self) -> None:

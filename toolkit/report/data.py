@@ -27,7 +27,7 @@ def payload(content: ReportContent) -> str:
         index = next(same, len(meshes))
         if index == len(meshes):
             meshes.append(case.mesh)
-            geometries.append(_geometry(case.mesh))
+            geometries.append(_geometry(case))
         cases.append(
             {
                 "geometry": index,
@@ -69,12 +69,15 @@ def _same_shape(a, b) -> bool:
     )
 
 
-def _geometry(mesh) -> dict:
+def _geometry(case: Case) -> dict:
+    mesh, look = case.mesh, case.look
+    seen = {"colors": look.colors, "index": _packed(look.index, "u1")} if look else None
     return {
         "points": _packed(mesh.points, "<f4"),
         "tets": _packed(mesh.tets, "<u4"),
         "region": _packed(mesh.region, "<u4"),
         "names": list(mesh.region_names),
+        "look": seen,
     }
 
 

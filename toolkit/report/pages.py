@@ -26,6 +26,7 @@ from ..results.simulation import Simulation
 from ..results.verdict import Verdict
 from .answers import found, loaded, unheard
 from .content import Case, PartRow, ReportContent
+from .look import look_of
 from .picture.snapshot import PARTICLES, particle_film
 from .report import report_page
 from .touch import touch_of
@@ -47,6 +48,8 @@ def run_page(
         _case(c.assignment.text, c.simulation, c.assignment.document(), verdicts)
         for c, verdicts in zip(result.cases, result.verdicts(), strict=True)
     ]
+    looks = [look_of(asset, case.mesh) for case in cases]
+    cases = [replace(case, look=look) for case, look in zip(cases, looks, strict=True)]
     if result.turned:
         places = [c.assignment.field.alpha for c in result.cases]
         cases = [replace(case, alpha=alpha) for case, alpha in zip(cases, places, strict=True)]

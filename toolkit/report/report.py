@@ -19,8 +19,11 @@ log = logging.getLogger(__name__)
 # The viewer, in the order of its parts.
 SCRIPTS = tuple(
     f"report_{part}.js"
-    for part in ("tets", "cut", "scale", "view", "tools", "reduced", "touch", "dial", "main")
-)
+    for part in (
+        "tets", "cut", "scale", "camera", "marks", "view", "tools", "player", "controls", "reduced",
+        "touch", "dial", "main",
+    )
+)  # fmt: skip
 
 
 def write_report(path: str | os.PathLike[str], content: ReportContent) -> Path:

@@ -1,9 +1,8 @@
-// State, controls and keyboard of the page.
+// The state of the page, which all its views draw, and its start.
 
 const SHARE_SHOWN = 0.15; // the largest exaggerated displacement, as a share of the diagonal
 const MOST_IS_TRUE = 1.05; // motions this large need no exaggeration: the slider only weakens them
 const AIR = 0.005; // of the longest side of what is drawn, around it
-const FRAME_PAUSE = 40; // milliseconds between drawn frames: plotly's own limit is about 25 a second
 
 class Report {
   constructor(data) {
@@ -43,6 +42,7 @@ class Report {
     return Object.keys(MAPS).filter(known).map((name) => [name, MAPS[name].label]);
   }
   knows(name) {
+    if (name === "look") return this.views.some((view) => view.tets.look);
     return name === "part" || (name === "moved" ? this.largest > 0 || this.views.some((view) => view.swings) : this.views.some((v) => v.values[name]));
   }
   shapes() {
@@ -71,7 +71,7 @@ class Report {
   // The scale of what is shown, within the range that a reader wants.
   scale() {
     const { map, shape, ranges } = this.state;
-    if (map === "part") return null;
+    if (["part", "look"].includes(map)) return null;
     const name = map === "moved" && shape === "vibration" ? "swing" : map;
     const [lo, hi] = this.extent(name), [low, high] = ranges[name] || [];
     return new Scale(MAPS[name], low ?? lo, high ?? hi);
@@ -97,7 +97,7 @@ class Report {
   drawScale(scale) {
     const place = document.getElementById("scale");
     if (scale) drawScale(place, scale);
-    else place.replaceChildren(element("p", { className: "scale-name" }, "Coloured by part"));
+    else place.replaceChildren(element("p", { className: "scale-name" }, this.state.map === "look" ? "The colours of the asset" : "Coloured by part"));
   }
   setCut(change) {
     Object.assign(this.cut, change);
@@ -140,155 +140,6 @@ class Report {
       view.node.on("plotly_unhover", () => { view.readout.textContent = view.resting; });
     }
   }
-}
-
-function choices(place, name, options, chosen, pick) {
-  for (const [value, label] of options) {
-    const input = element("input", { type: "radio", name, value, checked: value === chosen });
-    input.addEventListener("change", () => pick(value));
-    place.append(element("label", { className: "choice" }, input, element("span", {}, label)));
-  }
-  place.classList.toggle("alone", options.length < 2);
-}
-
-function slider(id, label, { min, max, step, value }, move) {
-  const input = element("input", { type: "range", id });
-  Object.assign(input, { min, max, step, value });
-  const output = element("output", { htmlFor: id });
-  const show = () => { output.textContent = move(Number(input.value)); };
-  input.addEventListener("input", show);
-  const row = element("div", { className: "slider" }, element("label", { htmlFor: id }, label), input, output);
-  document.getElementById("sliders").append(row);
-  return { row, input, output, show };
-}
-
-function pressed(name, value) {
-  const input = document.querySelector(`input[name="${name}"][value="${value}"]`);
-  if (input) input.click();
-}
-
-// Sliders move in steps from the keyboard shortcuts as they do from their own arrow keys.
-function nudge(control, steps) {
-  control.input.value = Number(control.input.value) + steps * Number(control.input.step);
-  control.input.dispatchEvent(new Event("input"));
-}
-
-function build(report) {
-  const at = (id) => document.getElementById(id);
-  const { state } = report;
-  choices(at("maps"), "map", report.maps(), state.map, (map) => { report.update({ map }); reveal(); });
-  choices(at("shapes"), "shape", report.shapes(), state.shape, (shape) => { report.update({ shape }); reveal(); });
-  choices(at("cut"), "cut", [["-1", "Off"], ["0", "x"], ["1", "y"], ["2", "z"]], "-1", (axis) => { report.setCut({ axis: Number(axis) }); reveal(); });
-  switches(report);
-  partChips(report);
-  report.cut.axis = -1;
-  const cut = slider("cut-at", "Cut at", { min: 0, max: 1, step: 0.01, value: 0.5 }, (share) => {
-    report.setCut({ share });
-    const { lo, hi } = report.views[0].tets, { axis } = report.cut;
-    return axis < 0 ? "" : words(lo[axis] + share * (hi[axis] - lo[axis]), MAPS.moved);
-  });
-  const flip = element("button", { type: "button" }, "Other side");
-  flip.addEventListener("click", () => report.setCut({ flip: !report.cut.flip }));
-  cut.row.append(flip);
-  const factor = slider("factor", "Exaggeration", { min: 0, max: 100, step: 1, value: report.position }, (position) => {
-    report.update({ factor: report.factorAt(position) });
-    return `× ${rounded(report.state.factor)}`;
-  });
-  const player = play(report);
-  const modes = modePicker(report, () => reveal());
-  const range = rangeFields(report);
-  const tools = buildTools(report);
-  function reveal() {
-    const moving = ["motion", "vibration"].includes(state.shape);
-    modes.hidden = state.shape !== "vibration";
-    range.show();
-    cut.row.hidden = report.cut.axis < 0;
-    factor.row.hidden = ["rest", "vibration"].includes(state.shape);
-    player.row.hidden = !moving;
-    if (!moving) player.stop();
-    player.retime();
-    for (const control of [cut, factor]) if (!control.row.hidden) control.show();
-  }
-  tools.onReset = () => {
-    pressed("cut", -1);
-    document.querySelectorAll("#parts input:not(:checked)").forEach((box) => box.click());
-    report.update({ ranges: {} });
-    range.show();
-    return report.lookFrom("Start");
-  };
-  reveal();
-  keyboard(report, { cut, factor, player });
-}
-
-// Play and scrub: the clock follows the motion's own seconds, stretched to at least two.
-function play(report) {
-  const ofLoad = () => report.views[0].clock === "load" && report.state.shape === "motion";
-  const control = slider("frame", "Time", { min: 0, max: 0, step: 1, value: 0 }, (frame) => {
-    const times = report.times();
-    report.update({ frame });
-    if (!times.length) return "";
-    return ofLoad() ? `${rounded(100 * times[frame])} % of the load` : words(times[frame], { unit: "s" });
-  });
-  const button = element("button", { type: "button", id: "play" }, "Play");
-  let started = 0, timer = 0;
-  const slow = (times) => Math.max(1, 2 / (times.at(-1) - times[0] || 1));
-  const tick = async () => {
-    const times = report.times(), length = times.at(-1) - times[0];
-    const now = times[0] + ((performance.now() - started) / 1000 / slow(times)) % (length || 1);
-    let frame = times.findIndex((time) => time > now);
-    if (frame < 0) frame = times.length;
-    control.input.value = Math.max(0, frame - 1);
-    control.show();
-    await report.update();
-    if (timer) timer = setTimeout(tick, FRAME_PAUSE);
-  };
-  const stop = () => {
-    clearTimeout(timer);
-    timer = 0;
-    button.textContent = "Play";
-  };
-  const toggle = () => {
-    if (timer) return stop();
-    const times = report.times();
-    started = performance.now() - (times[Number(control.input.value)] - times[0]) * slow(times) * 1000;
-    button.textContent = "Pause";
-    timer = setTimeout(tick, 0);
-  };
-  button.addEventListener("click", toggle);
-  control.row.append(button);
-  // The frames of the shape that is shown now.
-  const retime = () => {
-    const last = Math.max(0, report.times().length - 1);
-    control.input.max = last;
-    if (report.state.frame > last) control.input.value = 0;
-    control.row.firstChild.textContent = ofLoad() ? "Load" : "Time";
-    if (!control.row.hidden) control.show();
-  };
-  return { ...control, stop, toggle, retime };
-}
-
-function keyboard(report, { cut, factor, player }) {
-  const maps = report.maps();
-  const keys = {
-    x: () => pressed("cut", 0), y: () => pressed("cut", 1), z: () => pressed("cut", 2), o: () => pressed("cut", -1),
-    "[": () => nudge(cut, -2), "]": () => nudge(cut, 2), "-": () => nudge(factor, -2), "+": () => nudge(factor, 2),
-    "=": () => nudge(factor, 2), ",": () => nudge(player, -1), ".": () => nudge(player, 1),
-    " ": () => { if (!player.row.hidden) player.toggle(); },
-  };
-  maps.forEach(([name], i) => { keys[String(i + 1)] = () => pressed("map", name); });
-  document.addEventListener("keydown", (event) => {
-    const typing = event.ctrlKey || event.metaKey || event.altKey;
-    const action = keys[event.key];
-    if (typing || !action || (event.key === " " && event.target.closest("button, input, summary"))) return;
-    event.preventDefault();
-    action();
-  });
-  const shown = [[`1 – ${maps.length}`, "colour"], ["x y z o", "cut"], ["[ ]", "move the cut"]];
-  if (report.largest > 0) shown.push(["− +", "exaggeration"]);
-  if (report.motion) shown.push(["space", "play"], [", .", "frame"]);
-  const place = document.getElementById("keys");
-  place.append("Keys  ");
-  for (const [key, does] of shown) place.append(element("kbd", {}, key), ` ${does}   `);
 }
 
 function hasWebGL() {

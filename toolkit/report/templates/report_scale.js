@@ -12,10 +12,11 @@ const MAPS = {
   moved: { label: "Displacement", long: "Displacement", unit: "m", colors: PALETTES.displacement, onPoints: true },
   swing: { label: "Amplitude", long: "Amplitude of the vibration as drawn: its size is free", unit: "m", colors: PALETTES.displacement, onPoints: true },
   von_mises: { label: "Stress", long: "Von Mises stress under load", unit: "Pa", log: true, colors: PALETTES.von_mises },
+  look: { label: "As loaded" },
 };
 const STRESS_DECADES = 4; // stresses further below the largest look alike: nobody reads them
 
-const MOST_PART_COLORS = 64; // plotly samples a colour map at 256 places; then colours repeat
+const MOST_PART_COLORS = 64; // of one map: plotly samples a colour map at 256 places; then colours repeat
 
 function partColor(part) {
   const index = part % MOST_PART_COLORS;

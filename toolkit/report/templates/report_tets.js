@@ -53,6 +53,7 @@ class Tets {
     this.tets = unpack(packed.tets, Uint32Array);
     this.region = unpack(packed.region, Uint32Array);
     this.names = packed.names;
+    this.look = packed.look && { colors: packed.look.colors, index: unpack(packed.look.index, Uint8Array) };
     this.count = this.tets.length / 4;
     this.pointCount = this.points.length / 3;
     this.neighbours = this.findNeighbours();

@@ -10,7 +10,7 @@ function tick(label, checked, change) {
 
 function switches(report) {
   const place = document.getElementById("shows");
-  const drawn = report.views.some((view) => view.marked().length);
+  const drawn = report.views.some((view) => view.marks.traces().length);
   const known = { marks: drawn, axes: true, largest: true, edges: true, ghost: report.shapes().length > 1 };
   for (const [name, label] of Object.entries(SWITCHES)) {
     if (!known[name]) continue;

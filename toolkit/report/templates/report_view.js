@@ -5,53 +5,12 @@ const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
 // Plotly takes faces below an absolute size as flat: everything is drawn this many units long.
 const DRAWN_SIZE = 100;
 const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
-const EYE = [0.74, 0.55, 0.39]; // direction of the first look, of length 1
-// From where the other looks come, in the drawing's axes: glTF faces z (drawn x), CAD faces -y.
-const LOOKS = {
-  y: { Front: [1, 0, 0.02], Side: [0, 1, 0.02], Top: [0.02, 0, 1] },
-  z: { Front: [0, -1, 0.02], Side: [1, 0, 0.02], Top: [0, -0.02, 1] },
-};
 const AXES_SHARE = 0.2; // of the longest side: the axes, a round length
 const SWING_SHARE = 0.05, SWING_FRAMES = 24; // a vibration's size is free: this share of the diagonal
-const HALF_VIEW = Math.tan(Math.PI / 8); // plotly's field of view is 45 degrees, top to bottom
-const MARGIN = 1.02;
-const HELD_COLOR = "#2f7fd1", LOAD_COLOR = "#d33a2c", MOVE_COLOR = "#8a4fc0", OBSTACLE_COLOR = "#6b7178";
-const ARROW_SHARE = 0.12; // of the longest side: the arrow of the largest load
-const HEAD_SHARE = 0.35, HEAD_WIDTH = 0.25; // of the arrow, and of its head
-const FAINTEST = 0.02; // of the largest load: arrows below it would be dots
-
-// Distance from the middle of a box of half extents `half` at which all its corners are in view.
-function fittingDistance(half, aspect, from) {
-  const level = Math.hypot(from[0], from[1]);
-  const right = [-from[1] / level, from[0] / level, 0];
-  const up = [-from[2] * from[0] / level, -from[2] * from[1] / level, level];
-  const signs = [-1, 1];
-  const corners = signs.flatMap((i) => signs.flatMap((j) => signs.map((k) => [i * half[0], j * half[1], k * half[2]])));
-  const reach = (c) => Math.max(Math.abs(dot(c, up)), Math.abs(dot(c, right)) / aspect);
-  return MARGIN * Math.max(...corners.map((c) => dot(c, from) + reach(c) / HALF_VIEW));
-}
-
-const HEAD_SIDES = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [1, 3, 2], [1, 4, 3]];
-
 // The largest of 1, 2, 5, 10, 20 ... that is not above `most`.
 function roundBelow(most) {
   const power = 10 ** Math.floor(Math.log10(most));
   return power * [5, 2, 1].find((m) => m * power <= most);
-}
-
-function arrowTail(row, length) {
-  return [0, 1, 2].map((i) => row[i] - length * row[3 + i]);
-}
-
-// Tip and four corners of the base of an arrow's head.
-function arrowHead(row, length) {
-  const way = row.slice(3), size = Math.hypot(...way), unit = way.map((x) => x / size);
-  const across = Math.abs(unit[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
-  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const side = cross(unit, across), wide = Math.hypot(...side), p = side.map((x) => x / wide), q = cross(unit, p);
-  const long = HEAD_SHARE * length * size;
-  const base = (a, b) => [0, 1, 2].map((i) => row[i] + long * (-unit[i] + HEAD_WIDTH * (a * p[i] + b * q[i])));
-  return [row.slice(0, 3), base(1, 1), base(-1, 1), base(-1, -1), base(1, -1)];
 }
 
 // A vibration has a size of its own, everything else the one that the slider says.
@@ -89,9 +48,9 @@ class View {
     this.state = packed.state || "Under load";
     this.clock = packed.clock || "time";
     this.times = packed.times || [];
-    this.marks = packed.marks || null;
-    this.arrowLength = ARROW_SHARE * Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
-    this.zoom = DRAWN_SIZE / Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
+    const longest = Math.max(...tets.hi.map((h, i) => h - tets.lo[i]));
+    this.zoom = DRAWN_SIZE / longest;
+    this.marks = new Marks(packed.marks, ARROW_SHARE * longest, (rows) => this.placed(rows));
   }
   // Displacement [m] of all points in this state, or null at rest.
   displacement(state) {
@@ -129,12 +88,10 @@ class View {
     }
     const { corner, length } = this.corner;
     hi[this.order[0]] = Math.max(hi[this.order[0]], corner[this.order[0]] + length);
-    const { arrows, moved, outlines } = this.marks || { arrows: [], moved: [], outlines: [] };
-    const tails = [...arrows, ...moved].map((row) => arrowTail(row, this.arrowLength));
-    for (const tail of [...tails, ...outlines.map((row) => row.slice(0, 3))]) {
+    for (const place of this.marks.places()) {
       for (let axis = 0; axis < 3; axis += 1) {
-        lo[axis] = Math.min(lo[axis], tail[axis]);
-        hi[axis] = Math.max(hi[axis], tail[axis]);
+        lo[axis] = Math.min(lo[axis], place[axis]);
+        hi[axis] = Math.max(hi[axis], place[axis]);
       }
     }
     return [lo, hi];
@@ -147,7 +104,7 @@ class View {
     this.moved = this.displacement(state);
     const { a, b, c } = this.faces;
     const [x, y, z] = this.order.map((axis) => this.coordinates(axis, factorOf(state)));
-    const paint = scale ? this.paint(scale) : this.paintParts();
+    const paint = scale ? this.paint(scale) : state.map === "look" ? this.paintLook() : this.paintParts();
     return { type: "mesh3d", x, y, z, i: a, j: b, k: c, hoverinfo: "none", flatshading: false,
       lighting: LIGHT, lightposition: { x: 1400, y: 400, z: 1500 }, showscale: false, ...paint };
   }
@@ -155,7 +112,7 @@ class View {
   extras(state) {
     const { shows } = state;
     return [
-      ...(shows.marks ? this.marked() : []),
+      ...(shows.marks ? this.marks.traces() : []),
       ...(shows.edges ? this.edges(state) : []),
       ...(shows.ghost && this.moved ? this.ghost() : []),
       ...(shows.axes ? this.axes() : []),
@@ -215,43 +172,9 @@ class View {
     const text = `largest: ${words(peak.value, scale.map)}`, color = inkColor();
     return [{ x, y, z, text, ax: 46, ay: -38, arrowcolor: color, arrowwidth: 1.5, arrowhead: 6, bgcolor: panelColor(), bordercolor: color, borderpad: 3, font: { size: 12, color } }];
   }
-  // What holds and loads the body, at rest: squares where it is held, arrows where it is pushed.
-  marked() {
-    if (!this.marks) return [];
-    const { held, moved, arrows, outlines, floors } = this.marks, length = this.arrowLength;
-    return [this.squares(held), this.lines(outlines), this.planes(floors), ...this.arrows(arrows, LOAD_COLOR, length), ...this.arrows(moved, MOVE_COLOR, length)].flat();
-  }
   placed(rows) {
     const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * row[axis])));
     return { x, y, z, hoverinfo: "none", showlegend: false };
-  }
-  squares(held) {
-    if (!held.length) return [];
-    return [{ type: "scatter3d", mode: "markers", marker: { size: 3, symbol: "square", color: HELD_COLOR }, ...this.placed(held) }];
-  }
-  // Around obstacles, where they start.
-  lines(outlines) {
-    if (!outlines.length) return [];
-    const ends = outlines.flatMap((row) => [row.slice(0, 3), row.slice(3), null]);
-    return [{ type: "scatter3d", mode: "lines", line: { width: 3, color: OBSTACLE_COLOR }, ...this.placed(ends) }];
-  }
-  planes(floors) {
-    const fill = { type: "mesh3d", i: [0, 0], j: [1, 2], k: [2, 3], color: OBSTACLE_COLOR, opacity: 0.25 };
-    return floors.map((corners) => ({ ...fill, ...this.placed(corners) }));
-  }
-  // Shafts, and pyramids whose tips are where the load meets the surface.
-  arrows(rows, color, length) {
-    const shown = rows.filter((row) => Math.hypot(...row.slice(3)) > FAINTEST);
-    if (!shown.length) return [];
-    const shafts = shown.flatMap((row) => [arrowTail(row, length), row.slice(0, 3), null]);
-    const heads = shown.map((row) => arrowHead(row, length));
-    const corners = heads.flat();
-    const sides = heads.flatMap((_, n) => HEAD_SIDES.map((side) => side.map((k) => 5 * n + k)));
-    const [i, j, k] = [0, 1, 2].map((at) => sides.map((side) => side[at]));
-    return [
-      { type: "scatter3d", mode: "lines", line: { width: 4, color }, ...this.placed(shafts) },
-      { type: "mesh3d", i, j, k, color, flatshading: true, lighting: LIGHT, ...this.placed(corners) },
-    ];
   }
   // Drawn coordinates of the surface along an axis of the mesh.
   coordinates(axis, factor) {
@@ -277,11 +200,21 @@ class View {
     const intensity = this.faces.owner.map((tet) => scale.share(this.values[name][tet]));
     return { ...shade, intensity, intensitymode: "cell" };
   }
-  // Bands of one colour each, not `facecolor`: plotly would tint that with the map shown before.
   paintParts() {
     const count = Math.min(this.tets.names.length, MOST_PART_COLORS);
-    const colorscale = Array.from({ length: count }, (_, i) => [0, 1].map((end) => [(i + end) / count, partColor(i)])).flat();
-    const intensity = this.faces.owner.map((tet) => ((this.tets.region[tet] % count) + 0.5) / count);
+    const colors = Array.from({ length: count }, (_, i) => partColor(i));
+    return this.banded(colors, (tet) => this.tets.region[tet] % count);
+  }
+  // As the asset looks; a cut shows the colour of the surface that is nearest.
+  paintLook() {
+    const { colors, index } = this.tets.look;
+    return this.banded(colors, (tet) => index[tet]);
+  }
+  // Bands of one colour each, not `facecolor`: plotly would tint that with the map shown before.
+  banded(colors, bandOf) {
+    const count = colors.length;
+    const colorscale = colors.flatMap((color, i) => [0, 1].map((end) => [(i + end) / count, color]));
+    const intensity = this.faces.owner.map((tet) => (bandOf(tet) + 0.5) / count);
     return { colorscale, cmin: 0, cmax: 1, intensity, intensitymode: "cell" };
   }
   layout(room, annotations) {
@@ -298,14 +231,9 @@ class View {
       },
     };
   }
-  // Looks at the middle of all that is ever drawn, from a direction and so far that it is in view.
+  // The camera that looks from a direction at all that is ever drawn.
   look(from, range) {
-    const size = range.map(([lo, hi]) => hi - lo || 1e-9), most = Math.max(...size);
-    const way = from.map((x) => x / Math.hypot(...from));
-    const aspect = this.node.clientWidth / this.node.clientHeight || 1;
-    const away = fittingDistance(size.map((x) => x / 2 / most), aspect, way);
-    const named = ([x, y, z]) => ({ x, y, z });
-    return { center: named([0, 0, 0]), eye: named(way.map((part) => away * part)), up: { x: 0, y: 0, z: 1 } };
+    return lookAt(from, range, this.node.clientWidth / this.node.clientHeight || 1);
   }
   // Range of the drawing along its three axes.
   range(room) {
