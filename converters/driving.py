@@ -55,6 +55,11 @@ class Driven:
         """How many points lie in no tet and follow the nearest one."""
         return int(self.embedding.outside.sum())
 
+    @property
+    def farthest(self) -> float:
+        """Largest distance [m] of one of those."""
+        return float(self.embedding.away.max(initial=0.0))
+
     def frames(self, displacements: Iterable[Any]) -> Iterator[PointTable]:
         """The table moved by every state of what it is embedded in.
 
@@ -110,13 +115,13 @@ def _turned_normals(
 class ParticleNeighbours:
     """Points among the particles of a ``run``: an ``Embedding`` whose states are frame numbers.
 
-    ``outside`` (n,) lie more than a cell from the nearest particle, the farthest ``distance`` [m].
+    ``outside`` (n,) lie more than a cell from the nearest particle, ``away`` (n,) [m] from it.
     """
 
     run: ParticleRun
     follow: Followers
     outside: Bool[np.ndarray, "n"]
-    distance: float
+    away: Float[np.ndarray, "n"]
 
     @classmethod
     def of(cls, run: ParticleRun, points: Float[np.ndarray, "n 3"]) -> ParticleNeighbours:
@@ -129,7 +134,7 @@ class ParticleNeighbours:
         away, row = KDTree(rest).query(points)
         follow = Followers.of(points, rest, labels=run.part[row], parts=run.part)
         outside = np.asarray(away > run.spacing)
-        return cls(run, follow, outside, float(away[outside].max(initial=0.0)))
+        return cls(run, follow, outside, np.where(outside, away, 0.0))
 
     @property
     def of_point(self) -> Int[np.ndarray, "n"]:

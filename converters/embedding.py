@@ -33,15 +33,15 @@ class Embedding:
         Barycentric coordinates in it, shape (n, 4); some are negative outside.
     outside
         Points in no tet, shape (n,): they follow the affine map of the nearest one.
-    distance
-        Largest distance of such a point from the surface [m].
+    away
+        Distance of such a point from the surface [m], shape (n,); 0 of points inside.
     """
 
     mesh: TetMesh
     tet: Int[np.ndarray, "n"]
     weights: Float[np.ndarray, "n 4"]
     outside: Bool[np.ndarray, "n"]
-    distance: float
+    away: Float[np.ndarray, "n"]
 
     @cached_property
     def _used(self) -> tuple[Int[np.ndarray, "used"], Int[np.ndarray, "n"]]:
@@ -84,10 +84,10 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
         all_four = np.column_stack([1 - inside.sum(axis=1), inside])
         found = all_four.min(axis=1) >= ON_FACE
         tet[points[found]], weights[points[found]] = tets[found], all_four[found]
-    outside, distance = tet < 0, 0.0
+    outside, distance = tet < 0, np.zeros(len(positions))
     if outside.any():
         nearest, away = _nearest(mesh, positions[outside])
-        tet[outside], distance = nearest, float(away.max())
+        tet[outside], distance[outside] = nearest, away
         three = np.einsum("nij,nj->ni", inverse[nearest], positions[outside] - start[nearest])
         weights[outside] = np.column_stack([1 - three.sum(axis=1), three])
     return Embedding(mesh, tet, weights, outside, distance)

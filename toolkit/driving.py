@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from ..converters.points.splats.splat_film import SplatFilm
     from ..converters.points.table import PointTable
 
-# A carrier of which more than this share lies outside is likely in other axes or units.
-STRAY = 0.2
+# A carrier of which more than a share lies this far outside, as a share of the body's diagonal, is
+# likely in other axes or units. Splats of the body itself lie on its surface, half of them outside.
+STRAY, FAR = 0.2, 0.05
 # Frames of a motion are of the mesh where no point of it differs by more, as a share of its size.
 SAME = 1e-6
 
@@ -99,13 +100,13 @@ def drive(
             if film is not None:
                 film.show(i, moved)
         picture = film.save(scratch / f"{carrier.stem}.gif") if film is not None else None
-    warnings += _doubts(driven)
+    warnings += _doubts(driven, body)
     return DriveRecord(
         files=tuple(folder / name for name in names),
         frames=len(names),
         moved=len(driven.table),
         outside=driven.outside,
-        farthest=driven.embedding.distance,
+        farthest=driven.farthest,
         invalid=int((~driven.valid).sum()),
         metres_per_unit=scale,
         picture=None if picture is None else folder / picture.name,
@@ -190,12 +191,15 @@ def _suffix(carrier: Path) -> tuple[str, list[str]]:
     return ".ply", [f"{form.title} ({carrier.suffix}) are read only here: the frames are .ply"]
 
 
-def _doubts(driven: Driven) -> list[str]:
-    count, outside = int(driven.valid.sum()), driven.outside
-    if outside <= STRAY * count:
+def _doubts(driven: Driven, body: TetMesh | ParticleRun) -> list[str]:
+    rest = body.points if isinstance(body, TetMesh) else body.positions[0]
+    room = FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
+    count, far = int(driven.valid.sum()), int((driven.embedding.away > room).sum())
+    if far <= STRAY * count:
         return []
     return [
-        f"{outside:,} of {count:,} lie outside the mesh, up to {driven.embedding.distance:.3g} m: "
+        f"{far:,} of {count:,} lie more than {room:.2g} m outside the mesh, up to "
+        f"{driven.farthest:.3g} m: "
         "they follow what is nearest; has the carrier the axes and metres of the mesh? --scale "
         "sets its metres per unit"
     ]

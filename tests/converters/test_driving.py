@@ -140,7 +140,7 @@ def test_every_point_finds_its_tet_and_others_the_nearest():
     assert found.weights[inside].min() > -1e-8
     np.testing.assert_allclose(found.positions(np.zeros_like(mesh.points)), x, atol=1e-12)
     away = np.linalg.norm(np.maximum(np.maximum(-x, x - 1), 0), axis=1)
-    assert found.distance == pytest.approx(away.max(), rel=1e-9)
+    assert found.away.max() == pytest.approx(away.max(), rel=1e-9)
 
 
 def test_normals_follow_and_points_without_a_place_stay():

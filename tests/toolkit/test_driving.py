@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.driving import transfer_motion
+from autophyx_tet.toolkit.driving import drive, transfer_motion
 from autophyx_tet.toolkit.pipeline import simulate
 
 from ..converters.test_driving import splats
@@ -55,6 +56,23 @@ def test_splats_follow_the_head(scene, tmp_path, capsys):
     said = capsys.readouterr()
     assert "400 moved over 6 frames; 400 outside" in said.out
     assert "--scale" in said.err  # metres were taken: that cannot be right, and it is said
+
+
+def test_splats_of_the_body_itself_raise_no_doubt(tmp_path):
+    """A hair outside of its surface they follow; a tenth of its length away, it is asked."""
+    mesh = hammer(0.02)
+    still = [np.zeros_like(mesh.points)]
+    middle = mesh.points[mesh.boundary.faces].mean(axis=1)
+    faces = mesh.points[mesh.boundary.faces]
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    length = np.ptp(mesh.points, axis=0).max()
+    for share, doubts in ((1e-3, 0), (0.1, 1)):
+        places = middle + share * length * normal
+        write_points(tmp_path / "on.ply", PointTable(dict(zip("xyz", places.T, strict=True))))
+        found = drive(mesh, still, tmp_path / "on.ply", folder=tmp_path / f"{share}")
+        assert found.outside > 0.5 * found.moved  # said in any case
+        assert len(found.warnings) == doubts
 
 
 def test_what_cannot_be_driven_is_one_line(scene, tmp_path):
