@@ -112,59 +112,6 @@ def test_calculix_stands_on_our_springs(tmp_path):
     np.testing.assert_allclose(theirs, ours, atol=1e-6 * np.abs(ours).max())
 
 
-def test_mujoco_compiles_the_flexes_with_the_right_mass(tmp_path):
-    """One flex a bin, all tets, 3 degrees of freedom a vertex, total mass = sum rho V."""
-    mujoco = pytest.importorskip("mujoco")
-    mesh = beam((8, 2, 2))
-    (scene,) = export_mesh(mesh, "mujoco", tmp_path / "scene").files
-    model = mujoco.MjModel.from_xml_path(str(scene))
-    assert (model.nflex, model.nflexelem) == (2, len(mesh.tets))
-    assert model.nv == 3 * len(mesh.points)
-    assert model.body_mass.sum() == pytest.approx(mesh.mass, rel=1e-12)
-    data = mujoco.MjData(model)
-    for _ in range(10):
-        mujoco.mj_step(model, data)
-    assert np.isfinite(data.qpos).all()
-
-
-def test_in_mujoco_the_body_falls_and_rests_at_its_weight(tmp_path):
-    """From its own contact forces: once it rests, they are m g; it stands at its own height."""
-    mujoco = pytest.importorskip("mujoco")
-    box = box_mesh((0.2, 0.2, 0.2), (2, 2, 2))
-    mesh = box.with_material(ElementMaterial.uniform(len(box.tets), E=1e5, nu=0.3, rho=500.0))
-    (scene,) = export_mesh(mesh, "mujoco", tmp_path / "scene").files
-    model = mujoco.MjModel.from_xml_path(str(scene))
-    model.dof_damping[:] = 0.3  # [N s/m] at every vertex, so that it comes to rest
-    data = mujoco.MjData(model)
-    means, force = [], np.zeros(6)
-    for step in range(3000):
-        mujoco.mj_step(model, data)
-        if step >= 2000:
-            total = np.zeros(3)
-            for k in range(data.ncon):
-                mujoco.mj_contactForce(model, data, k, force)
-                total += data.contact[k].frame.reshape(3, 3).T @ force[:3]
-            means.append(abs(total[2]))
-    assert np.mean(means) == pytest.approx(mesh.mass * 9.81, rel=0.01)  # it still trembles a little
-    # Rest of a column pressed by itself: rho g h^2 / 2 E = 1 mm.
-    top = data.qpos[2::3][box.points[:, 2] == 0.2].mean()
-    assert -0.005 < top < 0
-
-
-@pytest.mark.parametrize("suffix", [".vtk", ".npz"])
-def test_newton_takes_lame_parameters_per_tet(suffix, tmp_path):
-    """``TetMesh.create_from_file`` gives back k_mu and k_lambda to float32."""
-    newton = pytest.importorskip("newton")
-    mesh = beam(varying=True)
-    assert mesh.material is not None
-    export_mesh(mesh, "newton", tmp_path / f"m{suffix}")
-    read = newton.TetMesh.create_from_file(str(tmp_path / f"m{suffix}"))
-    lam, mu = lame_parameters(mesh.material.E, mesh.material.nu)
-    np.testing.assert_allclose(np.asarray(read.k_mu), mu, rtol=1e-6)
-    np.testing.assert_allclose(np.asarray(read.k_lambda), lam, rtol=1e-6)
-    np.testing.assert_array_equal(np.asarray(read.tet_indices), mesh.tets.ravel())
-
-
 def test_usd_finds_a_valid_tet_mesh_with_bound_materials(tmp_path):
     """No inverted element, the surface as we have it, subsets a partition, E of each exact."""
     pytest.importorskip("pxr")

@@ -92,8 +92,10 @@ def shell(tmp_path_factory):
 
 
 def with_marks(page):
-    """A page whose blocks read Debian's furniture belongs to the tests that have it."""
-    marks = [pytest.mark.real] if "apx.catalog(" in page.read_text(encoding="utf-8") else []
+    """A page whose blocks want Debian's furniture or another program goes with their tests."""
+    words = page.read_text(encoding="utf-8")
+    wanted = {"apx.catalog(": pytest.mark.real, "import newton": pytest.mark.external}
+    marks = [mark for text, mark in wanted.items() if text in words]
     return pytest.param(page, id=page.relative_to(ROOT).as_posix(), marks=marks)
 
 
