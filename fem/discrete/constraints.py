@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 from ..device import start_warp
 from ..errors import InputError
@@ -32,6 +33,20 @@ def node_supports(supports: Supports, space: Space) -> Supports:
     )
 
 
+def free_components(fixed: Bool[np.ndarray, "nodes 3"], device: Any) -> Any:
+    """Array of vec3d on a device: 1 where a component is free, 0 where it is ``fixed``."""
+    from . import kernels_matrix as k
+
+    wp = start_warp()
+    if not wp.get_device(device).is_cuda:
+        return wp.array(~fixed, dtype=wp.vec3d, device=device)
+    given = wp.array(fixed.ravel().view(np.uint8), dtype=wp.uint8, device=device)  # an eighth
+    free = wp.empty(len(fixed), dtype=wp.vec3d, device=device)
+    numbers = free.view(wp.float64).flatten()
+    wp.launch(k.lift_fixed, len(given), inputs=[given, numbers], device=device)
+    return free
+
+
 def apply_supports(
     matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray | None = None
 ) -> None:
@@ -42,7 +57,7 @@ def apply_supports(
     device = matrix.values.device
     if springs is not None and springs.any():
         add_diagonal(matrix, springs)
-    free = wp.array(~fixed, dtype=wp.vec3d, device=device)
+    free = free_components(fixed, device)
     inputs = [matrix.rows, matrix.columns, free, matrix.values]
     wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
 

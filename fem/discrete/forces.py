@@ -107,10 +107,11 @@ def load_vector(
     nodal ``forces`` [N] of the points or of all nodes, (points, 3) or (nodes, 3).
     """
     space = grid.space
-    total = np.zeros((len(space.nodes), 3))
     gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
     if gravity.any():
-        total += gravity_force(grid, material_of(mesh).rho, gravity)
+        total = gravity_force(grid, material_of(mesh).rho, gravity)
+    else:
+        total = np.zeros((len(space.nodes), 3))
     if body is not None:
         total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:

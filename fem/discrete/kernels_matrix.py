@@ -116,6 +116,12 @@ def add_pairs(
 
 
 @wp.kernel
+def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: wp.array(dtype=wp.float64)):
+    i = wp.tid()
+    free[i] = wp.float64(1.0) - wp.float64(fixed[i])
+
+
+@wp.kernel
 def fix_rows(
     rows: wp.array(dtype=wp.int32),
     columns: wp.array(dtype=wp.int32),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
+from ..discrete.constraints import free_components
 from ..errors import ConvergenceError
 from .inversion import inversion
 
@@ -54,6 +55,7 @@ class Coarse:
     ``members`` lists P by columns on a GPU: where those of every aggregate start, entries, rows.
     """
 
+    groups: Groups
     start: Any
     aggregates: Any
     transfer: Any
@@ -193,7 +195,7 @@ def coarsen(
 
     wp = start_warp()
     device, pattern = A.values.device, [A.rows, A.columns]
-    free = wp.array(~fixed, dtype=wp.vec3d, device=device)
+    free = free_components(fixed, device)
     groups = _groups(A, points, free)
     motion = _motions(groups, lower, free)
     launch = Recorder(A.nodes, device)
@@ -203,23 +205,52 @@ def coarsen(
     total = int(start[A.nodes :].numpy()[0])
     aggregates = wp.empty(total, dtype=wp.int32, device=device)
     transfer = wp.empty(total, dtype=k.mat36d, device=device)
-    P = (start, aggregates, transfer)
+    count = len(groups.extent)
+    made = Coarse(groups, start, aggregates, transfer, None, count, None, None)
+    matrix = _galerkin(A, groups, motion, largest, made)
+    if not device.is_cuda:
+        return replace(made, factor=_cholesky(matrix.numpy()))
+    members = _members(start, aggregates, count)
+    return replace(made, members=members, inverse=inversion(len(matrix), str(device))(matrix))
+
+
+def coarsen_again(
+    like: Coarse,
+    A: BlockMatrix,
+    lower: Any,
+    points: np.ndarray,
+    fixed: np.ndarray,
+    largest: float,
+) -> bool:
+    """Make the space ``like`` that of another matrix of its pattern, in the same arrays, on a GPU.
+
+    False where its groups would be others.
+    """
+    free = free_components(fixed, A.values.device)
+    groups = _groups(A, points, free)
+    if groups is not like.groups and not np.array_equal(
+        groups.label.numpy(), like.groups.label.numpy()
+    ):
+        return False
+    matrix = _galerkin(A, groups, _motions(groups, lower, free), largest, like)
+    start_warp().copy(like.inverse, inversion(len(matrix), str(matrix.device))(matrix))
+    return True
+
+
+def _galerkin(A: BlockMatrix, groups: Groups, motion: Any, largest: float, made: Coarse) -> Any:
+    """Smooth the ``motion`` of the groups into the P of ``made``; the coarse matrix P^T A P."""
+    from . import kernels_coarse as k
+
+    wp, device = start_warp(), A.values.device
+    launch, pattern = Recorder(A.nodes, device), [A.rows, A.columns]
+    P = (made.start, made.aggregates, made.transfer)
     omega = 4 / (3 * largest)
     launch(k.smooth, [*pattern, A.values, groups.label, motion, omega, *P]).launch()
-    count = len(groups.extent)
-    matrix = wp.zeros((6 * count, 6 * count), dtype=wp.float64, device=device)
+    matrix = wp.zeros((6 * made.count, 6 * made.count), dtype=wp.float64, device=device)
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
-    if device.is_cuda:
-        return Coarse(
-            *P,
-            _members(start, aggregates, count),
-            count,
-            None,
-            inversion(len(matrix), str(device))(matrix),
-        )
-    return Coarse(*P, None, count, _cholesky(matrix.numpy()), None)
+    return matrix
 
 
 def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:

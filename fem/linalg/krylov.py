@@ -197,34 +197,57 @@ class ConjugateGradients:
         return int(iterations)
 
 
-def largest_eigenvalue(matrix: BlockMatrix) -> float:
-    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one."""
-    from . import kernels_krylov as k
+class LargestEigenvalue:
+    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one.
 
-    wp = start_warp()
-    steps = min(LANCZOS_STEPS, 3 * matrix.nodes)
-    device = matrix.values.device
-    v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
-    # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
-    along, square = (wp.zeros(steps + 1, dtype=wp.float64, device=device) for _ in range(2))
-    launch = Recorder(matrix.nodes, device)
-    direction = launch(k.lanczos_direction, [w, square, 0, v, old])
-    multiply = matrix.product(v, w)
-    residual = launch(k.lanczos_residual, [v, old, along, square, 0, w])
-    length, curvature = Inner(w, w, square, 0), Inner(w, v, along, 0)
-    launch(k.lanczos_start, [w]).launch()
-    for step in range(steps):
-        direction.set_param_at_index(2, step)
-        residual.set_param_at_index(4, step)
-        length.launch(step)
-        direction.launch()
-        multiply.launch()
-        curvature.launch(step)
-        residual.launch()
-    off = np.sqrt(square.numpy()[1:steps])
-    # A vector that vanished ended the search: what came after it is no number.
-    good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
-    T = np.diag(along.numpy()[: good + 1]) + np.diag(off[:good], 1) + np.diag(off[:good], -1)
-    if not np.isfinite(T).all():
-        return np.nan
-    return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1])
+    Asked again it answers for the values that the matrix has then: on a GPU by one graph.
+    """
+
+    def __init__(self, matrix: BlockMatrix) -> None:
+        from . import kernels_krylov as k
+
+        wp, device = start_warp(), matrix.values.device
+        self.steps, self.device = min(LANCZOS_STEPS, 3 * matrix.nodes), device
+        v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
+        # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
+        self.along, self.square = (
+            wp.zeros(self.steps + 1, dtype=wp.float64, device=device) for _ in range(2)
+        )
+        launch = Recorder(matrix.nodes, device)
+        self.start = launch(k.lanczos_start, [w])
+        self.direction = launch(k.lanczos_direction, [w, self.square, 0, v, old])
+        self.multiply = matrix.product(v, w)
+        self.residual = launch(k.lanczos_residual, [v, old, self.along, self.square, 0, w])
+        self.length, self.curvature = Inner(w, w, self.square, 0), Inner(w, v, self.along, 0)
+        self.vectors, self.graph = (v, old, w), None
+
+    def __call__(self) -> float:
+        """Return the eigenvalue."""
+        wp = start_warp()
+        if not self.device.is_cuda:
+            self._iterate()
+        else:
+            if self.graph is None:
+                with wp.ScopedCapture(device=self.device) as capture:
+                    self._iterate()
+                self.graph = capture.graph
+            wp.capture_launch(self.graph)
+        along, square = self.along.numpy(), self.square.numpy()
+        off = np.sqrt(square[1 : self.steps])
+        # A vector that vanished ended the search: what came after it is no number.
+        good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
+        T = np.diag(along[: good + 1]) + np.diag(off[:good], 1) + np.diag(off[:good], -1)
+        return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1]) if np.isfinite(T).all() else np.nan
+
+    def _iterate(self) -> None:
+        for cleared in (self.along, self.square, *self.vectors):
+            cleared.zero_()
+        self.start.launch()
+        for step in range(self.steps):
+            self.direction.set_param_at_index(2, step)
+            self.residual.set_param_at_index(4, step)
+            self.length.launch(step)
+            self.direction.launch()
+            self.multiply.launch()
+            self.curvature.launch(step)
+            self.residual.launch()

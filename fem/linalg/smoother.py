@@ -61,9 +61,9 @@ class SingleSmoother:
         wp = start_warp()
         device, size = matrix.values.device, 3 * matrix.nodes
         launch = Recorder(size, device)
-        sliced = SlicedMatrix(matrix, wp.float32)
-        sliced.refresh()
-        A = sliced.arrays
+        self.sliced = SlicedMatrix(matrix, wp.float32)
+        self.sliced.refresh()
+        A = self.sliced.arrays
         self.r, self.z = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(2))
         r, z = (v.view(wp.float64).flatten() for v in (self.r, self.z))
         res, x, *d = (wp.zeros(size, dtype=wp.float32, device=device) for _ in range(4))

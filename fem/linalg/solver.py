@@ -91,10 +91,10 @@ def solve_system(
             patience = iterations_worth(plan, matrix)
             if patience <= USUAL:
                 return solve_direct(matrix, b, plan, tolerance)
-    system = scale(matrix)
+    held = {"points": points, "fixed": fixed}
+    system = known_system(matrix) or scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
-    held = {"points": points, "fixed": fixed}
     limit = min(patience, MAX_ITERATIONS)
     below = _level_edges(matrix, edges)
     try:
@@ -188,9 +188,8 @@ def solve_iterative(
     from . import kernels_solver as k
 
     wp = start_warp()
-    cycle = TwoLevel(system, points, fixed, edges=edges)
     name = CG_AGGREGATES if edges is None else CG_LINEAR
-    cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
+    cycle, cg = _prepared(system, points, fixed, edges)
     launch = Recorder(system.matrix.nodes, cycle.device)
     size = _length(b) or 1.0
     # The V-cycle may be in single precision, whose range is small.
@@ -214,6 +213,47 @@ def solve_iterative(
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     change = size * _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
     return Solution(x, error, iterations, floor, change=change, solver=name)
+
+
+class _Kept(NamedTuple):
+    system: Scaled
+    cycle: TwoLevel
+    cg: ConjugateGradients
+
+
+# What solved the last systems on a GPU: graphs of launches on arrays that the next of the same
+# pattern can take.
+_RECENT: list[_Kept] = []
+_MOST_KEPT = 1
+
+
+def known_system(matrix: BlockMatrix) -> Scaled | None:
+    """The last system of the pattern of ``matrix`` on a GPU, with its numbers; None: there is none.
+
+    What is known of an older system in the same arrays is no longer true.
+    """
+    for kept in _RECENT:
+        if kept.system.matrix.columns is matrix.columns:
+            kept.system.take(matrix)
+            return kept.system
+    return None
+
+
+def _prepared(
+    system: Scaled, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
+) -> tuple[TwoLevel, ConjugateGradients]:
+    """Preconditioner and CG of a ``system``: those of its arrays where they fit it, or new ones."""
+    for kept in _RECENT:
+        if kept.system is system:
+            if kept.cycle.take(system, points, fixed):
+                return kept.cycle, kept.cg
+            _RECENT.remove(kept)
+    cycle = TwoLevel(system, points, fixed, edges=edges)
+    cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
+    if edges is None and system.matrix.values.device.is_cuda:
+        _RECENT.insert(0, _Kept(system, cycle, cg))
+        del _RECENT[_MOST_KEPT:]
+    return cycle, cg
 
 
 def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:

@@ -9,13 +9,16 @@ import numpy as np
 
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
-from .coarse import coarsen
+from .coarse import coarsen, coarsen_again
 from .corners import CornerLevel
-from .krylov import BLOCK, largest_eigenvalue
+from .krylov import BLOCK, LargestEigenvalue
 from .smoother import DEGREE, SingleSmoother, Smoother
 
+# A smoother serves matrices whose largest eigenvalue is this near: its margin covers as much.
+LIKE = 0.97
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(eq=False)
 class Scaled:
     """The system with unit diagonal blocks: ``matrix`` = inv(L) A inv(L)^T, L block diagonal.
 
@@ -25,7 +28,20 @@ class Scaled:
     matrix: BlockMatrix
     lower: Any
     inverse: Any
+    commands: list[Any]
+    eigenvalue: LargestEigenvalue
     largest: float
+
+    def take(self, matrix: BlockMatrix) -> None:
+        """Become the system of another ``matrix`` of the same pattern, in the same arrays."""
+        start_warp().copy(self.matrix.values, matrix.values)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Scale the numbers that the matrix has."""
+        for command in self.commands:
+            command.launch()
+        self.largest = self.eigenvalue()
 
 
 def scale(matrix: BlockMatrix) -> Scaled:
@@ -37,11 +53,14 @@ def scale(matrix: BlockMatrix) -> Scaled:
     lower = wp.empty(matrix.nodes, dtype=wp.mat33d, device=device)
     inverse = wp.empty(matrix.nodes, dtype=wp.mat33d, device=device)
     arrays = [matrix.rows, matrix.columns]
-    inputs = [*arrays, matrix.values, lower, inverse]
-    wp.launch(k.factor_diagonal, matrix.nodes, inputs=inputs, device=device)
-    inputs = [*arrays, inverse, matrix.values]
-    wp.launch(k.scale_blocks, matrix.nodes, inputs=inputs, device=device)
-    return Scaled(matrix, lower, inverse, largest_eigenvalue(matrix))
+    launch = Recorder(matrix.nodes, device)
+    commands = [
+        launch(k.factor_diagonal, [*arrays, matrix.values, lower, inverse]),
+        launch(k.scale_blocks, [*arrays, inverse, matrix.values]),
+    ]
+    system = Scaled(matrix, lower, inverse, commands, LargestEigenvalue(matrix), np.nan)
+    system.refresh()
+    return system
 
 
 class AggregateLevel:
@@ -84,7 +103,8 @@ class AggregateLevel:
         launch = Recorder(len(z), self.device)
         given = coarse.transfer.view(wp.float64).flatten()
         transfer = wp.empty(len(given), dtype=wp.float32, device=self.device)
-        launch(k.narrow, [given, transfer], size=len(given)).launch()
+        self.narrow = launch(k.narrow, [given, transfer], size=len(given))
+        self.narrow.launch()
         restrict = wp.launch_tiled(
             k.single_restrict,
             dim=[coarse.count],
@@ -95,6 +115,17 @@ class AggregateLevel:
         )
         P = [coarse.start, coarse.aggregates, transfer]
         return [restrict, launch(k.single_prolong, [*P, self.flat[1], z])]
+
+    def take(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> bool:
+        """Become the level of another system of the same pattern, in the same arrays, on a GPU.
+
+        False where it has other groups of nodes.
+        """
+        known = (scaled.matrix, scaled.lower, points, fixed)
+        if not coarsen_again(self.coarse, *known, scaled.largest):
+            return False
+        self.narrow.launch()
+        return True
 
     def apply(self) -> None:
         """Correct z by what the motions can of r."""
@@ -138,7 +169,7 @@ class TwoLevel:
         degree: int = DEGREE,
         edges: np.ndarray | None = None,
     ) -> None:
-        on_gpu = scaled.matrix.values.device.is_cuda
+        on_gpu, self.largest = scaled.matrix.values.device.is_cuda, scaled.largest
         smoother = SingleSmoother if on_gpu else Smoother
         self.smoother = smoother(scaled.matrix, scaled.largest, degree)
         self.r, self.z, self.device = self.smoother.r, self.smoother.z, self.smoother.r.device
@@ -147,6 +178,20 @@ class TwoLevel:
             self.level = AggregateLevel(scaled, points, fixed, *vectors)
         else:
             self.level = CornerLevel(scaled.matrix, scaled.lower, edges, fixed, *vectors)
+
+    def take(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> bool:
+        """Become the cycle of another system of the same pattern, in the same arrays, on a GPU.
+
+        False where its polynomials or groups of nodes would be others: make a new one then.
+        """
+        level, smoother = self.level, self.smoother
+        if not (isinstance(level, AggregateLevel) and isinstance(smoother, SingleSmoother)):
+            return False
+        known = LIKE * self.largest <= scaled.largest <= self.largest / LIKE
+        if not known or not level.take(scaled, points, fixed):
+            return False
+        smoother.sliced.refresh()
+        return True
 
     def apply(self) -> None:
         """Compute ``z`` from ``r``."""

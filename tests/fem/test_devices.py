@@ -1,9 +1,12 @@
 """The same answers on every device of this machine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import checked_device, start_warp
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.linalg import solver
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.supports import Supports
@@ -30,6 +33,24 @@ def test_tip_of_the_bench_problem(beam, device, order, tip):
     result = solve_static(beam, held, gravity_vector=(0, 0, -9.81), order=order, device=device)
     assert result.displacement[beam.points[:, 0] == 1, 2].mean() == pytest.approx(tip, rel=1e-7)
     assert result.residual <= 1e-8
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_what_is_kept_of_a_mesh_serves_its_other_bodies(beam, device):
+    """Other moduli, a stronger contrast, another support: each the answer of its first time."""
+    ends = [np.flatnonzero(beam.points[:, 0] == x) for x in (0, 1)]
+    soft = beam.centroids[:, 0] > 0.5
+    bodies = []
+    for share, end in ((1.0, 0), (3.0, 0), (1e-6, 0), (3.0, 1), (1.0, 0)):
+        taken = replace(beam.material, E=beam.material.E * np.where(soft, share, 1.0))
+        held = Supports.clamp(len(beam.points), ends[end])
+        bodies.append((beam.with_material(taken), held))
+    options = {"gravity_vector": (0, 0, -9.81), "order": 1, "device": device}
+    in_a_row = [solve_static(*body, **options).displacement for body in bodies]
+    for body, known in zip(bodies, in_a_row, strict=True):
+        solver._RECENT.clear()
+        alone = solve_static(*body, **options).displacement
+        np.testing.assert_allclose(known, alone, atol=1e-6 * np.abs(alone).max())
 
 
 @pytest.mark.parametrize("device", DEVICES)
