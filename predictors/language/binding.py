@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from ..vocabulary.lexicon import Phrase, known_parts, part_name_words, part_words, positions, words
+from ..vocabulary.lexicon import (
+    Phrase,
+    known_parts,
+    part_name_words,
+    part_words,
+    places,
+    positions,
+    words,
+)  # fmt: skip
 from .clauses import Clause, Sentence
 
 How = Literal["name", "label", "synonym", "rest", "whole"]
@@ -102,7 +110,17 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
     kept = {k for k, clause in enumerate(clauses) if _only_excludes(clause)}  # "no plastic"
     left = sorted({*lost, *whole, *rest} - taken - idle - kept)
-    return Bound(sentence, tuple(bound), tuple(left))
+    counted = tuple(_counted(clause, k, bound) for k, clause in enumerate(clauses))
+    return Bound(replace(sentence, clauses=counted), tuple(bound), tuple(left))
+
+
+def _counted(clause: Clause, k: int, bound: Sequence[BoundPart]) -> Clause:
+    """A clause, with a doubt where it speaks of fewer parts than are called so: "3 of the legs"."""
+    said, there = clause.subject.count, sum(k in part.clauses for part in bound)
+    if said is None or said >= there or there == 1:
+        return clause
+    doubt = f"{said or 'some'} of {there} such parts are spoken of, and not which: all have it"
+    return replace(clause, doubts=(*clause.doubts, doubt))
 
 
 def _is_other(clause: Clause) -> bool:
@@ -170,7 +188,8 @@ class _Part:
         nouns = [w for w in self.own if w.isalpha() and w not in sided and len(w) > 1]
         self.head = nouns[-1] if nouns else next(iter(self.own[-1:]), "")
         self.sides = positions(self.own)
-        self.tail = [word for word in self.own if word.isalpha()][-1:]
+        aside = places() - known_parts()  # the last word of "leg_left" is leg, of "table_top" top
+        self.tail = [word for word in self.own if word.isalpha() and word not in aside][-1:]
 
     def tier(self, word: str) -> int:
         """How a word names this part, 0 where it does not."""

@@ -29,12 +29,15 @@ class Subject:
         Parts that a whole or a rest leaves out: "all but the seat".
     holds
         Whether it is said to have parts itself: "a bookcase with a plywood back".
+    count
+        How many of the parts so called, 0 for "some"; None where it is not said.
     """
 
     scope: Scope
     names: tuple[tuple[str, ...], ...] = ()
     exceptions: tuple[tuple[str, ...], ...] = ()
     holds: bool = False
+    count: int | None = None
 
 
 @dataclass(frozen=True)

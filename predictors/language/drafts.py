@@ -29,6 +29,7 @@ class Draft:
     names: list[Phrase] = field(default_factory=list)
     exceptions: list[Phrase] = field(default_factory=list)
     named: bool = False  # a part of the asset is called so
+    count: int | None = None  # how many of its kind, 0 for some
     holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
     mixed: bool = False  # numbers or strange words stand beside its name
     own: bool = False  # its matter is but what its name says: "bones", "glass"
@@ -266,7 +267,7 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
     return Clause(
         text=text[start:end],
         span=(start, end),
-        subject=Subject(scope, names, tuple(draft.exceptions), draft.holds),
+        subject=Subject(scope, names, tuple(draft.exceptions), draft.holds, draft.count),
         material=draft.material.name if draft.material else None,
         unknown=unknown,
         nearest=lexicon.nearest(unknown),

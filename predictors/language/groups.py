@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from typing import Literal
 
 from ...fem.scene.materials import Material
 from ..lexemes.lexeme import Lexeme
 from ..lexemes.treatments import implied, is_hue, puts_hue
+from ..quantities.number_words import counted_by
 from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
 
@@ -61,6 +63,12 @@ class Group:
         start = next((m.lexeme.start for m in self.values), 0)
         nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
         return [] if self.named else [x.text for x in nouns if x.end < start]
+
+    @property
+    def count(self) -> int | None:
+        """How many of a kind are spoken of, 0 for "some": "three legs"."""
+        before = takewhile(lambda x: not x.part, self.lexemes)
+        return next((n for n in map(counted_by, (x.text for x in before)) if n is not None), None)
 
     @property
     def is_thing(self) -> bool:
@@ -117,6 +125,8 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             out.append(Mention("number", lexeme, lexeme.value))
         elif role in ("word", "part"):
             out.append(_word(lexeme, run, i))
+        elif counted_by(lexeme.text) is not None and not _hyphened(run, i):
+            out.append(Mention("modifier", replace(lexeme, words=())))  # "three legs"
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
@@ -142,8 +152,11 @@ def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bo
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
     """A part's word, a modifier, or a name that nobody knows beside a part of the asset."""
     plain = replace(lexeme, words=())
+    after = next((x for x in run[i + 1 :] if x.role != "hyphen"), lexeme)
+    if not lexeme.part and {*lexeme.words} & places() and (after.part or {*after.words} & places()):
+        return Mention("modifier", lexeme)  # "back left leg", "back-left leg"
     strange = not lexeme.known
-    compound = any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2]) and i + 1 < len(run)
+    compound = _hyphened(run, i) and i + 1 < len(run)
     if not lexeme.part and (compound or (strange and lexeme.text.lower().endswith("ed"))):
         return Mention("modifier", plain)  # "hot-dip", "rotomoulded"
     if lexeme.part or strange or lexeme.tag.startswith(("NN", "FW", "XX", "ADD")):
@@ -152,6 +165,10 @@ def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
         return Mention("unknown" if strange and beside else "part", lexeme)
     is_adjective = lexeme.tag.startswith(("JJ", "CD", "V", "RP"))
     return Mention("modifier", lexeme if is_adjective else plain)
+
+
+def _hyphened(run: list[Lexeme], i: int) -> bool:
+    return any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2])
 
 
 def _dress(out: list[Mention], lexeme: Lexeme, role: str, *, last: bool) -> None:

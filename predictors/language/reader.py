@@ -102,7 +102,7 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
         elif sign in "tY":
             yield Constituent(sign, Draft("whole"))
         else:
-            after = lexemes[at + 1].role if at + 1 < len(lexemes) else ""
+            after = next((x.role for x in lexemes[at + 1 :] if x.tag != "DT"), "")
             draft.holds = draft.holds or (sign == "w" and after not in ("number", "told"))
             yield Constituent(sign)
         before, at = sign, at + 1
@@ -192,6 +192,7 @@ def _token(group: Group, lexicon: ReaderLexicon, last: Phrase) -> Constituent:
     draft = Draft("parts" if group.part else "none", [group.part] if group.part else [])
     draft.named, draft.lexemes = group.named, list(group.lexemes)
     draft.article = any(x.tag in ("DT", "PRP$") for x in group.lexemes)
+    draft.count = group.count
     draft.holds = group.is_thing and not (last and group.values)
     for mention in group.values:
         draft.take(mention, lexicon)

@@ -19,6 +19,11 @@ _MULTIPLE = re.compile(r"(?<![\w.,])(\d[\d.,]*)[ -](?i:(thousand|million|billion
 _FRACTION = re.compile(r"(?<=ratio )((?:of |is )?)(?i:(?:one|a) (third|quarter))(?!\w)")
 
 
+def counted_by(text: str) -> int | None:
+    """Return what digits or a word count, None where they count nothing: "4", "three"."""
+    return int(text) if text.isdigit() else _COUNTS.get(text.lower())
+
+
 def in_digits(text: str) -> tuple[str, dict[int, int]]:
     """Return a text of the same length whose numbers in words are digits.
 

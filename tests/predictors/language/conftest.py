@@ -19,7 +19,7 @@ def clauses_of(table):
         sentence = parse(text, table, names)
         bound = bind(sentence, [[name] for name in names])
         return {
-            name: [sentence.clauses[k] for k in part.clauses]
+            name: [bound.sentence.clauses[k] for k in part.clauses]
             for name, part in zip(names, bound.parts, strict=True)
         }
 

@@ -94,3 +94,58 @@ def test_wholes_exceptions_and_places_are_read_where_they_stand(agree):
         the body is a blend of PC and ABS => body: PC/ABS
         the post is fibreglass painted like cast iron => post: fibreglass
     """)
+
+
+LEGS = ["top", "leg_fl", "leg_fr", "leg_bl", "leg_br"]
+
+
+def _rows(clauses_of, text, names):
+    found = clauses_of(text, names)
+    return {n: next((c.material for c in cs if c.material), None) for n, cs in found.items()}
+
+
+def test_two_sides_of_a_part_both_count(clauses_of):
+    """The "back left leg" is one leg and not two, whatever the tagger makes of "back"."""
+    for text, leg in [
+        ("the back left leg is brass", "leg_bl"),
+        ("back right leg: brass", "leg_br"),
+        ("back-left leg brass", "leg_bl"),
+        ("the front-right leg is brass", "leg_fr"),
+        ("the rear left leg is brass", "leg_bl"),
+        ("the left back leg is brass", "leg_bl"),
+    ]:
+        rows = _rows(clauses_of, text, LEGS)
+        assert [n for n, row in rows.items() if row == "brass"] == [leg], (text, rows)
+
+
+def test_fewer_than_there_are_is_told(clauses_of):
+    """Three of four legs: nobody knows which, unless the fourth is named."""
+    for text in (
+        "3 of the legs are steel",
+        "three legs are steel",
+        "one of the legs is steel",
+        "some of the legs are steel",
+        "half of the legs are steel",
+    ):
+        found = clauses_of(text, LEGS)
+        assert not found["top"], text
+        for leg in LEGS[1:]:
+            assert any("not which" in d for c in found[leg] for d in c.doubts), text
+    for text in (
+        "four legs of steel",
+        "the 4 legs are steel",
+        "the legs are steel",
+        "all of the legs are steel",
+        "each of the legs is steel",
+        "3 of the legs are steel, the back left leg is brass",
+    ):
+        found = clauses_of(text, LEGS)
+        assert not any(c.doubts for cs in found.values() for c in cs), text
+
+
+def test_a_part_that_has_values_is_not_the_whole(clauses_of):
+    """ "The body has a modulus" speaks of the part that is called so."""
+    text = "The body has a Young's modulus of 3 MPa and a density of 500 kg/m^3"
+    found = clauses_of(text, ["body", "lid"])
+    assert [q.value for q in found["body"][0].numbers] == [3e6, 500.0]
+    assert not found["lid"]
