@@ -17,6 +17,9 @@ from .groups import Mention
 
 SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
 _BESIDE = 12  # letters between a state and its matter: "rusty galvanised steel"
+_LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
+_SAME = ("phrase", "kind", "coating", "filling", "blend")
+_SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
 _NAMES = ("NN", "NNP", "FW", "XX", "UH")  # tags of what may be a name
 _NAMING = ("word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
 
@@ -120,11 +123,7 @@ class Draft:
     @property
     def says(self) -> bool:
         """Whether anything was said."""
-        return bool(
-            self.material or self.unknown or self.excluded or self.levels or self.character
-            or self.numbers or self.comparisons or self.coating or self.filling or self.blend
-            or self.same is not None
-        )  # fmt: skip
+        return self.same is not None or any(getattr(self, name) for name in _SAYS)
 
     @property
     def said(self) -> list[str]:
@@ -264,24 +263,19 @@ def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
         draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
     unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft, lexicon)
     scope = "none" if draft.scope == "parts" and not names else draft.scope
+    same: dict[str, Any] = {name: getattr(draft, name) for name in _SAME}
+    same |= {name: tuple(dict.fromkeys(getattr(draft, name))) for name in _LISTS}
     return Clause(
-        text=text[start:end],
-        span=(start, end),
-        subject=Subject(scope, names, tuple(draft.exceptions), draft.holds, draft.count),
-        material=draft.material.name if draft.material else None,
+        text[start:end],
+        (start, end),
+        Subject(scope, names, tuple(draft.exceptions), draft.holds, draft.count),
+        draft.material.name if draft.material else None,
         unknown=unknown,
         nearest=lexicon.nearest(unknown),
         stiffness=draft.levels.get("stiffness"),
         density=draft.levels.get("density"),
-        character=tuple(dict.fromkeys(draft.character)),
+        excluded=tuple(x for x in draft.excluded if not draft.material or x != draft.material.name),
         doubts=doubts,
         certainty=MENDED if doubts else SURE,
-        phrase=draft.phrase,
-        kind=draft.kind,
-        coating=draft.coating,
-        filling=draft.filling,
-        blend=draft.blend,
-        excluded=tuple(x for x in draft.excluded if not draft.material or x != draft.material.name),
-        numbers=tuple(draft.numbers),
-        comparisons=tuple(draft.comparisons),
+        **same,
     )

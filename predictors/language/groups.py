@@ -14,22 +14,11 @@ from ..quantities.number_words import counted_by
 from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
 
-_SAYING = ("material", "level", "number", "unknown", "blend", "comparison")
+_SAYING = ("material", "level", "number", "unknown")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
-_SMALL = (
-    "character",
-    "empty",
-    "attributes",
-    "coating",
-    "idle",
-    "look",
-    "factors",
-    "fill",
-    "vague",
-    "coat",
-)
+_SMALL = "character empty attributes coating idle look factors fill vague coat".split()
 Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
-               "comparison", "blend", "left", "kin"]  # fmt: skip
+               "left", "kin"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -119,9 +108,7 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role in ("stiffness", "density", "character"):
             out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
             degree = ""
-        elif role == "compare":
-            out.append(Mention("comparison", lexeme, lexeme.value))
-        elif role == "number":
+        elif role in ("number", "compare"):
             out.append(Mention("number", lexeme, lexeme.value))
         elif role in ("word", "part"):
             out.append(_word(lexeme, run, i))

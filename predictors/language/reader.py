@@ -86,8 +86,6 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
                 before = ""
                 yield token
             at = end
-            if end < len(lexemes) and _is_grouped(lexemes, end, at):
-                yield Constituent(".")
             continue
         lexeme = lexemes[at]
         sign = signs.get(lexeme.role, "p")
@@ -114,7 +112,7 @@ def _run_end(lexemes: Sequence[Lexeme], at: int, before: str) -> int:
     while end < len(lexemes) and _is_grouped(lexemes, end, at):
         after = lexemes[end + 1].role if end + 1 < len(lexemes) else ""
         owed = before == "=" and any(x.role == "material" for x in lexemes[at:end])
-        if owed and lexemes[end].part and after == "is":
+        if owed and after == "is":
             break
         end += 1
     return end
@@ -129,9 +127,6 @@ def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     states = (*words()["conditions"]["words"], *words()["states"]["words"])
     if lexeme.text.lower() in states and role in ("material", "word"):
         return True
-    if lexeme.role == "fill":  # "foam-filled"
-        close = bool(run) and run[-1].role in ("material", "hyphen")
-        return close and lexeme.text.lower() in ("filled", "stuffed")
     if lexeme.role == "coat" and role in ("with", "of"):
         return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."
     if lexeme.role == "word" and lexeme.tag.startswith("V") and lexeme.known:
@@ -159,18 +154,8 @@ def _groups(
             if not part:
                 yield Constituent("W", Draft("whole", lexemes=group.lexemes))
                 continue
-        if (
-            part
-            and group.values
-            and before == "=" == after
-            and group.named
-            and not group.part_first
-        ):
-            said = [m.lexeme for m in group.values]
-            yield _token(replace(group, part=(), lexemes=said), lexicon, last)
-            group = replace(group, values=[])
         token = _token(replace(group, part=part), lexicon, last)
-        if token.draft and token.sign in "Ss":
+        if token.draft:
             token.draft.mixed = is_mixed(run)
         yield token
         last = part or last
@@ -181,10 +166,8 @@ def _full_name(group: Group, last: Phrase) -> Phrase:
     if last and group.part and all(word.isdigit() for word in group.part):
         return (*(word for word in last if not word.isdigit()), *group.part)
     side = group.part[-1:] and group.part[-1] in places() and not group.named
-    own = bool(group.values) and group.part[-1:] and group.part[-1] in known_parts()
-    if last and side and not own:  # "a glass top" is a part of its own
-        return (*group.part, last[-1])
-    return group.part
+    own = group.values and side and group.part[-1] in known_parts()  # "a glass top"
+    return (*group.part, last[-1]) if last and side and not own else group.part
 
 
 def _token(group: Group, lexicon: ReaderLexicon, last: Phrase) -> Constituent:
