@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from ..vocabulary.lexicon import Phrase, known_parts, part_words
+from ..vocabulary.lexicon import known_parts, part_words
 from ..vocabulary.part_names import HEAD, LABEL, WORD, PartLabels, PartMatch, parts_named
 from .clauses import Clause, Sentence
 
@@ -75,7 +75,8 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             if settled or (name == "rest" and any(clauses[k].says_matter for k in ks)):
                 continue
             new = [k for k in general if k not in ks and not _is_excepted(i, parts, clauses[k])]
-            ks, how = ks + new, how + [name] * len(new)
+            ks += new
+            how.extend(name for _ in new)
         bound.append(BoundPart(tuple(ks), tuple(how)))
     taken = {k for part in bound for k in part.clauses}
     idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
@@ -159,8 +160,3 @@ def _how(tier: int) -> How:
 
 def _is_excepted(i: int, parts: Sequence[PartLabels], clause: Clause) -> bool:
     return any(i in parts_named(name, parts) for name in clause.subject.exceptions)
-
-
-def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:
-    """Indices of the parts that words name."""
-    return [*parts_named(words, [PartLabels(tuple(names)) for names in labels])]

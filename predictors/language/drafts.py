@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
+from operator import itemgetter
 from typing import Any
 
 from ...fem.scene.materials import Material
@@ -20,7 +21,6 @@ _BESIDE = 12  # letters between a state and its matter: "rusty galvanised steel"
 _LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
 _SAME = ("phrase", "kind", "coating", "filling", "blend")
 _SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
-_NAMES = ("NN", "NNP", "FW", "XX", "UH")  # tags of what may be a name
 _NAMING = ("word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
 
 
@@ -72,12 +72,10 @@ class Draft:
             self.blend = value
         elif isinstance(value, tuple):
             role, level = value
-            if role == "character":
-                self.character.append(level)
-            else:
+            bends = mention.lexeme.text.lower() in words()["bending"]["words"]
+            self.character += [level] if role == "character" else ["flexible"] if bends else []
+            if role != "character":
                 self.levels.setdefault(role, level)
-                bends = mention.lexeme.text.lower() in words()["bending"]["words"]
-                self.character += ["flexible"] if bends else []
         elif mention.kind == "unknown":
             self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
         elif mention.kind == "left":
@@ -144,8 +142,8 @@ def settle(drafts: list[Draft], lexed: Lexed) -> None:
         before = [*reversed(drafts[:i]), *drafts[i + 1 :]]
         others = [d for d in before if d.material or d.levels or d.numbers]
         head = draft.same[-1:]
-        alike = [d for d in others if any(name[-1:] == head for name in d.names)]
-        alike = alike if head else others[:1]
+        called = [d for d in others if any(name[-1:] == head for name in d.names)]
+        alike = called if head else others[:1]
         if not alike and draft.material and head:  # "the lid is oak like the box"
             draft.names.append(draft.same)
         elif not alike:
@@ -165,10 +163,7 @@ def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
     ]  # fmt: skip
     here = takewhile(lambda x: x.role in _NAMING, (x for x in lexemes if x.start >= start))
     last = max(x.start for x in draft.lexemes if x.part)
-    codes = [
-        x for x in here
-        if not x.part and (_is_code(x) or (x.start > last and x.tag in _NAMES and x.role == "word"))
-    ]  # fmt: skip
+    codes = [x for x in here if x.is_code or (x.start > last and x.is_name and not x.part)]
     draft.unknown = " ".join(dict.fromkeys(x.text for x in (*before, *codes)))
     if draft.unknown:
         draft.names = [tuple(w for x in draft.lexemes if x.part for w in x.words)]
@@ -177,12 +172,7 @@ def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
 def is_mixed(run: Sequence[Lexeme]) -> bool:
     """Whether more than a part's name stands in a run, as an unread matter after it does."""
     last = max((x.start for x in run if x.part), default=sys.maxsize)
-    late = any(x.start > last and x.tag in _NAMES and x.role == "word" for x in run)
-    return late or any(not x.part and _is_code(x) for x in run)
-
-
-def _is_code(lexeme: Lexeme) -> bool:
-    return not lexeme.known or lexeme.role in ("digits", "told")
+    return any(x.is_code or (x.start > last and x.is_name) for x in run)
 
 
 def unread_lexemes(
@@ -193,13 +183,13 @@ def unread_lexemes(
     taken = [
         x for draft in drafts for x in draft.lexemes
         if x.text in draft.unknown
-        or ((x.known or x.part or x.role != "word" or draft.material) and not _is_measure(x))
+        or ((x.known or x.part or x.role != "word" or draft.material) and not x.is_measure)
     ]  # fmt: skip
     taken += dropped
     spoken = {word for draft in drafts for name in draft.names for word in name}
     return tuple(
         x for x in lexed.lexemes
-        if (x.role in ("number", "told", "material") or not x.known or _is_measure(x))
+        if (x.role in ("number", "told", "material") or not x.known or x.is_measure)
         and not any(y.start <= x.start < y.end for y in taken)
         and not (x.part and set(x.words) <= spoken)  # "the soil is moist soil"
     )  # fmt: skip
@@ -207,7 +197,8 @@ def unread_lexemes(
 
 def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Lexeme]) -> None:
     """Tell what is unread with the statement that it stands in or after, else with the next."""
-    begins = sorted(((min(x.start for x in d.lexemes), d) for d in drafts if d.lexemes), key=_first)
+    begins = [(min(x.start for x in d.lexemes), d) for d in drafts if d.lexemes]
+    begins.sort(key=itemgetter(0))
     stops = [x.start for x in lexemes if x.role == "stop"]
     for lexeme in unread:
         start = max((at for at in stops if at < lexeme.start), default=-1)
@@ -217,15 +208,6 @@ def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Le
         for draft in before[-1:] or [d for _, d in near[:1]]:
             draft.notes += [lexeme.note] if lexeme.note else []
             draft.left += [] if lexeme.note else [lexeme.text]
-
-
-def _first(pair: tuple[int, Draft]) -> int:
-    return pair[0]
-
-
-def _is_measure(lexeme: Lexeme) -> bool:
-    """Whether a bare number counts nothing: "0.33"."""
-    return lexeme.role == "digits" and not lexeme.part and not lexeme.text.isdigit()
 
 
 def _doubts(draft: Draft, lexicon: ReaderLexicon) -> tuple[str, ...]:

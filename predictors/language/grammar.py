@@ -147,12 +147,11 @@ def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
     return bool(heads & set(containers["words"])) and loose and (fills or plural)
 
 
-def _is_strange(cascade: Cascade, _: Draft, other: Draft) -> bool:
+def _is_strange(cascade: Cascade, head: Draft, other: Draft) -> bool:
     """Whether a noun in the place of a material is meant for one that nobody knows."""
     strange = any(not x.known and x.tag != "RB" for x in other.lexemes) and not other.named
-    head = other.names[-1][-1]
-    known = other.article or other.named or head in known_parts()
-    return strange or not (known or cascade.lexicon.model.is_word(head, ("adj",)))
+    adjective = cascade.lexicon.model.is_word(other.names[-1][-1], ("adj",))
+    return strange or (_is_stuff(cascade, head, other) and not adjective)
 
 
 def _is_stuff(_: Cascade, __: Draft, other: Draft) -> bool:
@@ -176,10 +175,8 @@ def _coat(_: Cascade, head: Draft, other: Draft) -> None:
 # What a rule's groups say of its head.
 _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned,
-    "coating": _coat,
-    "filling": _fill, "contents": _fill, "unknown": _unknown, "strange": _unknown,
-    "stuff": _unknown,
-    "excluded": _negated,
+    "coating": _coat, "filling": _fill, "contents": _fill, "unknown": _unknown,
+    "strange": _unknown, "stuff": _unknown, "excluded": _negated,
     "values": lambda _, head, other: head.add(other),
     "made": lambda _, head, other: head.add(other),
     "first": lambda _, head, other: head.add(other), "last": lambda *_: None,

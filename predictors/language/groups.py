@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Literal
+from typing import Any, Literal
 
 from ...fem.scene.materials import Material
 from ..lexemes.lexeme import Lexeme
 from ..lexemes.treatments import implied, is_hue, puts_hue
 from ..quantities.number_words import counted_by
-from ..quantities.quantity import Blend, Comparison, Quantity
 from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
 
 _SAYING = ("material", "level", "number", "unknown")
@@ -27,7 +26,7 @@ class Mention:
 
     kind: Kind
     lexeme: Lexeme
-    value: Material | Quantity | Blend | Comparison | tuple | None = None
+    value: Any = None  # a Material, Quantity, Blend or Comparison; a level with its role
 
     @property
     def says(self) -> bool:
@@ -176,34 +175,21 @@ def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Menti
     for mention in mentions:
         last = next((m for m in reversed(out) if m.kind not in ("modifier", "level")), None)
         if mention.kind == "material" and last is not None and last.kind == "material":
-            if _repeats_family(mention, last, lexicon):
+            if lexicon.repeats(mention.value, mention.lexeme.words, last.value):
                 out.append(replace(mention, kind="kin", value=None))
                 continue
             # The later of two is the head; what the other says is told, but "steel St37".
-            kin = _repeats_family(last, mention, lexicon) or _is_like(last, mention)
+            repeats = lexicon.repeats(last.value, last.lexeme.words, mention.value)
+            kin = repeats or _is_like(last, mention)
             out[out.index(last)] = replace(last, kind="kin" if kin else "left", value=None)
         out.append(mention)
     return out
 
 
-def _repeats_family(said: Mention, beside: Mention, lexicon: ReaderLexicon) -> bool:
-    """Whether one of two only repeats the family of the other: "oak wood", "steel St37"."""
-    row, other = said.value, beside.value
-    if not isinstance(row, Material) or not isinstance(other, Material):
-        return False
-    if set(said.lexeme.words) < lexicon.row_words(other):
-        return True  # "6061-T6 aluminium"
-    generic = said.lexeme.words[-1] in lexicon.kinds or "(generic)" in row.name
-    kin = row.category.split()[-1] == other.category.split()[-1]
-    laminate = other.category == "composite" and row.category in ("plastic", "wood")
-    return row is other or (generic and kin) or laminate
-
-
 def _is_like(said: Mention, after: Mention) -> bool:
     """Whether one of two only says more of the other: "beech ply", "music wire A228", a colour."""
-    rows = [m.value for m in (said, after) if isinstance(m.value, Material)]
     beside = after.lexeme.start - said.lexeme.end <= 1 and said.lexeme.dep != "punct"
-    alike = len({row.category for row in rows}) == 1
+    alike = said.value.category == after.value.category
     return (alike and beside) or said.lexeme.text.lower() in words()["hues"]["colours"]
 
 
@@ -238,8 +224,7 @@ def _paired(blocks: list[list[Mention]]) -> list[Group]:
     out: list[Group] = []
     while blocks:
         first, *blocks = blocks
-        pairs = bool(blocks) and first[-1].says != part_first
-        if pairs:
+        if blocks and first[-1].says != part_first:
             second, *blocks = blocks
             parts, values = (_up_to_name(first), second) if part_first else (second, first)
             out.append(_group(parts, values, part_first=part_first))

@@ -24,10 +24,9 @@ from .groups import Group, groups_of
 
 LONGEST = 4000  # characters: a page of notes; a book is a mistake
 _GROUPED = (
-    "word", "material", "part", "number", "stiffness", "density", "character", "degree", "fake",
-    "coat", "coating", "look", "attributes", "empty", "compare", "idle", "factors", "vague",
-    "digits", "size", "told", "sign", "hyphen", "nobody", "all",
-)  # fmt: skip
+    "word material part number stiffness density character degree fake coat coating look attributes"
+    " empty compare idle factors vague digits size told sign hyphen nobody all"
+).split()
 
 
 def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
@@ -90,9 +89,8 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
         lexeme = lexemes[at]
         sign = signs.get(lexeme.role, "p")
         if sign == "W":
-            yield Constituent(
-                "W", Draft("rest" if lexeme.role == "rest" else "whole", lexemes=[lexeme])
-            )
+            scope = "rest" if lexeme.role == "rest" else "whole"
+            yield Constituent("W", Draft(scope, lexemes=[lexeme]))
         elif sign == "O":
             yield Constituent("O", Draft("parts", [("other", *last[-1:])]))
         elif sign == "m":
@@ -154,10 +152,7 @@ def _groups(
             if not part:
                 yield Constituent("W", Draft("whole", lexemes=group.lexemes))
                 continue
-        token = _token(replace(group, part=part), lexicon, last)
-        if token.draft:
-            token.draft.mixed = is_mixed(run)
-        yield token
+        yield _token(replace(group, part=part), lexicon, last, mixed=is_mixed(run))
         last = part or last
 
 
@@ -170,18 +165,17 @@ def _full_name(group: Group, last: Phrase) -> Phrase:
     return (*group.part, last[-1]) if last and side and not own else group.part
 
 
-def _token(group: Group, lexicon: ReaderLexicon, last: Phrase) -> Constituent:
+def _token(group: Group, lexicon: ReaderLexicon, last: Phrase, *, mixed: bool) -> Constituent:
     """A group as a token: S a part, V what is said, N that without a matter, B and P both."""
-    draft = Draft("parts" if group.part else "none", [group.part] if group.part else [])
-    draft.named, draft.lexemes = group.named, list(group.lexemes)
-    draft.article = any(x.tag in ("DT", "PRP$") for x in group.lexemes)
-    draft.count = group.count
-    draft.holds = group.is_thing and not (last and group.values)
+    draft = Draft(
+        "parts" if group.part else "none", [group.part] if group.part else [],
+        named=group.named, count=group.count, mixed=mixed, own=group.own, loose=group.modifiers,
+        article=any(x.tag in ("DT", "PRP$") for x in group.lexemes), lexemes=list(group.lexemes),
+        holds=group.is_thing and not (last and group.values),
+    )  # fmt: skip
     for mention in group.values:
         draft.take(mention, lexicon)
-    draft.loose = group.modifiers
     if not group.part:
         return Constituent("V" if draft.material or draft.unknown else "N", draft)
-    draft.own = group.own
     sign = "S" if group.own or not group.values else "P" if group.part_first else "B"
     return Constituent(sign if group.named else sign.lower(), draft)

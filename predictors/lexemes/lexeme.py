@@ -24,6 +24,21 @@ class Lexeme:
     dep: str = ""
     note: str = ""
 
+    @property
+    def is_name(self) -> bool:
+        """Whether it may be a name that no dictionary has, by its place alone."""
+        return self.role == "word" and self.tag in ("NN", "NNP", "FW", "XX", "UH")
+
+    @property
+    def is_code(self) -> bool:
+        """Whether it is strange, or a number that measures nothing: "xq", "QT-500"."""
+        return not self.part and (not self.known or self.role in ("digits", "told"))
+
+    @property
+    def is_measure(self) -> bool:
+        """Whether it is a bare number that counts nothing: "0.33"."""
+        return self.role == "digits" and not self.part and not self.text.isdigit()
+
 
 @dataclass
 class Lexed:

@@ -26,10 +26,11 @@ from ...fem.scene.materials import (
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
 from ..hearing.vocabulary import stem, vocabulary_of
-from ..language.binding import GENERAL, Bound, BoundPart, parts_called
+from ..language.binding import GENERAL, Bound, BoundPart
 from ..language.clauses import Clause, Sentence, Subject
 from ..language.reader import parse
 from ..prediction import PartChoice
+from ..vocabulary.part_names import parts_called
 from .allotment import allot
 from .comparison import with_relations
 from .decision import Decider, PartStatement

@@ -155,6 +155,15 @@ class ReaderLexicon:
         """All words by which a row is called."""
         return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}
 
+    def repeats(self, row: Material, said: Phrase, other: Material) -> bool:
+        """Whether what was ``said`` of a row only names the other's family: "St37 steel"."""
+        if {*said} < self.row_words(other):
+            return True  # "6061-T6 aluminium"
+        generic = said[-1] in self.kinds or "(generic)" in row.name
+        kin = row.category.split()[-1] == other.category.split()[-1]
+        laminate = other.category == "composite" and row.category in ("plastic", "wood")
+        return row is other or (generic and kin) or laminate
+
     def family(self, row: Material, said: str) -> list[str]:
         """Names of a row and of its kin that bear the words said for it too: kinds of "glass"."""
         same = (other for other in self.table if other.category == row.category)

@@ -79,3 +79,8 @@ def _siblings(name: Phrase, found: dict[int, PartMatch], parts: Sequence[PartLab
     counted = any(word.isdigit() for part in parts for word in part.own)
     first = {i for i in found if parts[i].own[:1] == name[-1:] and len(parts[i].own) == 2}
     return first if not counted and any(found[i].tier == HEAD for i in first) else set()
+
+
+def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:
+    """Indices of the parts that words name."""
+    return [*parts_named(words, [PartLabels(tuple(names)) for names in labels])]
