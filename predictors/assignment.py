@@ -73,7 +73,7 @@ def predict_materials(
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
         _check_alpha(alpha, predictor, choices[left_open[0]].part)
-        first = alike(parts, left_open)
+        first = alike(parts, left_open, [choice.clause for choice in choices])
         known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
         found = predictor.predict(merged(parts, first), bound.sentence, **known)
         made = _for_each(found, parts, first)

@@ -124,17 +124,22 @@ def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
     return next(option for option in options if option not in taken)
 
 
-def alike(parts: PartVoxels, among: Iterable[int]) -> tuple[int, ...]:
+def alike(
+    parts: PartVoxels, among: Iterable[int], said: Sequence[object] | None = None
+) -> tuple[int, ...]:
     """For each part the first one that is the same thing, itself where none is or not ``among``.
+
+    What is ``said`` of each part, if given, must be the same too.
 
     Two are the same where all words for them are, but for numbers and places ("leg_fl", "leg_br"),
     and their sizes are near; where no word names them, where they are of one shape.
     """
     first = list(range(len(parts.part_names)))
     seen: list[int] = []
-    kinds = [_kind(labels) for labels in parts.part_labels]
+    names = [_kind(labels) for labels in parts.part_labels]
+    kinds = list(zip(names, said or [None] * len(names), strict=True))
     for i in among:
-        others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, kinds[i][0]))
+        others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, names[i][0]))
         first[i] = next(others, i)
         seen += [i] * (first[i] == i)
     return tuple(first)

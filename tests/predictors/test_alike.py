@@ -134,6 +134,16 @@ def test_what_words_say_of_one_leg_stays_its_own():
     assert E["leg_fr"] == E["leg_bl"] == E["leg_br"] < 1e8
 
 
+def test_what_words_leave_open_of_each_is_not_mixed():
+    """Three drawers of which words name a matter each, though not for sure, stay apart."""
+    names = ("top", "drawer_1", "drawer_2", "drawer_3", "back")
+    text = "the first drawer is pine, the second drawer oak and the third one cherry"
+    parts = table(names)
+    bound = read_sentence(text, parts.part_labels, TABLE)
+    made = predict_materials(parts, bound, predictor="retrieval")
+    assert len({choice.material for choice in made.choices[1:4]}) == 3
+
+
 def test_pieces_of_like_parts_are_alike():
     """Each leg is divided as the others, into pieces of its own name and of one matter."""
     made = answered(table(LEGS), Splitter())
