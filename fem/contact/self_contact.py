@@ -20,6 +20,8 @@ STIFFNESS_SHARE = 0.1
 MARGIN = 2.0
 # Where nothing is near, how far it is to the next is looked for within this share of an edge.
 FAR = 0.5
+# A list serves the body where it has turned to while it bent by no more than this share of it.
+TURNED = 0.5
 # A Newton step may use up this share of a gap.
 GAP_SHARE = 0.9
 # Additive steps of one pair's continuous detection; what has none left stops there.
@@ -120,8 +122,13 @@ class SelfContact:
 
     def _find(self, x: np.ndarray) -> _Near:
         """What may meet around ``x``, the last list while it holds."""
-        if self._near is not None and _moved(self._near.places, x) <= self._near.room:
-            return self._near
+        if self._near is not None:
+            if _moved(self._near.places, x) <= self._near.room:
+                return self._near
+            bent = _bent(self._near.places, x)
+            if bent <= TURNED * self._near.room:  # as far apart as before, where it has turned to
+                self._near = self._near._replace(places=x, room=self._near.room - bent)
+                return self._near
         ipc, mesh = ipc_toolkit(), self.surface.mesh
         candidates, near = ipc.Candidates(), ipc.NormalCollisions()
         reach = max(self.reach, (1 + 2 * MARGIN) * self.thickness)
@@ -269,3 +276,11 @@ def _moved(before: np.ndarray, after: np.ndarray) -> float:
     move = after - before
     move -= move.mean(axis=0)
     return float(np.sqrt(np.einsum("nd,nd->n", move, move).max()))
+
+
+def _bent(before: np.ndarray, after: np.ndarray) -> float:
+    """How far any place has moved beside the nearest rigid motion of all (Kabsch 1976)."""
+    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
+    U, _, V = np.linalg.svd(a.T @ b)
+    U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(V))
+    return float(np.sqrt(np.square(a @ (U @ V) - b).sum(axis=1).max()))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.fem.contact import self_contact
 from autophyx_tet.fem.contact.self_contact import SelfContact
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import GrownPattern, add_blocks
@@ -16,7 +17,7 @@ from autophyx_tet.fem.verdicts import no_penetration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from .bodies import lifted, merged, with_uniform
+from .bodies import lifted, merged, random_rotation, with_uniform
 
 ORDERS = pytest.mark.parametrize("order", [1, 2])
 G = (0.0, 0.0, -9.81)
@@ -199,6 +200,24 @@ def test_a_thin_sheet_is_no_contact_with_itself():
     assert state.barrier == 0
     (note,) = body.contact.notes
     assert "two sides of a wall" in note
+
+
+def test_a_body_that_turns_keeps_what_it_knows(monkeypatch):
+    """Rigid motions of any size change no distance: nothing is looked for again; bending is."""
+    mesh = with_uniform(box_mesh((1, 0.2, 0.2), (6, 2, 2)), E=1e6, nu=0.3, rho=1e3)
+    contact = SelfContact(mesh, discretise(mesh, 1).space, 1e-3, 0.0)
+    x = mesh.points
+    known = contact._find(contact._places(np.zeros_like(x)))
+
+    def looked_for():
+        raise AssertionError("it was looked for again")
+
+    monkeypatch.setattr(self_contact, "ipc_toolkit", looked_for)
+    for seed in range(5):
+        u = x @ random_rotation(seed).T + 3.0 * seed - x
+        assert contact._find(contact._places(u)).room == pytest.approx(known.room, rel=1e-9)
+    with pytest.raises(AssertionError, match="looked for again"):
+        contact._find(contact._places(np.outer(np.sin(3 * x[:, 0]), [0, 0, 1.0])))
 
 
 def test_a_body_without_thin_walls_has_no_note():
