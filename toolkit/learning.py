@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..fem.errors import InputError, UsageError
 from ..predictors.datasets.real import RealObject, load_real
@@ -158,7 +158,7 @@ def _evaluate_folder(
 
 
 def evaluate_table(
-    table: Table,
+    table: Table | Literal["S3"],
     *,
     data: Path,
     minutes: float | None = None,
@@ -171,15 +171,24 @@ def evaluate_table(
     On a CPU the networks are those of the preset ``unipixie-cpu``: the way is the same, the
     figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
     """
-    from ..predictors.evaluation.paper_tables import PAPER_TABLES, paper_table
+    from ..predictors.evaluation.paper_tables import (
+        PAPER_S3,
+        PAPER_TABLES,
+        joint_table,
+        paper_table,
+    )
     from ..predictors.training.unipixie.config import PRESETS
 
     base = replace(PRESETS["unipixie-cpu" if device == "cpu" else "unipixie"], device=device)
+    base = base if minutes is None else replace(base, minutes=minutes, steps=_UNTIL)
     real, began = data / TRAINING, time.monotonic()
+    tell = (lambda row: progress(row, time.monotonic() - began)) if progress else None
+    if table == "S3":
+        found = joint_table(base, ranges=data / RANGES, objects=objects, progress=tell)
+        return {"rows": [row._asdict() for row in found], "papers": PAPER_S3}
     rows = paper_table(
-        table, base if minutes is None else replace(base, minutes=minutes, steps=_UNTIL),
-        ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
-        progress=(lambda row: progress(row, time.monotonic() - began)) if progress else None,
+        table, base, ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
+        progress=tell,
     )  # fmt: skip
     return {"rows": [row._asdict() for row in rows], "papers": PAPER_TABLES[table]}
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from ...fem.errors import InputError
 from ..normalisation import DEFAULT, Normalisation
 from .config import UniPixieConfig
-from .network import UniPixie
+from .network import SKINNING, UniPixie
 
-_HEAD_OF = {"matter": "mpm", "body": "lbs", "springs": "spring"}
+_HEAD_OF = {"matter": "mpm", "body": SKINNING, "elastic": "lbs", "springs": "spring"}
 
 
 class RangeCalibration(NamedTuple):

@@ -15,6 +15,7 @@ from .flow import integrate, velocity_towards
 from .layers import Waves
 
 HEADS = ("mpm", "lbs", "spring")
+SKINNING = "skinning"  # of the second alone what has no flow
 
 
 class Voxels(NamedTuple):
@@ -89,11 +90,12 @@ class UniPixie(nn.Module):
         if "mpm" in heads:
             self.matter = VoxelHead(config, MATTER)
             self.classes = nn.Linear(width, CLASSES)
-        if "lbs" in heads:
+        if {"lbs", SKINNING} & set(heads):
             self.body = nn.Sequential(
                 *(layer for _ in range(3) for layer in (nn.Linear(width, width), nn.SiLU())),
                 nn.Linear(width, THETA),
             )
+        if "lbs" in heads:
             self.elastic = VoxelHead(config, ELASTIC)
         if "spring" in heads:
             self.springs = SpringHead(config)

@@ -1,5 +1,9 @@
 """Laws of the trainer, on a line through points: any network, sampler and loss will do."""
 
+import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -7,6 +11,7 @@ import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.training.options import TrainerOptions
+from autophyx_tet.predictors.training.processes import rank
 from autophyx_tet.predictors.training.trainer import Losses, train_network
 from torch import Tensor, nn
 
@@ -117,3 +122,53 @@ def test_rate_warms_up_and_falls_like_a_cosine():
     assert options.rate_at(50, 0.0) == pytest.approx(0.6)
     assert options.rate_at(100, 0.0) == pytest.approx(0.2)
     assert replace(options, minutes=1.0).rate_at(50, 60.0) == pytest.approx(0.2)
+
+
+class Share(Line):
+    """Draws this process's every second point of what one process draws, or all of them."""
+
+    def __init__(self, every: int) -> None:
+        super().__init__()
+        self.every = every
+
+    def draw(self, n: int) -> Points:
+        whole = super().draw(self.every * n)
+        return Points(*(column[rank() % self.every :: self.every] for column in whole))
+
+
+def shared(every: int) -> list[float]:
+    """Weights in double precision after a run on such shares."""
+    torch.manual_seed(0)
+    options = replace(OPTIONS, batch=OPTIONS.batch // every, steps=30)
+    sampler, forward = Share(every), lambda network, points: network(points.x.double())
+    return weights(
+        train_network(nn.Linear(1, 1).double(), sampler, squares, options, forward=forward)
+    )
+
+
+PROGRAM = """
+import json, os, sys
+sys.path.insert(0, sys.argv[1])
+from test_trainer import shared
+found = [shared(1), shared(2)]
+if os.environ["RANK"] == "0":
+    print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_are_one(tmp_path):
+    """On the same batches to the last bit; on a half each to the round-off of their sums."""
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [
+        sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2",
+        str(tmp_path / "program.py"), os.path.dirname(__file__),
+    ]  # fmt: skip
+    told = subprocess.run(
+        command, check=True, timeout=300, env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+    )  # fmt: skip
+    same, halves = json.loads(told.stdout)
+    assert same == shared(1)
+    assert halves == pytest.approx(shared(1), rel=1e-12)
+    assert halves != same

@@ -134,7 +134,7 @@ class EvaluateCommand:
     """How often something is said of each object; its score is the mean."""
     encoder: str | None = None
     """Encoder of images that looks at the furniture first: embedded, or openclip."""
-    table: Literal["S6", "S7"] | None = None
+    table: Literal["S3", "S6", "S7"] | None = None
     """Instead: train the rows of this table of UniPixie on --data and score them."""
     minutes: float | None = None
     """Time of training of each row of --table; by default the preset's steps."""

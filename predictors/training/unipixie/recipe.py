@@ -88,8 +88,15 @@ def new_matter_network(config: MatterConfig) -> MatterNetwork:
 
 def make_matter_sampler(config: MatterConfig, ranges: Path, real: Path | None) -> MatterSampler:
     """Build the stores of shapes and load the names; each process draws its own."""
-    rng = np.random.default_rng((config.seed, rank()))
     names = Names(RangeTable.load(ranges), config.device)
+    return make_matter_objects(names, config, real)
+
+
+def make_matter_objects(
+    names: Names, config: MatterConfig, real: Path | None = None
+) -> MatterSampler:
+    """Build the stores of shapes for names that are loaded."""
+    rng = np.random.default_rng((config.seed, rank()))
     shapes = shapes_of(make_objects(config.objects, rng), config)
     known = real_shapes(load_real(real), config) if real and config.real else None
     return MatterSampler(names, shapes, known, config, config.seed + _APART * rank())

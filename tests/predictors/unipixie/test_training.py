@@ -8,7 +8,13 @@ import torch
 from autophyx_tet.predictors.datasets.objects import make_objects
 from autophyx_tet.predictors.datasets.ranges import build_range_table
 from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.evaluation.paper_tables import ROWS, SPLITS, paper_table
+from autophyx_tet.predictors.evaluation.paper_tables import (
+    JOINT_ROWS,
+    ROWS,
+    SPLITS,
+    joint_table,
+    paper_table,
+)
 from autophyx_tet.predictors.training.unipixie.batch import spread_parts, voxel_places
 from autophyx_tet.predictors.training.unipixie.config import CPU, EvidenceShares
 from autophyx_tet.predictors.training.unipixie.loss import MatterLoss, MatterOutput
@@ -147,3 +153,17 @@ def test_a_table_of_the_paper_trains_its_rows(tmp_path):
     assert [(row.row, row.split) for row in rows] == [(t, s) for t in told for s in SPLITS]
     assert all(row.steps == 2 and min(row.soft + row.stiff) > 0 for row in rows)
     assert rows[0].middle != rows[2].middle
+
+
+@pytest.mark.slow
+def test_table_s3_has_a_joint_row_and_specialists(tmp_path):
+    """The joint network has fewer parameters than both specialists; each is scored as it can."""
+    build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
+    base = replace(CPU, steps=2, every=2, objects=3)
+    rows = joint_table(base, ranges=tmp_path / "ranges.safetensors", objects=2, bodies=3)
+    assert [(r.row, r.split) for r in rows] == [(t, s) for t in JOINT_ROWS for s in SPLITS]
+    count = {row.row: row.parameters for row in rows}
+    assert count["joint"] < count["separate, matter"] + count["separate, skinning"]
+    for row in rows:
+        assert (row.soft > 0) == ("mpm" in JOINT_ROWS[row.row])
+        assert (0 < row.share < 1) == (row.row != "separate, matter")
