@@ -87,6 +87,7 @@ def write_all(folder):
     for name in ("chair.glb", "chairs/oak.glb"):
         scene(CHAIR).export(folder / name)
     trimesh.util.concatenate([*pieces(CHAIR).values()]).export(folder / "chairs/steel.obj")
+    (folder / "assets.csv").write_text("asset,text,size\nchairs/steel.obj,steel,0.85\n")
     trimesh.util.concatenate([*pieces(PLANT).values()]).export(folder / "scan.ply")
     trimesh.creation.icosphere(subdivisions=2).export(folder / "statue.stl")
     finger = trimesh.creation.box((20, 16, 100))  # millimetres
