@@ -161,7 +161,9 @@ def construction_of(
         return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
     if words.said & _SOLID:
         return Construction(part, "solid", "the text says so")
-    kind, hollow = _of_material(words.kinds, material), bool(words.said & _HOLLOW)
+    kind = _of_material(words.kinds, material)
+    empty = kind is not None and kind.holds and "empty" in words.said
+    hollow = empty or bool(words.said & _HOLLOW)
     if kind and kind.hollow == "always" and not filling and kind.holds:
         return _maybe_full(_shell(part, kind), kind, words, contents)
     if kind and (kind.hollow == "always" or (kind.hollow == "often" and (hollow or filling))):

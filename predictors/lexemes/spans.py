@@ -13,6 +13,9 @@ from .lexeme import Lexeme
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
+_SHARE = re.compile(
+    r"(?i)(?:half|quarters?|thirds?|\d+ ?%|partly|partially|nearly|almost)[ -](?:full|filled)(?: \w+)?$"
+)
 _TIMES = re.compile(r"(?i)\d+x")
 # Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
 _HARMLESS = re.compile(
@@ -101,7 +104,9 @@ def _connector(
     if not meaning or (size > 1 and run[-1].text == "-"):
         return None
     start, stop = run[0].start, run[-1].end
-    return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, said)
+    share = _SHARE.search(text[:stop]) if meaning.role == "fill" else None
+    note = f"{share[0]!r} is taken as full" if share else ""
+    return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, said, note=note)
 
 
 def _is_glue(text: str, sign: Atom) -> bool:

@@ -121,3 +121,10 @@ def test_what_a_thing_is_called_after_may_be_in_it():
     assert "maybe" in carton.sentence
     assert not of("an empty milk carton", contents=CONTENTS).filling
     assert not of("a drink can", contents=CONTENTS).filling
+
+
+def test_what_is_empty_is_hollow():
+    """An empty tank has the wall of its kind; a tank, of which nothing is said, may be solid."""
+    empty = ThingWords.of(["tank"], thing=("an", "empty", "steel", "tank"))
+    assert construction_of("tank", empty, STEEL).form == "shell"
+    assert construction_of("tank", ThingWords.of(["tank"]), STEEL).form == "unknown"

@@ -72,3 +72,15 @@ def test_a_wall_in_its_words_is_a_thickness(clauses_of):
                  "an empty steel tank with a 3 mm wall"):  # fmt: skip
         (said, *_) = clauses_of(text, ["tank"])["tank"]
         assert [(q.measure, q.value) for q in said.numbers] == [("thickness", 0.003)], text
+
+
+def test_a_share_of_a_filling_is_told(table):
+    for text in (
+        "a steel tank half full of diesel",
+        "the tank is steel, half-filled with water",
+        "a steel tank, 30 % full of sand",
+        "a tank of steel, two thirds full of water",
+    ):
+        sentence = parse(text, table, ["tank"])
+        assert any("taken as full" in note for note in sentence.notes), (text, sentence.notes)
+    assert not parse("a steel tank full of diesel", table, ["tank"]).notes
