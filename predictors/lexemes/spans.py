@@ -14,7 +14,8 @@ LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
 _SHARE = re.compile(
-    r"(?i)(?:half|quarters?|thirds?|\d+ ?%|partly|partially|nearly|almost)[ -](?:full|filled)(?: \w+)?$"
+    r"(?i)(?:half|quarters?|thirds?|\d+ ?%|part(?:l|iall)y|nearly|almost)"
+    r"[ -](?:full|filled)(?: \w+)?$"
 )
 _TIMES = re.compile(r"(?i)\d+x")
 # Codes that say no matter: "M8", "3rd", "20x20x2", "IP65", "z24".
