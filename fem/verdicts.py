@@ -39,6 +39,12 @@ USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_0
 BULKY = 0.1
 # A part gives way below this safety factor.
 SAFE = 1.0
+# What a part does past its limit, and what the limit is called, by what is judged there.
+GIVES_WAY = {
+    "yield": ("yields", "yield strength"),
+    "tension": ("cracks", "tensile strength"),
+    "compression": ("is crushed", "compressive strength"),
+}
 
 
 @dataclass(frozen=True)
@@ -216,10 +222,11 @@ def usual_size(mesh: TetMesh) -> Check:
     longest = float(np.ptp(mesh.bounds, axis=0).max())
     low, high = USUAL_SIZE
     passed = low <= longest <= high
-    question = "" if passed else f" Is that meant? {_likely_unit(longest)}"
+    unit = "mm (or cm)" if longest > high else "m (or --size METRES)"
+    question = f" Is that meant? Convert with --units {unit} if the file's numbers are in that."
     return Check(
         "size", passed, longest, high if longest > high else low,
-        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg.{question}",
+        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg.{'' if passed else question}",
     )  # fmt: skip
 
 
@@ -242,18 +249,10 @@ def usual_mass(mesh: TetMesh) -> Check:
     )  # fmt: skip
 
 
-def _likely_unit(longest: float) -> str:
-    """The unit that makes a usual thing of a length [m] that is none."""
-    if longest > USUAL_SIZE[1]:
-        return "Convert with --units mm (or cm) if the file's numbers are that."
-    return "Convert with --units m (or --size METRES) if the file's numbers are larger units."
-
-
 def strength(safety: Safety) -> Check:
     """Whether a part stands its stress."""
     passed = safety.factor >= SAFE
-    gives_way = {"yield": "yields", "ultimate": "breaks", "crushing": "is crushed"}[safety.kind]
-    kind = {"yield": "yield", "ultimate": "strength", "crushing": "crushing strength"}[safety.kind]
+    gives_way, kind = GIVES_WAY["yield" if safety.side == "equivalent" else safety.side]
     if passed:
         times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
         found = f"holds: safety factor {times} against {kind}"

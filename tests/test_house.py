@@ -12,7 +12,7 @@ FLOORS = {
         "errors", "public_names", "registry", "deprecation", "device", "validation", "scene",
         "conditions", "laws", "discrete", "cholesky", "linalg", "contact", "damping",
         "particle_run", "model_error", "result", "solve", "mpm", "reduced", "springs", "matching",
-        "scenarios", "grain", "safety", "uncertainty", "verdicts",
+        "scenarios", "grain", "safety", "uncertainty", "verdicts", "energy",
     ),
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,7 +15,7 @@ from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
 from ..validation import checked_rows, checked_vector
 from .assembly import Discretisation
-from .space import TET_POINTS, Space, shape_functions
+from .space import TET_POINTS, Space, extend_linear, shape_functions
 
 
 def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:
@@ -127,6 +128,15 @@ def load_vector(
 def node_counts(space: Space) -> dict[int, str]:
     """What an array may have a row for: every node of the space, or every point of the mesh."""
     return {len(space.nodes): f"nodes of order {space.order}", space.points: "points of the mesh"}
+
+
+def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
+    """Velocity [m/s] of every node from one for all, (3,), for every point, or for every node."""
+    if np.ndim(given) < 2:
+        vector = checked_vector("velocity", given, "m/s")
+        return np.broadcast_to(vector, (len(space.nodes), 3))
+    rows = checked_rows("velocity", given, node_counts(space), "m/s")
+    return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
 
 
 def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:

@@ -241,10 +241,11 @@ class _Recorder:
     """States of particles as states of the mesh."""
 
     def __init__(self, scene: Scene, setup: _Setup) -> None:
-        self.scene, self.setup = scene, setup
+        self.scene, self.setup, self.time = scene, setup, 0.0
         given = setup.treatment.particles
         self.follow = mesh_followers(scene.mesh, given.x, given.part)
-        self.time = 0.0
+        weight = given.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+        self.load = weight + particle_forces(scene, given.x)
 
     def motion(self, state: ParticleState) -> Motion:
         """The mesh at the time of ``state``; forces are means since the last."""
@@ -259,7 +260,6 @@ class _Recorder:
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
         ]
-        weight = given.mass @ ((given.x - state.x) @ np.asarray(scene.gravity_vector, dtype=float))
         return Motion(
             time=state.time,
             u=follow.positions(state) - scene.mesh.points,
@@ -270,7 +270,7 @@ class _Recorder:
             gap=float(min(gaps, default=np.inf)),
             kinetic=float(0.5 * given.mass @ (state.v**2).sum(axis=1)),
             elastic=0.0 if solver is None else solver.elastic_energy,
-            potential=float(weight),
+            potential=float((self.load * (given.x - state.x)).sum()),
             barrier=0.0,
             iterations=0,
         )

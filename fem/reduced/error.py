@@ -2,8 +2,9 @@
 
 What the coordinates leave unbalanced is a force on the full mesh, r = M a + f(u) + S u - load. The
 error e of the motion answers to it, M e'' + K e = -r, by the same steps, K the tangent about the
-reduced motion. One factor serves as long as the body stays near where it was made: all frames of a
-stiff body. Exact for the linear law, for others to the first order in e.
+reduced motion, with that of the ground where it stands: dead forces would tip it over. One factor
+serves as long as the body stays near where it was made: all frames of a stiff body. Exact for the
+linear law, for others to the first order in e.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from jaxtyping import Float
 
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import CholeskyFactor, NotPositive
+from ..contact.barrier import Contact
 from ..device import single_threaded
 from ..discrete.assembly import Discretisation, discretise
 from ..discrete.block_matrix import add_diagonal
@@ -31,6 +33,8 @@ from ..solve.schemes import Kinematics, Scheme, Step
 
 # A tangent serves until a point has moved so far since, in shares of the body's longest side.
 NEAR = 0.02
+# And until obstacles press by so much more or less, in shares of their stiffness.
+ALIKE = 0.5
 
 
 @single_threaded
@@ -43,6 +47,7 @@ def motion_error(
     velocity: Float[np.ndarray, "points 3"],
     law: str,
     scheme: Scheme = Scheme.BDF2,
+    contact: Contact | None = None,
 ) -> ModelError | None:
     """Error of a reduced motion, estimated; None where the mesh is too large for a factor.
 
@@ -56,8 +61,10 @@ def motion_error(
         Dead forces [N] and initial velocity [m/s] of the points.
     law, scheme
         Name of the elastic law, and the time integration that made the motion.
+    contact
+        The obstacles that it met.
     """
-    full = _FullBody(mesh, supports, law, load)
+    full = _FullBody(mesh, supports, law, load, contact)
     if full.too_large or len(states) < 2:
         return None
     dt = states[1].time - states[0].time
@@ -69,7 +76,7 @@ def motion_error(
         step = Step.of(scheme, dt, now, before)
         inertia = step.factor * full.mass[:, None]
         push = np.where(full.fixed, 0.0, inertia * step.target - full.unbalanced(state))
-        e = full.solve(step.factor, state.u, push)
+        e = full.solve(step.factor, state, push)
         now, before = step.ended(e), now
         errors.append(e)
     moved = np.stack([state.u for state in states[1:]])
@@ -86,9 +93,15 @@ class _FullBody:
     """The full body: its forces, and (c M + K)^-1 about rest for every factor c [1/s^2]."""
 
     def __init__(
-        self, mesh: TetMesh, supports: Supports | None, law: str, load: np.ndarray
+        self,
+        mesh: TetMesh,
+        supports: Supports | None,
+        law: str,
+        load: np.ndarray,
+        contact: Contact | None,
     ) -> None:
         self.mesh, self.load = mesh, load
+        self.contact = contact if contact is not None and contact.obstacles else None
         self.grid: Discretisation = discretise(mesh, 1)
         self.mass = lumped_mass(mesh, self.grid.space)
         self.elastic = ElasticBody(self.grid, material_of(mesh), law)
@@ -97,7 +110,7 @@ class _FullBody:
         self.reach = NEAR * float(np.ptp(mesh.bounds, axis=0).max())
         self.plan = planned_elimination(self.grid.pattern, self.grid.space.edges)
         self._about: np.ndarray | None = None
-        self._factor = 0.0
+        self._factor, self._pressed = 0.0, np.zeros((1, 3, 3))
 
     @property
     def too_large(self) -> bool:
@@ -112,17 +125,29 @@ class _FullBody:
     def per_mass(self, force: np.ndarray) -> np.ndarray:
         return force / np.where(self.mass > 0, self.mass, 1.0)[:, None]
 
-    def solve(self, factor: float, u: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "points 3"]:
-        """(c M + K)^-1 b for the ``factor`` c [1/s^2], K about a state near to ``u`` [m]."""
+    def solve(self, factor: float, state: Motion, b: np.ndarray) -> Float[np.ndarray, "points 3"]:
+        """(c M + K)^-1 b for the ``factor`` c [1/s^2], K about a state near to ``state``."""
+        u, ground = state.u, self._ground(state)
         near = self._about is not None and np.abs(u - self._about).max() <= self.reach
+        changed = np.linalg.norm(ground - self._pressed)
+        near = near and changed <= ALIKE * np.linalg.norm(self._pressed)
         if not near or factor != self._factor:
-            self._about, self._factor = u, factor
+            self._about, self._factor, self._pressed = u, factor, ground
             self._inverse = self._factored(factor, u)
         return self._inverse(b)
+
+    def _ground(self, state: Motion) -> np.ndarray:
+        """Stiffness [N/m] of the obstacles at every point, which they have at ``state``."""
+        if self.contact is None:
+            return np.zeros((1, 3, 3))
+        self.contact.begin(state.u, state.time, 1.0)
+        return self.contact.hessian_blocks(state.u)[0]
 
     def _factored(self, factor: float, u: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         for projected in (False, True):
             matrix = self.elastic.tangent(u, projected=projected)
+            if self.contact is not None:
+                matrix = self.contact.with_hessian(u, matrix)
             add_diagonal(matrix, (factor * self.mass)[:, None, None] * np.eye(3))
             apply_supports(matrix, self.fixed, self.springs)
             try:

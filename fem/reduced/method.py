@@ -145,10 +145,15 @@ def reduced_dynamics(
             model,
             load=model.weight(scene.gravity_vector) + model.pull_back(stated_forces(scene)),
             velocity=model.coordinates(velocity),
-            contact=Contact(scene.mesh, make_space(scene.mesh, 1), scene.obstacles, scene.friction),
+            contact=_contact_of(scene),
             law=law,
             scheme=scheme,
         )
+
+
+def _contact_of(scene: Scene) -> Contact:
+    """The obstacles of ``scene`` against the body."""
+    return Contact(scene.mesh, make_space(scene.mesh, 1), scene.obstacles, scene.friction)
 
 
 def scene_error(
@@ -164,6 +169,7 @@ def scene_error(
         velocity=np.broadcast_to(np.asarray(scene.velocity, dtype=float), states[0].u.shape),
         law=law,
         scheme=scheme,
+        contact=_contact_of(scene),
     )
 
 

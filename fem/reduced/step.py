@@ -193,16 +193,40 @@ class ReducedDynamics:
         if dt != self.last_dt:
             self._forget()
         step = Step.of(self.scheme, dt, self.now, self._before)
-        if step.factor != self._factor:
-            self.kept, self._factor = KeptInverse(), step.factor
         if self.contact is not None:
             self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
         q, iterations = self._solve(step)
-        self._before, self.last_dt, self.now = self.now, dt, step.ended(q)
+        if leapt := self._leaps(step, q):
+            self._forget()
+            if step.before is not None:
+                step, q, more = self._restarted(step, q)
+                iterations += more
+        self._before, self.last_dt, self.now = None if leapt else self.now, dt, step.ended(q)
         self.time, self.iterations = self.time + dt, self.iterations + iterations
         self._forecast.add(self.now.a)
 
+    def _restarted(self, step: Step, q: np.ndarray) -> tuple[Step, np.ndarray, int]:
+        """The ``step`` to ``q`` made anew without its past, where that converges."""
+        try:
+            return step.restarted, *self._solve(step.restarted)
+        except ConvergenceError as error:
+            logger.info("an impact is kept as its past leads it: %s", error)
+            return step, q, 0
+
+    def _leaps(self, step: Step, q: np.ndarray) -> bool:
+        """Whether an obstacle stops or throws the body within the ``step`` to ``q``."""
+        if self.contact is None:
+            return False
+        barriers = [self.contact.barrier(self.model.displacement(x)) for x in (self.now.u, q)]
+        if not any(barriers):
+            return False
+        kinetic = 0.5 * float(self.now.v @ self.now.v)
+        elastic = self.elasticity.response(self.now.u).energy
+        return step.leaps(q, 1.0, kinetic + elastic + barriers[0])
+
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
+        if step.factor != self._factor:
+            self.kept, self._factor = KeptInverse(), step.factor
         potential = _Potential(self, step.factor, step.target)
         ahead = step.target + self._forecast.next() / step.factor
         options: dict[str, Any] = {"solve": KeptInverse.solve, "tolerance": self.tolerance}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +15,9 @@ from ..device import checked_device, one_thread
 from ..discrete.assembly import discretise
 from ..discrete.constraints import node_supports
 from ..discrete.elastic import ElasticBody, Response
-from ..discrete.forces import load_vector, node_counts
+from ..discrete.forces import load_vector, node_counts, node_velocities
 from ..discrete.mass import lumped_mass
-from ..discrete.space import Space, extend_linear
+from ..discrete.space import Space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.reused import RepeatedSolver
@@ -113,11 +112,9 @@ class Dynamics:
         self.rigidity = _rigidity(mesh, grid.space)
         self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         u = np.where(self.held.fixed, self.held.values, 0.0)
-        v = np.where(self.held.fixed, 0.0, _velocities(velocity, self.space))
-        if not self.contact.gap(u) > 0:
-            raise InputError(
-                f"the body starts {-self.contact.gap(u):g} m inside an obstacle: wanted a gap"
-            )
+        v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
+        if not (gap := self.contact.gap(u)) > 0:
+            raise InputError(f"the body starts {-gap:g} m inside an obstacle: wanted a gap")
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         start = Kinematics(u, v, self._acceleration(u, v))
         self.state = self._measured(0.0, start, 0)
@@ -196,12 +193,24 @@ class Dynamics:
         step = Step.of(self.scheme, dt, now, self._before)
         self.contact.begin(state.u, state.time + dt, dt)
         u, iterations = self._solve(step)
+        if leapt := self._leaps(step, u):  # what was before it is of no use
+            self._forecast = Forecast()
+            if step.before is not None:
+                step = step.restarted
+                u, iterations = self._solve(step)
         u, v, a = step.ended(u)
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
         self.contact.check_sizes(u)
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
-        self._before, self._dt, self.last_step = now, dt, step
+        self._before, self._dt, self.last_step = None if leapt else now, dt, step
         self._forecast.add(a)
+
+    def _leaps(self, step: Step, u: np.ndarray) -> bool:
+        """Whether contact stops or throws the body within the ``step`` to ``u``."""
+        old = self.state
+        touches = self.contact.acts and (old.barrier > 0 or self.contact.barrier(u) > 0)
+        energy = old.kinetic + old.elastic + old.barrier
+        return touches and step.leaps(u, self.mass[:, None], energy)
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
@@ -225,15 +234,6 @@ class Dynamics:
         """Solve H x = b with the Hessian [N/m] of a ``step`` that ended at ``u`` [m]."""
         potential = Incremental(self, step.factor, u, step.dt, step.now.u)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
-
-
-def _velocities(given: Any, space: Space) -> np.ndarray:
-    """Velocity [m/s] of every node from one for all, one for every point, or for every node."""
-    if np.ndim(given) < 2:
-        vector = checked_vector("velocity", given, "m/s")
-        return np.broadcast_to(vector, (len(space.nodes), 3))
-    rows = checked_rows("velocity", given, node_counts(space), "m/s")
-    return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
 
 
 def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:

@@ -9,6 +9,9 @@ import numpy as np
 
 # Most accelerations that a forecast continues.
 DEGREE = 5
+# A step that changes the velocity by what carries more than this share of the energy before it has
+# an impact in it that it does not follow.
+LEAP = 0.25
 
 
 class Scheme(Enum):
@@ -47,6 +50,20 @@ class Step(NamedTuple):
             target = now.u + dt * now.v + dt**2 / 4 * now.a
             return Step(scheme, dt, 4 / dt**2, target, now, before)
         return Step(Scheme.IMPLICIT_EULER, dt, 1 / dt**2, now.u + dt * now.v, now, None)
+
+    @property
+    def restarted(self) -> Step:
+        """The same step without a past."""
+        return Step.of(self.scheme, self.dt, self.now, None)
+
+    def leaps(self, u: np.ndarray, mass: np.ndarray | float, energy: float) -> bool:
+        """Whether the step to ``u`` changes the velocity at once, for a body of ``energy`` [J].
+
+        ``mass`` [kg] is that of the rows of ``u``. Past states then lead away from where the body
+        goes: BDF2 would read the stop of a falling body as a speed upwards.
+        """
+        change = self.ended(u).v - self.now.v
+        return 0.5 * float((mass * change**2).sum()) > LEAP * energy
 
     def ended(self, u: np.ndarray) -> Kinematics:
         """Motion at the end of the step, where the displacement is ``u``."""

@@ -38,7 +38,7 @@ def test_a_bar_yields_at_its_stress():
         assert found.factor == pytest.approx(1 / share, rel=1e-6)
     check = strength(found)
     assert not check.passed
-    assert "past yield, 3.1 x" in check.sentence
+    assert "past yield strength, 3.1 x" in check.sentence
     assert "bar (aluminium 6061-T6) yields" in check.sentence
 
 
@@ -54,6 +54,17 @@ def test_what_breaks_is_pulled_apart_before_it_is_crushed():
         (found,) = part_safety(pulled(row, sign * 0.5 * limit), {"bar": row})
         assert found.side == side
         assert found.factor == pytest.approx(2.0, rel=1e-6)
+
+
+def test_what_is_pulled_cracks_and_what_is_pressed_is_crushed():
+    """Concrete past either of its strengths: each by its own name."""
+    known = load_strengths()["concrete C25"]
+    for stress, words in (
+        (2 * known.tension.min, "cracks: past tensile strength, 2 x: tension"),
+        (-2 * known.compression.min, "is crushed: past compressive strength, 2 x: compression"),
+    ):
+        (found,) = part_safety(pulled("concrete C25", stress), {"bar": "concrete C25"})
+        assert words in strength(found).sentence
 
 
 def test_no_verdict_where_the_modulus_is_not_the_materials():

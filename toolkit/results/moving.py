@@ -51,12 +51,20 @@ class Moving(Simulation):
             "max_obstacle_forces": forces.tolist(),
             **self._contact(),
             "energy": [f.energy for f in frames],
+            "energy_balance": self._energy(),
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
             "model_error": self.motion.model_error,
             "stiffening": self.motion.stiffening,
             **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
+
+    def _energy(self) -> dict[str, float] | None:
+        """Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]."""
+        from ...fem.energy.balance import energy_balance
+
+        found = energy_balance(self.motion, self.scene)
+        return found and found._asdict()
 
     def _contact(self) -> dict[str, Any]:
         """Largest pressures [Pa], and forces [N] of the pieces on each other: largest and last."""
@@ -117,11 +125,13 @@ class Moving(Simulation):
         return (*self.scene.warnings, *self.motion.notes, *(run.notes if run is not None else ()))
 
     def checks(self) -> Sequence[Check]:
-        """Nothing went through an obstacle; who presses whom; the elements suit the material."""
+        """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
+        from ...fem.energy.energy_verdicts import keeps_energy
         from ...fem.verdicts import contact_forces, follows, in_the_grid, locking, no_penetration
 
+        energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:
-            return [in_the_grid(self.motion.particles)]
+            return [in_the_grid(self.motion.particles), *energy]
         met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
         suits = [locking(self.motion)] if self.motion.order else []
-        return [*met, *suits, *follows(self.motion)]
+        return [*met, *energy, *suits, *follows(self.motion)]

@@ -24,12 +24,23 @@ ADVICE = {
     "distinguishable": "Say materials that differ more, or load it more: --scenario wind or drop.",
     "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
     "dial": "Density moves too: what is stiffer may be heavier; --set PART:rho=... holds it.",
+    "energy": "Do not rely on this motion; --solver fem has steps that only lose energy.",
+    "impact": "A rebound wants steps far shorter than the impact: in Python drop(mesh, frames=..., "
+    "scheme=Scheme.BDF2).",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "body": "Convert it again as the sentence says, before the answer is relied on.",
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",
 }
 # Checks whose failure changes what the body can be used for.
-SERIOUS = ("holds shape", "buckling", "strength", "size", "no penetration", "reduced model")
+SERIOUS = (
+    "holds shape",
+    "buckling",
+    "strength",
+    "size",
+    "no penetration",
+    "energy",
+    "reduced model",
+)
 # Checks whose answer is another one where the mesh is another body than the file.
 OF_THE_BODY = ("holds shape", "buckling", "strength", "first frequency", "range", "mass")
 
