@@ -57,7 +57,9 @@ class Case:
     displacement
         Static displacement [m], shape (points, 3).
     von_mises
-        Von Mises stress of the static state [Pa], shape (tets,).
+        Von Mises stress of the static state [Pa], shape (tets,): the mean of each tet.
+    max_von_mises
+        The largest at the points [Pa], as verdicts judge it; None: the largest of the tets.
     motion
         Displacement [m] of every frame, shape (frames, points, 3).
     times
@@ -104,6 +106,7 @@ class Case:
     clock: Literal["time", "load"] = "time"
     look: Look | None = None
     alpha: float | None = None
+    max_von_mises: float | None = None
 
     def __post_init__(self) -> None:
         points, tets = len(self.mesh.points), len(self.mesh.tets)

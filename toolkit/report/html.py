@@ -161,7 +161,8 @@ def _facts(case: Case) -> Iterator[Fact]:
     if case.displacement is not None:
         yield "Largest displacement", si(_longest(case.displacement), "m")
     if case.von_mises is not None:
-        yield "Largest von Mises stress", si(float(case.von_mises.max()), "Pa")
+        largest = case.max_von_mises or float(case.von_mises.max())
+        yield "Largest von Mises stress", si(largest, "Pa")
     if case.motion is not None and case.times is not None and case.clock == "time":
         lasts, reaches = si(float(np.ptp(case.times)), "s"), si(_longest(case.motion), "m")
         yield "Motion", f"{len(case.times)} frames, {lasts}, up to {reaches}"

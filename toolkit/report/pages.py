@@ -178,17 +178,19 @@ def _case(
     animation, modes = simulation.animation, simulation.vibrations
     parts, doubts = chosen.get("parts", []), chosen.get("doubts")
     rings = isinstance(simulation, Ringing)
+    rests = simulation if isinstance(simulation, Settled) else None
     return Case(
         text=text,
         mesh=simulation.mesh,
         parts=tuple(map(_part_row, parts)),
         displacement=None if rings else simulation.displacement,
-        von_mises=simulation.solved.von_mises if isinstance(simulation, Settled) else None,
+        von_mises=rests and rests.solved.von_mises,
+        max_von_mises=rests and rests.max_von_mises,
         motion=None if rings else animation.displacement,
         times=None if rings else animation.times,
         vibrations=None if modes is None else modes.shapes[:, : len(simulation.mesh.points)],
-        state="Under load" if isinstance(simulation, Settled) else "At the end",
-        clock="load" if isinstance(simulation, Settled) else "time",
+        state="Under load" if rests else "At the end",
+        clock="load" if rests else "time",
         frequencies=simulation.frequencies,
         verdicts=(*simulation.verdicts(), *(verdicts or ())),
         title=simulation.title,

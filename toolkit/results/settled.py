@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
-from ...fem.safety import Safety, part_safety
+from ...fem.safety import Safety, largest_von_mises, part_safety
 from ...fem.uncertainty.intervals import displacement_interval, frequency_intervals, mass_range
 from ...fem.uncertainty.likely import likely_answers
 from ...fem.uncertainty.ranges import material_ranges
@@ -53,7 +53,7 @@ class Settled(Simulation):
             "max_displacement": self.solved.max_displacement,
             "sag_ratio": self.solved.sag_ratio,
             "height": self.solved.height,
-            "max_von_mises": float(self.solved.von_mises.max()),
+            "max_von_mises": self.max_von_mises,
             "load_factor": factor and factor.value,
             "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
             "intervals": self.intervals,
@@ -79,6 +79,11 @@ class Settled(Simulation):
             ("Solver", f"{solver}, residual {static.residual:.1g}"),
             ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
         )
+
+    @cached_property
+    def max_von_mises(self) -> float:
+        """Largest von Mises stress [Pa], at the points as verdicts judge it."""
+        return largest_von_mises(self.solved.static)
 
     @property
     def safety(self) -> tuple[Safety, ...]:
