@@ -55,11 +55,11 @@ def peers(name: str, mesh: TetMesh, held: Supports) -> Iterator[Reduced]:
     """Laplacian handles, Simplicits' network, and linear modes with all tets."""
     linear, fixed = linear_body(mesh, held), held.fixed.any(axis=1)
     weights, seconds = timed(lambda: laplacian_weights(mesh, 10, fixed))
-    functions = skinned_functions(mesh, weights, free=False)
+    functions = skinned_functions(linear, weights, free=False)
     model = whole_model(linear, skinned_basis(functions), Subspace.SKINNING)
     yield Reduced("Laplacian handles", model, seconds)
     weights, seconds = kept_weights(name, mesh, cache_folder())
-    model = pinned(mesh, held, skinned_functions(mesh, weights, free=True))
+    model = pinned(linear, skinned_functions(linear, weights, free=True))
     yield Reduced("Simplicits' network", model, seconds)
     drawn = equal_weights(mesh, held, model)
     yield Reduced("Simplicits' network, 500 equal weights", drawn, seconds)

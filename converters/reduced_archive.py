@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -17,6 +18,10 @@ from .files import reading
 from .npz import load_npz, save_npz
 
 VERSION = 1
+# Of models: the second has the nodes of quadratic elements too.
+MODEL_VERSION = 2
+# Of fits: the second has a soft and a stiff end.
+FIT_VERSION = 2
 KIND = "ReducedModel"
 UNITS = {
     "points": "m", "mass": "kg", "basis": "kg^-1/2", "weights": "m^3",
@@ -30,7 +35,7 @@ def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
     """Save ``model``; ``load_reduced`` gives it back exactly."""
     meta = {
         "kind": KIND,
-        "version": VERSION,
+        "version": MODEL_VERSION,
         "units": UNITS,
         "subspace": model.kind.value,
         "region_names": model.region_names,
@@ -53,8 +58,8 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
         meta = json.loads(str(arrays.pop("meta", "{}")))
         if meta.get("kind") != KIND:
             raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a {KIND}")
-        if meta["version"] != VERSION:
-            raise InputError(f"{source} has version {meta['version']}, wanted {VERSION}")
+        if meta["version"] != MODEL_VERSION:
+            raise InputError(f"{source} has version {meta['version']}, wanted {MODEL_VERSION}")
         if missing := set(_ARRAYS) - set(arrays):
             raise InputError(f"{source} has no {', '.join(sorted(missing))}")
         return ReducedModel(
@@ -65,29 +70,29 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
         )
 
 
-def save_fit(path: str | os.PathLike, fit: MotionFit) -> None:
-    """Save fitted moduli; nu that was not fitted is no number."""
-    numbers = {name: np.array(getattr(fit, name), dtype=float) for name in _NUMBERS}
-    meta = {"kind": "MotionFit", "version": VERSION, "scheme": fit.scheme.name}
-    save_npz(path, **numbers, covariance=fit.covariance, meta=np.array(json.dumps(meta)))
+def save_fits(path: str | os.PathLike, fits: Sequence[MotionFit]) -> None:
+    """Save moduli fitted to a motion, or to a soft and a stiff one; nu not fitted is no number."""
+    numbers = {n: np.array([getattr(f, n) for f in fits], dtype=float) for n in _NUMBERS}
+    numbers["covariance"] = np.stack([fit.covariance for fit in fits])
+    schemes = [fit.scheme.name for fit in fits]
+    meta = {"kind": "MotionFit", "version": FIT_VERSION, "schemes": schemes}
+    save_npz(path, **numbers, meta=np.array(json.dumps(meta)))
 
 
-def load_fit(path: str | os.PathLike) -> MotionFit:
-    """Load what ``save_fit`` wrote; ``InputError`` if it is something else."""
+def load_fits(path: str | os.PathLike) -> tuple[MotionFit, ...]:
+    """Load what ``save_fits`` wrote, the soft end first; ``InputError`` if it is another file."""
     arrays = load_npz(path)
     with reading(path, "parameters that `match` saved") as source:
         meta = json.loads(str(arrays.pop("meta", "{}")))
-        if meta.get("kind") != "MotionFit" or meta["version"] != VERSION:
+        if meta.get("kind") != "MotionFit" or meta["version"] != FIT_VERSION:
             raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a MotionFit")
-        numbers = {name: float(arrays[name]) for name in _NUMBERS}
-        nu, runs = numbers.pop("nu"), int(numbers.pop("runs"))
-        return MotionFit(
-            **numbers,
-            nu=None if np.isnan(nu) else nu,
-            runs=runs,
-            covariance=arrays["covariance"],
-            scheme=Scheme[meta["scheme"]],
-        )
+        fits = []
+        for end, scheme in enumerate(meta["schemes"]):
+            numbers = {name: float(arrays[name][end]) for name in _NUMBERS}
+            nu, runs = numbers.pop("nu"), int(numbers.pop("runs"))
+            known = {"runs": runs, "nu": None if np.isnan(nu) else nu, "scheme": Scheme[scheme]}
+            fits.append(MotionFit(**numbers, **known, covariance=arrays["covariance"][end]))
+        return tuple(fits)
 
 
 def save_theta(path: str | os.PathLike, theta: Theta) -> None:

@@ -13,7 +13,7 @@ from ..fem.springs.fit import SpringFit
 from .files import reading
 from .npz import load_npz, save_npz
 
-KIND, VERSION = "SpringFit", 2
+KIND, VERSION = "SpringFit", 3
 _NUMBERS = [field.name for field in fields(SpringFit)]
 
 

@@ -117,8 +117,8 @@ def fit_motion(
 ) -> MotionFit:
     """Scale of E, and nu on request, that bring the model's motion nearest to the observed one.
 
-    The distance is that of the coordinates, which is the displacement's in the norm of mass but for
-    what lies outside the span. ``scheme`` should be what the motion was made with.
+    The distance is that of the displacement at the points, in the norm of their mass, but for what
+    lies outside the span. ``scheme`` should be what the motion was made with.
 
     Raises
     ------
@@ -128,19 +128,21 @@ def fit_motion(
         Where a step fails, or the moduli do not settle.
     """
     u = observed.displacement
-    if len(u) < 3 or u.shape[1] != len(model.points) or not np.abs(u[1:]).max() > 0:
+    if len(u) < 3 or u.shape[1] != model.vertices or not np.abs(u[1:]).max() > 0:
         raise InputError(
             f"a motion of {len(u)} frames and {u.shape[1]} points for a model of "
-            f"{len(model.points)}: wanted three frames of the same mesh that moves"
+            f"{model.vertices}: wanted three frames of the same mesh that moves"
         )
-    wanted = np.stack([model.coordinates(frame) for frame in u[1:]])
-    total = float((model.mass[:, None] * u[1:] ** 2).sum())
+    root = np.sqrt(model.mass[: model.vertices]).repeat(3)
+    span, seen = np.linalg.qr(root[:, None] * model.basis[: model.vertices].reshape(len(root), -1))
+    moved = root * u[1:].reshape(-1, len(root))
+    wanted, total = moved @ span, float((moved**2).sum())
     outside = max(0.0, 1 - float((wanted**2).sum()) / total)
     start = np.array([0.0, float(np.average(model.nu, weights=model.weights))])[: 1 + with_nu]
 
     def misfit(p: np.ndarray) -> _Misfit:
         path, derivative = _path(model, observed, scheme, law, p)
-        return _Misfit((path - wanted).ravel(), derivative.reshape(-1, len(p)))
+        return _Misfit((path @ seen.T - wanted).ravel(), (seen @ derivative).reshape(-1, len(p)))
 
     best, found, first, runs = _gauss_newton(misfit, start)
     error, J = found.size, found.derivative

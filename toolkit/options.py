@@ -149,6 +149,8 @@ class SimulateOptions:
     """Handles of --basis skinning."""
     parameters: Path | None = None
     """What `match` fitted, .npz, for the same --solver: moduli of a reduced body, or springs."""
+    parameters_alpha: float | None = None
+    """Between the soft (0) and the stiff end (1) of `match --to-stiff`; by default 0.5."""
     anchors: int = 2048
     """Anchors of a spring network: masses in the body that springs join."""
     neighbours: int = 32

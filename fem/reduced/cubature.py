@@ -24,8 +24,8 @@ STATES = 12
 LOADED = 8
 # The stiffness about rest counts as much as so many states.
 LINEAR_SHARE = 8.0
-# Tets that states are found with.
-DRAWN = 1500
+# Cells that states are found with, and that weights are sought for: a draw where there are more.
+DRAWN, CANDIDATES = 1500, 6000
 # Unbalanced force of a state, over its load.
 TOLERANCE = 1e-2
 # Squares of frequencies below this share of the largest are rigid motions.
@@ -36,7 +36,7 @@ JOINING, GROWTH = 8, 0.05
 
 
 class Cubature(NamedTuple):
-    """Tets ``cells`` (n,), a ``factor`` (n,) [1] to the volume of each, and what it misses.
+    """Candidates ``cells`` (n,), a ``factor`` (n,) [1] to the volume of each, and what it misses.
 
     ``residual`` is that of the forces of the snapshots, as a share.
     """
@@ -47,16 +47,20 @@ class Cubature(NamedTuple):
 
 
 class Training(NamedTuple):
-    """Forces of every tet in the snapshots: ``parts`` (rows, tets) that add up to ``whole``."""
+    """Forces in the snapshots: ``parts`` (rows, candidates) of cells, ``whole`` (rows,) of all.
 
-    parts: Float[np.ndarray, "rows tets"]
+    ``cells`` (candidates,) says which cells may be taken.
+    """
+
+    parts: Float[np.ndarray, "rows candidates"]
     whole: Float[np.ndarray, "rows"]
+    cells: Int[np.ndarray, "candidates"]
 
 
 def training(
     elasticity: ReducedElasticity, load: Float[np.ndarray, "dofs"], *, size: float, seed: int = 0
 ) -> Training:
-    """Forces of the tets of a model with all of them; ``size`` [m] is the body's longest side.
+    """Forces of the cells of a model with all of them; ``size`` [m] is the body's longest side.
 
     ``load`` are the forces on the coordinates [N/sqrt(kg)] that will act, of weight and others:
     every other state is loaded by them, scaled either way.
@@ -65,23 +69,28 @@ def training(
     elastic = square > RIGID * square[-1]
     square, modes = square[elastic], modes[:, elastic]
     turn = (modes / np.sqrt(square)).T  # the norm of a force is what it moves the body by
+    count = len(elasticity.model.cells)
+    taken = np.sort(np.random.default_rng(seed).permutation(count)[:CANDIDATES])
+    slopes = elasticity.model.gradients[taken].reshape(len(taken), 9, -1)
+
+    def forces(q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Components of the candidates' forces, and last of that of all cells."""
+        stress = elasticity.stress(q)
+        each = np.einsum("tk,tka->at", stress[taken].reshape(-1, 9), slopes)
+        whole = elasticity.gradients.pull(stress)
+        return rows @ np.concatenate([each, whole[:, None]], axis=1)
+
     blocks = []
     for k in range(min(LOADED, len(square))):
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
-        forces = turn[k:] @ _cell_forces(elasticity, step * turn[k]) / step
-        blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * forces)
+        linear = forces(step * turn[k], turn[k:]) / step
+        blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * linear)
     few = ReducedElasticity(_drawn(elasticity.model, seed), elasticity.law)
     for q in _states(few, square, modes, load, size, seed):
-        forces = turn @ _cell_forces(elasticity, q)
-        blocks.append(forces / np.linalg.norm(forces.sum(axis=1)))
-    parts = np.concatenate(blocks)
-    return Training(parts, parts.sum(axis=1))
-
-
-def _cell_forces(elasticity: ReducedElasticity, q: np.ndarray) -> Float[np.ndarray, "dofs tets"]:
-    """Force of every cell on the coordinates [N/sqrt(kg)]."""
-    stress = elasticity.stress(q).reshape(-1, 9)
-    return np.einsum("tk,tka->at", stress, elasticity.model.gradients.reshape(len(stress), 9, -1))
+        bent = forces(q, turn)
+        blocks.append(bent / np.linalg.norm(bent[:, -1]))
+    found = np.concatenate(blocks)
+    return Training(found[:, :-1], found[:, -1], taken)
 
 
 def _drawn(model: ReducedModel, seed: int) -> ReducedModel:
@@ -119,7 +128,7 @@ def select_cells(
     Greedy: the cells that point most along what is missed join, weights are found anew, those that
     become zero leave. ``start`` goes on from what was selected before.
     """
-    A, y = given
+    A, y, _ = given
     size = np.linalg.norm(A, axis=0)
     usable, whole = size > 1e-12 * size.max(), float(np.linalg.norm(y))
     chosen = np.zeros(0, dtype=int) if start is None else start.cells

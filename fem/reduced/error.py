@@ -43,11 +43,12 @@ def motion_error(
     supports: Supports | None,
     states: Sequence[Motion],
     *,
-    load: Float[np.ndarray, "points 3"],
-    velocity: Float[np.ndarray, "points 3"],
+    load: Float[np.ndarray, "nodes 3"],
+    velocity: Float[np.ndarray, "nodes 3"],
     law: str,
     scheme: Scheme = Scheme.BDF2,
     contact: Contact | None = None,
+    order: int = 1,
 ) -> ModelError | None:
     """Error of a reduced motion, estimated; None where the mesh is too large for a factor.
 
@@ -58,13 +59,13 @@ def motion_error(
     states
         Its reduced motion at equal times, the start first; their contact forces are taken as given.
     load, velocity
-        Dead forces [N] and initial velocity [m/s] of the points.
-    law, scheme
-        Name of the elastic law, and the time integration that made the motion.
+        Dead forces [N] and initial velocity [m/s] of the nodes.
+    law, scheme, order
+        Name of the elastic law, the time integration that made the motion, and its elements.
     contact
         The obstacles that it met.
     """
-    full = _FullBody(mesh, supports, law, load, contact)
+    full = _FullBody(mesh, supports, law, load, order, contact)
     if full.too_large or len(states) < 2:
         return None
     dt = states[1].time - states[0].time
@@ -98,11 +99,12 @@ class _FullBody:
         supports: Supports | None,
         law: str,
         load: np.ndarray,
+        order: int,
         contact: Contact | None,
     ) -> None:
         self.mesh, self.load = mesh, load
         self.contact = contact if contact is not None and contact.obstacles else None
-        self.grid: Discretisation = discretise(mesh, 1)
+        self.grid: Discretisation = discretise(mesh, order)
         self.mass = lumped_mass(mesh, self.grid.space)
         self.elastic = ElasticBody(self.grid, material_of(mesh), law)
         held = node_supports(supports or Supports.none(len(mesh.points)), self.grid.space)
@@ -116,8 +118,8 @@ class _FullBody:
     def too_large(self) -> bool:
         return self.plan.entries > MOST_ENTRIES
 
-    def unbalanced(self, state: Motion) -> Float[np.ndarray, "points 3"]:
-        """Force [N] that the coordinates leave at the points that are free."""
+    def unbalanced(self, state: Motion) -> Float[np.ndarray, "nodes 3"]:
+        """Force [N] that the coordinates leave at the nodes that are free."""
         force = self.mass[:, None] * state.a + self.elastic.response(state.u).force
         force += self.springs * state.u - self.load - state.contact_force
         return np.where(self.fixed, 0.0, force)
@@ -125,7 +127,7 @@ class _FullBody:
     def per_mass(self, force: np.ndarray) -> np.ndarray:
         return force / np.where(self.mass > 0, self.mass, 1.0)[:, None]
 
-    def solve(self, factor: float, state: Motion, b: np.ndarray) -> Float[np.ndarray, "points 3"]:
+    def solve(self, factor: float, state: Motion, b: np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """(c M + K)^-1 b for the ``factor`` c [1/s^2], K about a state near to ``state``."""
         u, ground = state.u, self._ground(state)
         near = self._about is not None and np.abs(u - self._about).max() <= self.reach

@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from ..discrete.space import EDGES, Space, element_points
 from ..scene.mesh import TetMesh
 from .model import ReducedModel, Subspace
 
@@ -102,12 +103,23 @@ def hat_gradients(mesh: TetMesh) -> Float[np.ndarray, "tets 4 3"]:
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
 
 
+def slopes_at_points(mesh: TetMesh, space: Space) -> Float[np.ndarray, "tets points nodes 3"]:
+    """Gradients [1/m] of the shape functions of every tet at its quadrature points."""
+    hats, where = hat_gradients(mesh)[:, None], element_points(space.order)
+    if space.order == 1:
+        return hats
+    a, b = EDGES.T
+    corners = (4 * where - 1)[..., None] * hats
+    left, right = where[:, a, None] * hats[..., b, :], where[:, b, None] * hats[..., a, :]
+    return np.concatenate([corners, 4 * (left + right)], axis=2)
+
+
 def basis_gradients(
-    mesh: TetMesh, basis: Float[np.ndarray, "points 3 dofs"]
-) -> Float[np.ndarray, "tets 3 3 dofs"]:
-    """Gradients d U_a,i / d x_j of ``basis`` in every tet: exact, it is linear there."""
-    hats = np.swapaxes(hat_gradients(mesh), 1, 2)  # (tets, j, 4)
-    corners = basis[mesh.tets]  # (tets, 4, i, dofs)
-    tets, _, _, dofs = corners.shape
-    found = hats @ corners.reshape(tets, 4, 3 * dofs)
-    return np.ascontiguousarray(found.reshape(tets, 3, 3, dofs).swapaxes(1, 2))
+    mesh: TetMesh, space: Space, basis: Float[np.ndarray, "nodes 3 dofs"]
+) -> Float[np.ndarray, "cells 3 3 dofs"]:
+    """Gradients d U_a,i / d x_j of ``basis`` at the quadrature points, tet by tet."""
+    slopes = np.swapaxes(slopes_at_points(mesh, space), 2, 3)  # (tets, points, j, nodes)
+    nodal = basis[space.elements]  # (tets, nodes, i, dofs)
+    tets, count, _, dofs = nodal.shape
+    found = slopes @ nodal.reshape(tets, 1, count, 3 * dofs)
+    return np.ascontiguousarray(found.reshape(-1, 3, 3, dofs).swapaxes(1, 2))

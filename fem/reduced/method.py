@@ -12,8 +12,7 @@ from ..contact.barrier import Contact
 from ..device import one_thread
 from ..discrete.assembly import discretise
 from ..discrete.forces import load_vector
-from ..discrete.mass import lumped_mass
-from ..discrete.space import make_space
+from ..discrete.space import Space, extend_linear, make_space
 from ..errors import UsageError
 from ..laws.law import Law
 from ..model_error import MOTION_LIMIT, ModelError
@@ -77,15 +76,13 @@ class ReducedMethod:
         Raises
         ------
         UsageError
-            Where quadratic elements or a GPU are asked for: the basis is linear, on the CPU.
+            Where a GPU is asked for.
         """
-        if order == 2 or device != "cpu":
-            raise UsageError(
-                "a reduced body has linear elements, on the CPU: leave order and device out"
-            )
+        if device != "cpu":
+            raise UsageError("a reduced body moves on the CPU: leave the device out")
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
-        model = self.model_of(scene)
+        model = self.model_of(scene, order)
         if self.announce is not None:
             self.announce(model_in_words(model))
         law = law or Law.NEO_HOOKEAN
@@ -96,13 +93,13 @@ class ReducedMethod:
             halved += body.last_dt != dt
             if progress is not None:
                 progress(frame, frames)
-        error = scene_error(scene, states, law=law, scheme=scheme)
+        error = scene_error(scene, model, states, law=law, scheme=scheme)
         return MotionResult(
             tuple(states),
             dt,
             len(scene.mesh.points),
-            1,
-            locking_share(scene.mesh),
+            model.order,
+            locking_share(scene.mesh) if model.order == 1 else 0.0,
             notes=(
                 *accuracy_warnings(model),
                 *error_notes(error),
@@ -114,13 +111,15 @@ class ReducedMethod:
             stiffening=model.accuracy.stiffening,
         )
 
-    def model_of(self, scene: Scene) -> ReducedModel:
-        """Reduced model of the body as the ``scene`` holds it."""
+    def model_of(self, scene: Scene, order: int | None = None) -> ReducedModel:
+        """Reduced model of the body as the ``scene`` holds it; see ``reduce_body``."""
         model = reduce_body(
             scene.mesh,
             scene.supports,
             gravity_vector=scene.gravity_vector,
-            forces=stated_forces(scene),
+            traction=scene.tractions,
+            forces=scene.forces,
+            order=order,
             kind=self.kind,
             derived=DERIVED_IN_MOTION,
             handles=self.handles,
@@ -139,37 +138,44 @@ def reduced_dynamics(
     scene: Scene, model: ReducedModel, *, law: str, scheme: Scheme = Scheme.BDF2
 ) -> ReducedDynamics:
     """The body of ``scene`` at its start, moved by ``model``."""
-    velocity = np.broadcast_to(np.asarray(scene.velocity, dtype=float), model.points.shape)
+    space, dead = make_space(scene.mesh, model.order), stated_forces(scene, model.order)
     with one_thread():
         return ReducedDynamics(
             model,
-            load=model.weight(scene.gravity_vector) + model.pull_back(stated_forces(scene)),
-            velocity=model.coordinates(velocity),
-            contact=_contact_of(scene),
+            load=model.weight(scene.gravity_vector) + model.pull_back(dead),
+            velocity=model.coordinates(start_velocity(scene, space)),
+            contact=_contact_of(scene, space),
             law=law,
             scheme=scheme,
         )
 
 
-def _contact_of(scene: Scene) -> Contact:
-    """The obstacles of ``scene`` against the body."""
-    return Contact(scene.mesh, make_space(scene.mesh, 1), scene.obstacles, scene.friction)
+def _contact_of(scene: Scene, space: Space) -> Contact:
+    """The obstacles of ``scene`` against the nodes of the body."""
+    return Contact(scene.mesh, space, scene.obstacles, scene.friction)
 
 
 def scene_error(
-    scene: Scene, states: Sequence[Motion], *, law: str, scheme: Scheme = Scheme.BDF2
+    scene: Scene,
+    model: ReducedModel,
+    states: Sequence[Motion],
+    *,
+    law: str,
+    scheme: Scheme = Scheme.BDF2,
 ) -> ModelError | None:
-    """How far a reduced motion of ``scene`` is from the full body's; see ``motion_error``."""
-    mass = lumped_mass(scene.mesh, make_space(scene.mesh, 1))
+    """How far a motion of ``scene`` by ``model`` is from the full body's; see ``motion_error``."""
+    weight = model.mass[:, None] * np.asarray(scene.gravity_vector)
+    space = make_space(scene.mesh, model.order)
     return motion_error(
         scene.mesh,
         scene.supports,
         states,
-        load=mass[:, None] * np.asarray(scene.gravity_vector) + stated_forces(scene),
-        velocity=np.broadcast_to(np.asarray(scene.velocity, dtype=float), states[0].u.shape),
+        load=weight + stated_forces(scene, model.order),
+        velocity=start_velocity(scene, space),
         law=law,
         scheme=scheme,
-        contact=_contact_of(scene),
+        order=model.order,
+        contact=_contact_of(scene, space),
     )
 
 
@@ -189,14 +195,21 @@ def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
         return model
     period = 1 / float(reduced_frequencies(body.elasticity)[0])
     states = [body.state, *(body.step(period / PER_PERIOD) for _ in range(PERIODS * PER_PERIOD))]
-    error = scene_error(scene, states, law=Law.NEO_HOOKEAN)
+    error = scene_error(scene, model, states, law=Law.NEO_HOOKEAN)
     share = np.nan if error is None else error.share
     return replace(model, accuracy=model.accuracy._replace(motion=share))
 
 
-def stated_forces(scene: Scene) -> Float[np.ndarray, "points 3"]:
-    """Forces at the points [N] of all that acts on the body but gravity."""
-    grid = discretise(scene.mesh, 1)
+def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
+    """Velocity [m/s] of the nodes that the scene starts with."""
+    given = np.asarray(scene.velocity, dtype=float)
+    at_points = np.broadcast_to(given, scene.mesh.points.shape)
+    return extend_linear(space, at_points)
+
+
+def stated_forces(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
+    """Forces [N] at the nodes of elements of ``order``, of all that acts but gravity."""
+    grid = discretise(scene.mesh, order)
     return load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
 
 

@@ -29,8 +29,8 @@ class Accuracy(NamedTuple):
     ``frequency`` is its lowest natural frequency [Hz] over that of the full body, ``sag`` the
     relative error [1] of its displacement under its own weight, in the norm of mass; by cubature
     alone, against all tets, ``cell_frequency`` and ``cell_sag``. ``motion`` is the error [1] of a
-    motion, estimated. ``stiffening``: how many times as stiff these elements, which are linear, are
-    as quadratic ones. NaN: not measured.
+    motion, estimated. ``stiffening``: how many times as stiff these elements are as quadratic ones,
+    1 of these. NaN: not measured.
     """
 
     frequency: float = np.nan
@@ -64,22 +64,25 @@ class ReducedModel:
     Parameters
     ----------
     points
-        Rest positions of the mesh points [m], shape (points, 3).
+        Rest positions [m] of the nodes, shape (nodes, 3): the points of the mesh, and of quadratic
+        elements the middles of its edges after them.
+    edges
+        Points at the ends of every middle, shape (nodes - points, 2); of linear elements none.
     faces
         Boundary faces of the mesh, ids of points, outward, shape (faces, 3).
     mass
-        Lumped mass of the points [kg], shape (points,).
+        Lumped mass of the nodes [kg], shape (nodes,).
     basis
-        U_a at the points [1/sqrt(kg)], shape (points, 3, dofs); zero where the body is held. Of
+        U_a at the nodes [1/sqrt(kg)], shape (nodes, 3, dofs); zero where the body is held. Of
         ``Subspace.SKINNING``: dofs = 3 m, and coordinate k m + a moves along axis k by the scalar
         function a, so that ``basis[:, k, k * m + a]`` is the same for the three k, and all else 0.
     kind
         What the coordinates move.
     cells, weights
-        Tets that the elastic energy is summed over, shape (cells,), and the volume [m^3] that each
-        stands for, not negative.
+        Where the elastic energy is summed: the tet of every quadrature point, shape (cells,), and
+        the volume [m^3] that it stands for, not negative.
     gradients
-        d U_a,i / d x_j in every cell [1/(m sqrt(kg))], shape (cells, 3, 3, dofs).
+        d U_a,i / d x_j there [1/(m sqrt(kg))], shape (cells, 3, 3, dofs).
     E, nu
         Young's modulus [Pa] and Poisson's ratio [1] of the cells, shape (cells,).
     region, region_names
@@ -90,10 +93,11 @@ class ReducedModel:
         What it is worth; see ``Accuracy``.
     """
 
-    points: Float[np.ndarray, "points 3"]
+    points: Float[np.ndarray, "nodes 3"]
+    edges: Int[np.ndarray, "edges 2"]
     faces: Int[np.ndarray, "faces 3"]
-    mass: Float[np.ndarray, "points"]
-    basis: Float[np.ndarray, "points 3 dofs"]
+    mass: Float[np.ndarray, "nodes"]
+    basis: Float[np.ndarray, "nodes 3 dofs"]
     kind: Subspace
     cells: Int[np.ndarray, "cells"]
     weights: Float[np.ndarray, "cells"]
@@ -122,27 +126,37 @@ class ReducedModel:
         return self.basis.shape[2]
 
     @property
+    def order(self) -> int:
+        """Order of the elements: 1 or 2."""
+        return 2 if len(self.edges) else 1
+
+    @property
+    def vertices(self) -> int:
+        """Number of points of the mesh, which are the first nodes."""
+        return len(self.points) - len(self.edges)
+
+    @property
     def lame(self) -> LameParameters:
         """Lame parameters (lam, mu) [Pa] of the cells, each (cells,)."""
         return lame_parameters(self.E, self.nu)
 
     @property
-    def functions(self) -> Float[np.ndarray, "points functions"]:
-        """Scalar functions of a skinned body at the points [1/sqrt(kg)]."""
+    def functions(self) -> Float[np.ndarray, "nodes functions"]:
+        """Scalar functions of a skinned body at the nodes [1/sqrt(kg)]."""
         if self.kind is not Subspace.SKINNING:
             raise InputError(f"a {self.kind} model has no scalar functions: wanted a skinned one")
         return self.basis[:, 0, : self.dofs // 3]
 
-    def displacement(self, q: Float[np.ndarray, "dofs"]) -> Float[np.ndarray, "points 3"]:
-        """Displacement [m] of the points at the coordinates ``q`` [m sqrt(kg)]."""
+    def displacement(self, q: Float[np.ndarray, "dofs"]) -> Float[np.ndarray, "nodes 3"]:
+        """Displacement [m] of the nodes at the coordinates ``q`` [m sqrt(kg)]."""
         return self.basis @ q
 
-    def coordinates(self, u: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "dofs"]:
+    def coordinates(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "dofs"]:
         """Coordinates [m sqrt(kg)] of the motion nearest to ``u`` [m], in the norm of mass."""
         return self.pull_back(self.mass[:, None] * u)
 
-    def pull_back(self, forces: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "dofs"]:
-        """Forces on the coordinates [N/sqrt(kg)] of ``forces`` [N] at the points."""
+    def pull_back(self, forces: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "dofs"]:
+        """Forces on the coordinates [N/sqrt(kg)] of ``forces`` [N] at the nodes."""
         return forces.ravel() @ self.basis.reshape(-1, self.dofs)
 
     def weight(self, gravity_vector: Any) -> Float[np.ndarray, "dofs"]:

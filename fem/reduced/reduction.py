@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,11 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
+from ..discrete.forces import load_vector
+from ..discrete.space import element_points
 from ..errors import ConvergenceError
 from ..model_error import MOTION_LIMIT, too_coarse
+from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
-from ..solve.discretisation_error import linear_stiffening
+from ..solve.discretisation_error import motion_elements
 from ..solve.nonlinear import solve_nonlinear
 from ..validation import checked_count
 from .cubature import RIGID, Cubature, select_cells, training
@@ -21,13 +25,15 @@ from .elasticity import ReducedElasticity
 from .gradients import basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
 from .rest import reduced_frequencies, reduced_rest
-from .skinning import FITTED, HANDLES, modal_weights, skinned_basis, skinned_functions
+from .skinning import FITTED, HANDLES, bent_beside, modal_weights, skinned_basis, skinned_functions
 from .subspace import DERIVED, LinearBody, linear_body, vector_basis
 
 GRAVITY = (0.0, 0.0, -9.81)
 # Cells that are tried, until frequency and sag agree with all tets to this share.
 CELLS = (60, 90, 120, 180, 250, 320, 400)
 ACCEPTED = 2e-3
+# Of quadratic elements that are reduced where linear ones lock: some ten CPU seconds.
+MOST_UNKNOWNS = 60_000
 # Beyond these the model is not what it says: its frequency and its sag against the full body's.
 FREQUENCY_LIMIT, SAG_LIMIT = 0.01, 0.03
 
@@ -38,22 +44,27 @@ def reduce_body(
     supports: Supports | None = None,
     *,
     gravity_vector=GRAVITY,
+    traction: Traction | Sequence[Traction] = (),
     forces: Float[np.ndarray, "points 3"] | None = None,
+    order: int | None = None,
     kind: Subspace | None = None,
     derived: int = DERIVED,
     handles: int = HANDLES,
     most_cells: int = CELLS[-1],
     seed: int = 0,
 ) -> ReducedModel:
-    """Reduced model of ``mesh`` as it is held, with linear elements and its neo-Hookean law.
+    """Reduced model of ``mesh`` as it is held, with the neo-Hookean law.
 
     Parameters
     ----------
     supports
         What holds it; None: nothing does.
-    gravity_vector, forces
-        What will act: gravity [m/s^2], shape (3,), and other forces [N] at the points, shape
-        (points, 3). A held body's basis can follow them, and the cells are accepted by them.
+    gravity_vector, traction, forces
+        What will act: gravity [m/s^2], shape (3,), forces per area [Pa] on faces, and other forces
+        [N] at the points, shape (points, 3). A held body's basis can follow them, and the cells are
+        accepted by them.
+    order
+        Of the elements; None: quadratic where linear ones lock, up to ``MOST_UNKNOWNS``.
     kind
         What the coordinates move; None: fields of vectors of a held body, handles of a free one.
     derived
@@ -62,7 +73,7 @@ def reduce_body(
     handles
         Handles of a skinned body; beside these a free one has its affine motion.
     most_cells
-        Most cells that the energy is summed over; 0: all tets, exactly.
+        Most cells that the energy is summed over; 0: as many as the full body's.
     seed
         Of the states that the cells are chosen by.
 
@@ -73,40 +84,44 @@ def reduce_body(
     ConvergenceError
         Where a piece of a held body can move freely.
     """
-    body = linear_body(mesh, supports)
+    used, stiffening = motion_elements(mesh, supports, order, most=MOST_UNKNOWNS)
+    body = linear_body(mesh, supports, order=used)
     kind = kind or (Subspace.SKINNING if body.is_free else Subspace.VECTOR)
-    acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float)
-    acting = acting if forces is None else acting + forces
+    dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
+    acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
     if kind is Subspace.VECTOR:
-        basis = vector_basis(body, forces, checked_count("derived", derived))
+        basis = vector_basis(body, dead, checked_count("derived", derived))
     else:
-        basis = skinned_basis(_skinning(body, checked_count("handles", handles), forces, acting))
+        basis = skinned_basis(_skinning(body, checked_count("handles", handles), dead, acting))
     whole = whole_model(body, basis, kind)
-    accuracy = whole.accuracy._replace(stiffening=linear_stiffening(mesh, supports))
-    whole = replace(whole, accuracy=accuracy)
-    return (
-        with_cells(whole, whole.pull_back(acting), most_cells, seed=seed) if most_cells else whole
-    )
+    known = whole.accuracy._replace(stiffening=1.0 if used == 2 else stiffening)
+    whole = replace(whole, accuracy=known)
+    if not most_cells:
+        return whole
+    return with_cells(whole, whole.pull_back(acting), most_cells, seed=seed)
 
 
 def whole_model(
-    body: LinearBody, basis: Float[np.ndarray, "points 3 dofs"], kind: Subspace
+    body: LinearBody, basis: Float[np.ndarray, "nodes 3 dofs"], kind: Subspace
 ) -> ReducedModel:
-    """Model of an M-orthonormal ``basis`` whose energy is summed over all tets."""
-    mesh, material = body.mesh, material_of(body.mesh)
+    """Model of an M-orthonormal ``basis`` whose energy is summed as that of the full body."""
+    mesh, space, material = body.mesh, body.space, material_of(body.mesh)
+    count = len(element_points(space.order))
+    cells = np.repeat(np.arange(len(mesh.tets)), count)
     flat = basis.reshape(-1, basis.shape[2])
     model = ReducedModel(
-        points=mesh.points,
+        points=space.nodes,
+        edges=space.edges,
         faces=mesh.boundary.faces.astype(np.int64),
         mass=body.mass,
         basis=basis,
         kind=kind,
-        cells=np.arange(len(mesh.tets)),
-        weights=mesh.volumes,
-        gradients=basis_gradients(mesh, basis),
-        E=material.E,
-        nu=material.nu,
-        region=mesh.region.astype(np.int64),
+        cells=cells,
+        weights=mesh.volumes[cells] / count,
+        gradients=basis_gradients(mesh, space, basis),
+        E=material.E[cells],
+        nu=material.nu[cells],
+        region=mesh.region[cells].astype(np.int64),
         region_names=mesh.region_names,
         springs=flat.T @ (body.held.springs.reshape(-1, 1) * flat),
     )
@@ -136,7 +151,7 @@ def with_cells(
         if count >= len(whole.cells):
             break
         cubature = select_cells(found, count, start=cubature)
-        model = _checked(whole, cubature, load, known)
+        model = _checked(whole, found.cells[cubature.cells], cubature.factor, load, known)
         if model.accuracy.cell_error <= accepted:
             return model
     return whole if cubature is None else model
@@ -150,13 +165,17 @@ class _Reference(NamedTuple):
 
 
 def _checked(
-    whole: ReducedModel, cubature: Cubature, load: np.ndarray, known: _Reference
+    whole: ReducedModel,
+    cells: np.ndarray,
+    factor: np.ndarray,
+    load: np.ndarray,
+    known: _Reference,
 ) -> ReducedModel:
-    model = whole.on_cells(cubature.cells, cubature.factor * whole.weights[cubature.cells])
+    model = whole.on_cells(cells, factor * whole.weights[cells])
     elasticity = ReducedElasticity(model)
     ratio, sag = _lowest(elasticity) / known.frequency, np.nan
     if known.rest is not None:
-        rest = _rest(elasticity, load)
+        rest = _rest(elasticity, load, known.rest)
         size = float(np.linalg.norm(known.rest))
         sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
     accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
@@ -168,10 +187,10 @@ def measured(
 ) -> ReducedModel:
     """The same model with its sag measured against the full body's, which is solved for it.
 
-    Both under their own weight, with linear elements and the neo-Hookean law.
+    Both under their own weight, with the same elements and the neo-Hookean law.
     """
     forces = model.mass[:, None] * np.asarray(gravity_vector, dtype=float)
-    full = solve_nonlinear(mesh, supports, forces=forces, order=1).displacement
+    full = solve_nonlinear(mesh, supports, forces=forces, order=model.order).node_displacement
     rest = _rest(ReducedElasticity(model), model.weight(gravity_vector))
     error = np.inf if rest is None else relative_error(model, model.displacement(rest), full)
     return replace(model, accuracy=model.accuracy._replace(sag=error))
@@ -179,8 +198,8 @@ def measured(
 
 def relative_error(
     model: ReducedModel,
-    found: Float[np.ndarray, "*frames points 3"],
-    wanted: Float[np.ndarray, "*frames points 3"],
+    found: Float[np.ndarray, "*frames nodes 3"],
+    wanted: Float[np.ndarray, "*frames nodes 3"],
 ) -> float:
     """Error of displacements over the wanted ones [1], in the norm of mass, all frames together."""
     mass = model.mass[:, None]
@@ -209,13 +228,14 @@ def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
 
 
 def _skinning(
-    body: LinearBody, handles: int, forces: np.ndarray | None, acting: np.ndarray
-) -> Float[np.ndarray, "points _"]:
+    body: LinearBody, handles: int, forces: np.ndarray, acting: np.ndarray
+) -> Float[np.ndarray, "nodes _"]:
     """Scalar functions of the modal weights that come nearest to the linear body."""
     best: tuple[float, np.ndarray] | None = None
+    beside = bent_beside(body, forces)
     for fitted in FITTED:
-        weights = modal_weights(body, handles, fitted, forces=forces)
-        functions = skinned_functions(body.mesh, weights, free=body.is_free)
+        weights = modal_weights(body, handles, fitted, beside=beside)
+        functions = skinned_functions(body, weights, free=body.is_free)
         model = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
         error = abs(model.accuracy.frequency - 1) + _linear_error(body, model, acting)
         if best is None or error < best[0]:
@@ -225,12 +245,12 @@ def _skinning(
 
 
 def _linear_error(body: LinearBody, model: ReducedModel, acting: np.ndarray) -> float:
-    """Relative error of the linear response to the forces ``acting`` (points, 3) [N]."""
+    """Relative error of the linear response to the forces ``acting`` (nodes, 3) [N]."""
     if body.is_free or not acting.any():
         return 0.0
     K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
     found = model.displacement(np.linalg.solve(K, model.pull_back(acting)))
-    return relative_error(model, found, body.compliance(acting))
+    return relative_error(model, found, body.compliance(acting[None])[0])
 
 
 def _lowest(elasticity: ReducedElasticity) -> float:
@@ -239,13 +259,15 @@ def _lowest(elasticity: ReducedElasticity) -> float:
     return float(frequencies[frequencies > np.sqrt(RIGID) * frequencies[-1]][0])
 
 
-def _rest(elasticity: ReducedElasticity, load: np.ndarray) -> np.ndarray | None:
+def _rest(
+    elasticity: ReducedElasticity, load: np.ndarray, start: np.ndarray | None = None
+) -> np.ndarray | None:
     """Coordinates at rest under the load; None of a free body, or where none is found."""
     K = elasticity.tangent(np.zeros(len(load)))
     if not load.any() or np.linalg.eigvalsh(K)[0] < RIGID * np.abs(K).max():
         return None
     try:
-        return reduced_rest(elasticity, load).u
+        return reduced_rest(elasticity, load, start=start).u
     except ConvergenceError:
         return None
 

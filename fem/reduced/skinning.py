@@ -1,9 +1,9 @@
 """Skinning weights: what a body's handles carry, u = sum_h w_h(x) T_h (x, y, z, 1).
 
-Modal skinning: weights by alternating least squares, so that the handles can make the body's modes
-and its response to weight. Given the weights, the transforms T are linear least squares; given the
-transforms, the weights of every point are. Laplacian eigenmodes, which it starts from, lock:
-w (x, y, z, 1) has no anticlastic curvature.
+Modal skinning: weights by alternating least squares, so that the handles can make the body's modes,
+its response to weight, and how these bend on. Given the weights, the transforms T are linear least
+squares; given the transforms, the weights of every point are. Laplacian eigenmodes, which it starts
+from, lock: w (x, y, z, 1) has no anticlastic curvature.
 """
 
 from __future__ import annotations
@@ -12,15 +12,23 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..discrete.mass import lumped_mass
-from ..discrete.space import make_space
+from ..discrete.space import extend_linear, make_space
 from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
 from .gradients import hat_gradients
-from .subspace import LinearBody, load_responses, orthonormal_fields
+from .subspace import (
+    LinearBody,
+    bent_fields,
+    orthonormal_fields,
+    principal_fields,
+    unit_responses,
+)
 
 HANDLES = 10
 # Modes that weights are fitted to: the best of these is kept, more spoil them.
 FITTED = (3, 4, 6)
+# Principal derivatives that weights are fitted to, and their size beside a mode's.
+BENDS, BEND_SIZE = 4, 0.3
 SWEEPS = 30
 # Of the normal matrices' mean diagonal: transforms, and the change of the weights in a sweep.
 RIDGE_TRANSFORMS, RIDGE_WEIGHTS = 1e-8, 1e-4
@@ -28,35 +36,36 @@ RIDGE_TRANSFORMS, RIDGE_WEIGHTS = 1e-8, 1e-4
 DEPENDENT = 1e-7
 
 
-def affine_coordinates(mesh: TetMesh) -> Float[np.ndarray, "points 4"]:
-    """(x, y, z, 1) of every point, about the middle and in shares of the body's longest side."""
+def affine_coordinates(
+    mesh: TetMesh, nodes: Float[np.ndarray, "nodes 3"]
+) -> Float[np.ndarray, "nodes 4"]:
+    """(x, y, z, 1) of every node, about the middle and in shares of the body's longest side."""
     middle, side = mesh.bounds.mean(axis=0), np.ptp(mesh.bounds, axis=0).max()
-    return np.concatenate([(mesh.points - middle) / side, np.ones((len(mesh.points), 1))], axis=1)
+    return np.concatenate([(nodes - middle) / side, np.ones((len(nodes), 1))], axis=1)
 
 
 def skinned_functions(
-    mesh: TetMesh, weights: Float[np.ndarray, "points handles"], *, free: bool
-) -> Float[np.ndarray, "points functions"]:
+    body: LinearBody, weights: Float[np.ndarray, "nodes handles"], *, free: bool
+) -> Float[np.ndarray, "nodes functions"]:
     """M-orthonormal scalar functions of the span of w_h (x, y, z, 1).
 
     ``free``: and of (x, y, z, 1) itself, so that the body can turn and deform as a whole.
     """
-    affine = affine_coordinates(mesh)
+    affine = affine_coordinates(body.mesh, body.space.nodes)
     products = (weights[:, :, None] * affine[:, None, :]).reshape(len(weights), -1)
-    mass = lumped_mass(mesh, make_space(mesh, 1))
     functions = np.concatenate([affine, products], axis=1) if free else products
-    return orthonormal_fields(functions, mass, DEPENDENT)
+    return orthonormal_fields(functions, body.mass, DEPENDENT)
 
 
 def skinned_basis(
-    functions: Float[np.ndarray, "points functions"],
-) -> Float[np.ndarray, "points 3 dofs"]:
+    functions: Float[np.ndarray, "nodes functions"],
+) -> Float[np.ndarray, "nodes 3 dofs"]:
     """The same functions along x, y and z, axis by axis."""
-    points, count = functions.shape
-    basis = np.zeros((points, 3, 3, count))
+    nodes, count = functions.shape
+    basis = np.zeros((nodes, 3, 3, count))
     for axis in range(3):
         basis[:, axis, axis] = functions
-    return basis.reshape(points, 3, 3 * count)
+    return basis.reshape(nodes, 3, 3 * count)
 
 
 def laplacian_weights(
@@ -92,17 +101,19 @@ def modal_weights(
     handles: int,
     fitted: int,
     *,
-    forces: Float[np.ndarray, "points 3"] | None = None,
+    beside: Float[np.ndarray, "nodes 3 fields"] | None = None,
     sweeps: int = SWEEPS,
-) -> Float[np.ndarray, "points handles"]:
+) -> Float[np.ndarray, "nodes handles"]:
     """Weights of so many ``handles`` that can make the first ``fitted`` modes.
 
-    Of a held body the responses to weight and ``forces`` [N] too; they vanish on what holds it.
+    And the fields ``beside`` [1/sqrt(kg)], by default ``bent_beside``; they vanish on what holds
+    the body.
     """
-    held = held_points(body)
-    weights = laplacian_weights(body.mesh, handles, held)
-    snapshots = _snapshots(body, fitted, forces)
-    affine, root = affine_coordinates(body.mesh), np.sqrt(body.mass)[:, None]
+    held, points = held_nodes(body), len(body.mesh.points)
+    weights = extend_linear(body.space, laplacian_weights(body.mesh, handles, held[:points]))
+    snapshots = _snapshots(body, fitted, bent_beside(body) if beside is None else beside)
+    affine = affine_coordinates(body.mesh, body.space.nodes)
+    root = np.sqrt(body.mass)[:, None]
     free = (body.mass > 0) & ~held
     for _ in range(sweeps):
         maps = _fitted_transforms(weights, affine, snapshots, root, whole=body.is_free)
@@ -110,8 +121,8 @@ def modal_weights(
     return weights
 
 
-def held_points(body: LinearBody) -> Bool[np.ndarray, "points"]:
-    """Points that are held, in all directions; ``InputError`` where one is in some only."""
+def held_nodes(body: LinearBody) -> Bool[np.ndarray, "nodes"]:
+    """Nodes that are held, in all directions; ``InputError`` where one is in some only."""
     fixed = body.held.fixed
     if (fixed.any(axis=1) & ~fixed.all(axis=1)).any():
         raise InputError(
@@ -121,15 +132,27 @@ def held_points(body: LinearBody) -> Bool[np.ndarray, "points"]:
     return np.asarray(fixed.any(axis=1))
 
 
-def _snapshots(body: LinearBody, fitted: int, forces) -> Float[np.ndarray, "points shots"]:
-    """Modes, as large as their share f1 / f of a motion, and responses to loads, as (x, y, z)."""
+def bent_beside(
+    body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None
+) -> Float[np.ndarray, "nodes 3 fields"]:
+    """Responses of a held body to weight and ``forces`` [N], and how it bends on; of others none.
+
+    These are the principal components of the derivatives.
+    """
+    none = np.zeros((*body.space.nodes.shape, 0))
+    if body.is_free:
+        return none
+    responses = unit_responses(body, forces)
+    bent = principal_fields(bent_fields(body, responses), none, body.mass, BENDS)
+    return np.concatenate([np.moveaxis(responses, 0, 2), BEND_SIZE * bent], axis=2)
+
+
+def _snapshots(body: LinearBody, fitted: int, beside) -> Float[np.ndarray, "nodes shots"]:
+    """Modes, as large as their share f1 / f of a motion, and what is ``beside``, as (x, y, z)."""
     modes = body.modes
     fields = modes.shapes[:fitted] * (modes.frequencies[0] / modes.frequencies[:fitted, None, None])
-    if not body.is_free:
-        responses = load_responses(body, forces)
-        size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
-        fields = np.concatenate([fields, responses / size[:, None, None]])
-    return fields.transpose(1, 0, 2).reshape(len(body.mass), -1)
+    both = np.concatenate([np.moveaxis(fields, 0, 2), beside], axis=2)
+    return both.swapaxes(1, 2).reshape(len(body.mass), -1)
 
 
 def _fitted_transforms(weights, affine, snapshots, root, *, whole: bool) -> np.ndarray:
@@ -144,7 +167,7 @@ def _fitted_transforms(weights, affine, snapshots, root, *, whole: bool) -> np.n
 
 
 def _fitted_weights(weights, maps, affine, snapshots) -> np.ndarray:
-    """Weights of every point for the given transforms: a small least squares each."""
+    """Weights of every node for the given transforms: a small least squares each."""
     handles = weights.shape[1]
     made = np.einsum("na,has->nsh", affine, maps, optimize=True)
     left = snapshots - made[:, :, handles:].sum(axis=2)

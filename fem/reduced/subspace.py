@@ -19,6 +19,7 @@ from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.mass import lumped_mass
+from ..discrete.space import Space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import MOST_ENTRIES, solve_system
@@ -40,9 +41,10 @@ TOLERANCE = 1e-8
 
 
 class LinearBody(NamedTuple):
-    """A body about rest: linear elements, lumped ``mass`` [kg] (points,), and its ``modes``.
+    """A body about rest on the nodes of ``grid``, which the points of ``mesh`` are the first of.
 
-    ``compliance`` gives the displacement (points, 3) [m] of forces (points, 3) [N] on a held body.
+    Lumped ``mass`` [kg] (nodes,), its ``modes``, and what holds the nodes. ``compliance`` gives the
+    displacements [m] of forces [N] on a held body, each (loads, nodes, 3).
     """
 
     mesh: TetMesh
@@ -51,6 +53,11 @@ class LinearBody(NamedTuple):
     mass: np.ndarray
     modes: Modes
     compliance: Callable[[np.ndarray], np.ndarray]
+
+    @property
+    def space(self) -> Space:
+        """Nodes and elements."""
+        return self.grid.space
 
     @property
     def is_free(self) -> bool:
@@ -63,8 +70,10 @@ class LinearBody(NamedTuple):
         return float(np.ptp(self.mesh.bounds, axis=0).max())
 
 
-def linear_body(mesh: TetMesh, supports: Supports | None, modes: int = MODES) -> LinearBody:
-    """Vibrations and compliance of ``mesh`` with linear elements and lumped mass.
+def linear_body(
+    mesh: TetMesh, supports: Supports | None, modes: int = MODES, *, order: int = 1
+) -> LinearBody:
+    """Vibrations and compliance of ``mesh`` with elements of ``order`` and lumped mass.
 
     Raises
     ------
@@ -78,8 +87,9 @@ def linear_body(mesh: TetMesh, supports: Supports | None, modes: int = MODES) ->
         raise InputError("a reduced body knows no grain: wanted an isotropic material")
     if held.fixed.any() or held.springs.any():
         check_held(mesh, held)
-    grid = discretise(mesh, 1)
-    found = natural_modes(mesh, modes, supports=held, order=1, lumped=True)
+    grid = discretise(mesh, order)
+    held = node_supports(held, grid.space)
+    found = natural_modes(mesh, modes, supports=held, order=order, lumped=True)
     mass = lumped_mass(mesh, grid.space)
     return LinearBody(mesh, held, grid, mass, found, _compliance(mesh, held, grid))
 
@@ -87,37 +97,36 @@ def linear_body(mesh: TetMesh, supports: Supports | None, modes: int = MODES) ->
 def _compliance(
     mesh: TetMesh, held: Supports, grid: Discretisation
 ) -> Callable[[np.ndarray], np.ndarray]:
-    on_nodes = node_supports(held, grid.space)
-
     def solve(forces: np.ndarray) -> np.ndarray:
         matrix = linear_stiffness(grid, material_of(mesh))
-        apply_supports(matrix, on_nodes.fixed, on_nodes.springs)
-        b = np.where(on_nodes.fixed, 0.0, forces)
+        apply_supports(matrix, held.fixed, held.springs)
+        b = np.where(held.fixed, 0.0, forces)
         plan = planned_elimination(matrix, grid.space.edges)
         if plan.entries <= MOST_ENTRIES:  # the factor that the modes were found with
-            return known_factor(matrix, plan).solve(b)
-        known = {"points": grid.space.nodes, "fixed": on_nodes.fixed, "edges": grid.space.edges}
-        solution = solve_system(matrix, b, **known, tolerance=TOLERANCE)
-        if not solution.reached(TOLERANCE):
-            raise ConvergenceError(f"a response was found to {solution.residual:.2g} only")
-        return solution.x
+            together = np.ascontiguousarray(np.moveaxis(b, 0, 2))
+            return np.moveaxis(known_factor(matrix, plan).solve(together), 2, 0)
+        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        found = [solve_system(matrix, load, **known, tolerance=TOLERANCE) for load in b]
+        if wrong := [s.residual for s in found if not s.reached(TOLERANCE)]:
+            raise ConvergenceError(f"a response was found to {max(wrong):.2g} only")
+        return np.stack([s.x for s in found])
 
     return solve
 
 
 def load_responses(
-    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None
-) -> Float[np.ndarray, "loads points 3"]:
+    body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None
+) -> Float[np.ndarray, "loads nodes 3"]:
     """Displacements [m] of a held body under 1 m/s^2 along x, y, z, and under ``forces`` [N]."""
     loads = [body.mass[:, None] * axis for axis in np.eye(3)]
     if forces is not None and np.any(forces):
         loads.append(forces)
-    return np.stack([body.compliance(load) for load in loads])
+    return body.compliance(np.stack(loads))
 
 
 def derivatives(
-    body: LinearBody, fields: Float[np.ndarray, "fields points 3"]
-) -> Float[np.ndarray, "pairs points 3"]:
+    body: LinearBody, fields: Float[np.ndarray, "fields nodes 3"]
+) -> Float[np.ndarray, "pairs nodes 3"]:
     """How every two of ``fields`` bend on together, under the neo-Hookean law.
 
     Linear in each of the two; ``fields`` are taken at a thousandth of the body's size.
@@ -129,17 +138,17 @@ def derivatives(
     def force(u: np.ndarray) -> np.ndarray:
         return elastic.response(u).force
 
-    found = []
+    pushes = []
     for i, a in enumerate(probes):
         for j, b in enumerate(probes[i:], i):
             mixed = force(a + b) - force(a - b) - force(b - a) + force(-a - b)
-            found.append(-body.compliance(mixed / (4 * scale[i] * scale[j])))
-    return np.stack(found)
+            pushes.append(-mixed / (4 * scale[i] * scale[j]))
+    return body.compliance(np.stack(pushes))
 
 
 def vector_basis(
-    body: LinearBody, forces: Float[np.ndarray, "points 3"] | None = None, derived: int = DERIVED
-) -> Float[np.ndarray, "points 3 dofs"]:
+    body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None, derived: int = DERIVED
+) -> Float[np.ndarray, "nodes 3 dofs"]:
     """Modes, responses to loads and derivatives of a held body, as fields of vectors.
 
     At most 34 coordinates with 21 ``derived`` fields, 49 with all 36; with the response to
@@ -148,16 +157,29 @@ def vector_basis(
     """
     if body.is_free:
         raise InputError("a free body turns, which no fields of vectors follow: take skinning")
-    shapes, responses = body.modes.shapes, load_responses(body, forces)
-    share = (body.modes.frequencies[0] / body.modes.frequencies[:BENT]) ** 2
-    size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
-    bending = np.concatenate(
-        [shapes[:BENT] * share[:, None, None], responses / size[:, None, None]]
-    )
-    linear = np.moveaxis(np.concatenate([shapes, responses]), 0, 2)
-    second = np.moveaxis(derivatives(body, bending), 0, 2)
+    responses = unit_responses(body, forces)
+    linear = np.moveaxis(np.concatenate([body.modes.shapes, responses]), 0, 2)
+    second = bent_fields(body, responses)
     kept = principal_fields(second, orthonormal_fields(linear, body.mass), body.mass, derived)
     return orthonormal_fields(np.concatenate([linear, kept], axis=2), body.mass)
+
+
+def unit_responses(
+    body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None
+) -> Float[np.ndarray, "loads nodes 3"]:
+    """``load_responses`` of unit norm in mass [1/sqrt(kg)]."""
+    responses = load_responses(body, forces)
+    size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
+    return responses / size[:, None, None]
+
+
+def bent_fields(
+    body: LinearBody, responses: Float[np.ndarray, "loads nodes 3"]
+) -> Float[np.ndarray, "nodes 3 fields"]:
+    """Derivatives of the first modes, as large as the same force makes them, and ``responses``."""
+    share = (body.modes.frequencies[0] / body.modes.frequencies[:BENT]) ** 2
+    modes = body.modes.shapes[:BENT] * share[:, None, None]
+    return np.moveaxis(derivatives(body, np.concatenate([modes, responses])), 0, 2)
 
 
 def principal_fields(

@@ -108,7 +108,7 @@ def what_if_error(
     supports: Supports,
     *,
     scales: Float[np.ndarray, "runs parts"],
-    forces: Callable[[int], Float[np.ndarray, "points 3"]],
+    forces: Callable[[int], Float[np.ndarray, "nodes 3"]],
     count: int = 4,
     order: int = 1,
     seed: int = 0,
@@ -116,8 +116,8 @@ def what_if_error(
 ) -> WhatIfError:
     """Solve ``count`` runs, the one that moves farthest among them, by the full body too.
 
-    It has elements of ``order``: with 2 what the model's linear ones lock is in the error.
-    ``forces`` gives what the load of a run was pulled back from: [N] at the points, (points, 3).
+    It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
+    error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def what_if_error(
         moduli = type(material)(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
         known = {"forces": forces(int(run)), "law": law, "order": order}
-        full = solve_nonlinear(body, supports, **known).displacement[: len(mesh.points)]
+        full = solve_nonlinear(body, supports, **known).node_displacement[: len(model.points)]
         rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
         modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
         frequency[i] = found.frequency[run] / modes.frequencies[0] - 1

@@ -33,16 +33,20 @@ def motion_order(mesh: TetMesh) -> int:
 
 
 def motion_elements(
-    mesh: TetMesh, supports: Supports | None, order: int | None = None
+    mesh: TetMesh,
+    supports: Supports | None,
+    order: int | None = None,
+    *,
+    most: int = FEW_UNKNOWNS,
 ) -> MotionElements:
     """Elements of a motion: of ``order`` where it is given, else ``motion_order``'s.
 
-    Quadratic ones too where linear ones lock in bending and few quadratic ones do.
+    Quadratic ones too where linear ones lock in bending, while they have ``most`` unknowns.
     """
     if (used := order or motion_order(mesh)) == 2:
         return MotionElements(2)
     stiffening = linear_stiffening(mesh, supports)
-    if order is None and stiffening > BENDS_ALIKE and p2_unknowns(mesh) <= FEW_UNKNOWNS:
+    if order is None and stiffening > BENDS_ALIKE and p2_unknowns(mesh) <= most:
         return MotionElements(2)
     return MotionElements(used, stiffening)
 

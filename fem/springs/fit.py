@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,19 +12,21 @@ from jaxtyping import Float
 from ..errors import ConvergenceError, InputError
 from ..scene.mesh import TetMesh, material_of
 from .body import SpringBody
+from .eta import SOFTEST, stiffened
 from .network import SpringNetwork
 from .vibration import network_frequencies
 
-# Where neighbours beyond the nearest sixteen count nothing, and where all do: the ends of eta.
-SOFTEST, STIFFEST = 20.0, -20.0
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
 # Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
-# ends where the square of the error falls, or would, by less than a share.
-DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 12, 5e-3
+# ends where the square of the error falls, or would, by less than a share. Derivatives serve while
+# a step gains about what they promise, and learn from it (Broyden).
+DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 12, 1e-2
 # Steps are made shorter only where they are too long by more than this share, so that differences
 # are not those of another step.
 LEEWAY = 0.05
+# The profile [exp] that a fit starts from where it knows a frequency: between compact and thin.
+PROFILE = 1.0
 # The surface is at most so many times [exp] stiffer or softer than the middle.
 STEEPEST = 4.0
 
@@ -50,6 +52,11 @@ class SpringFit:
         How many motions it took.
     anchors, neighbours, eta
         The network that was fitted: another one has another scale.
+    stiffer
+        How many times as stiff the network of another, stiff motion is [1]; nan where there was
+        none.
+    stiff_error
+        Error of the stiff motion by this network made so many times stiffer.
     """
 
     scale: float
@@ -61,6 +68,8 @@ class SpringFit:
     anchors: int
     neighbours: int
     eta: float
+    stiffer: float = np.nan
+    stiff_error: float = np.nan
 
 
 def profile_warnings(fit: SpringFit) -> tuple[str, ...]:
@@ -73,14 +82,16 @@ def profile_warnings(fit: SpringFit) -> tuple[str, ...]:
     )
 
 
-def scale_to_frequency(network: SpringNetwork, wanted: float, *, eta: float = 0.0) -> float:
+def scale_to_frequency(
+    network: SpringNetwork, wanted: float, *, eta: float = 0.0, surface: float = 0.0
+) -> float:
     """Scale of k [1] that gives the network the first frequency ``wanted`` [Hz]: no motion.
 
     ``InputError`` where no scale does: pieces of the network turn freely.
     """
     if not wanted > 0:
         raise InputError(f"a first frequency of {wanted:g} Hz: wanted > 0")
-    found = float(network_frequencies(network, network.stiffness(eta))[0])
+    found = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
     if not LOOSE * found > wanted:
         raise InputError(
             f"the springs' first frequency is {found:.2g} Hz, {wanted:.2g} Hz is wanted: pieces "
@@ -89,33 +100,49 @@ def scale_to_frequency(network: SpringNetwork, wanted: float, *, eta: float = 0.
     return (wanted / found) ** 2
 
 
-def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
-    """Eta whose network is ``ratio`` [1] times as stiff as its softest, all k the same.
+def fit_both_ends(
+    body: SpringBody,
+    soft: Float[np.ndarray, "frames points 3"],
+    stiff: Float[np.ndarray, "frames points 3"],
+    dt: tuple[float, float],
+    *,
+    frequency: float | None = None,
+) -> SpringFit:
+    """As ``fit_to_motion`` of a ``soft`` motion at the softest eta, and how stiff another is.
 
-    By bisection on the sum of k w l; ratios out of reach give the nearer end.
+    ``dt`` [s] are the intervals of both. The stiff motion is fitted at the same eta; how many times
+    more its springs carry is what eta, and k beyond its reach, has to make.
     """
-    k = network.calibrated(SOFTEST)
-
-    def log_stiffness(eta: float) -> float:
-        return float(np.log(network.stiffness(eta, k=k) @ network.length**2))
-
-    wanted = np.log(ratio) + log_stiffness(SOFTEST)
-    low, high = STIFFEST, SOFTEST
-    if wanted >= log_stiffness(low):
-        return low
-    if wanted <= log_stiffness(high):
-        return high
-    while high - low > 1e-12 * SOFTEST:
-        middle = (low + high) / 2
-        low, high = (middle, high) if log_stiffness(middle) > wanted else (low, middle)
-    return (low + high) / 2
+    one = fit_to_motion(body, soft, dt[0], eta=SOFTEST, frequency=frequency)
+    two = fit_to_motion(body, stiff, dt[1], eta=SOFTEST, frequency=frequency)
+    square = body.network.length**2
+    ends = [f.scale * body.network.stiffness(SOFTEST, surface=f.surface) for f in (one, two)]
+    ratio = float((ends[1] @ square) / (ends[0] @ square))
+    k = one.scale * body.network.constants(SOFTEST, one.surface)
+    error = np.linalg.norm(_Followed(body, stiff, dt[1]).misfit(stiffened(body.network, k, ratio)))
+    return replace(one, stiffer=ratio, stiff_error=float(error), runs=one.runs + two.runs + 1)
 
 
-def eta_reach(network: SpringNetwork) -> float:
-    """How many times stiffer than its softest a network gets by eta alone [1]."""
-    k, square = network.calibrated(SOFTEST), network.length**2
-    ends = [network.stiffness(eta, k=k) @ square for eta in (STIFFEST, SOFTEST)]
-    return float(ends[0] / ends[1])
+class _Followed:
+    """A motion that a body's springs are compared with; steps grow shorter as springs need it."""
+
+    def __init__(
+        self, body: SpringBody, wanted: np.ndarray, dt: float, dashpot: float = 0.0, steps: int = 1
+    ) -> None:
+        self.body, self.dt, self.dashpot, self.steps = body, dt, dashpot, steps
+        self.target = np.asarray(wanted, dtype=float)[1:]
+        self.weight = _weights(body.scene.mesh, self.target)
+
+    def misfit(self, stiffness: Float[np.ndarray, "springs"]) -> np.ndarray:
+        """Weighted difference (n,) of the springs' displacement, over the motion's size."""
+        motion = self.body.motion(stiffness, dashpot=self.dashpot)
+        needed = motion.steps_for(self.dt)
+        self.steps = needed if needed > (1 + LEEWAY) * self.steps else self.steps
+        out = np.empty_like(self.target)
+        for frame in range(len(out)):
+            motion.advance(self.dt, steps=self.steps)
+            out[frame] = self.body.displacement(motion.x)
+        return (self.weight * (out - self.target)).ravel()
 
 
 def fit_to_motion(
@@ -140,27 +167,19 @@ def fit_to_motion(
     ConvergenceError
         Where the fit does not settle, or a motion's steps are unstable.
     """
-    network = body.network
-    target = np.asarray(wanted, dtype=float)[1:]
-    weight = _weights(body.scene.mesh, target)
+    network, followed = body.network, _Followed(body, wanted, dt, dashpot, steps)
 
     def stiffness(p: np.ndarray) -> np.ndarray:
         return np.exp(p[0]) * network.stiffness(eta, surface=p[1])
 
     def misfit(p: np.ndarray) -> np.ndarray:
-        nonlocal steps
-        motion = body.motion(stiffness(p), dashpot=dashpot)
-        needed = motion.steps_for(dt)
-        steps = needed if needed > (1 + LEEWAY) * steps else steps
-        out = np.empty_like(target)
-        for frame in range(len(target)):
-            motion.advance(dt, steps=steps)
-            out[frame] = body.displacement(motion.x)
-        return (weight * (out - target)).ravel()
+        return followed.misfit(stiffness(p))
 
-    found = 1.0 if frequency is None else scale_to_frequency(network, frequency, eta=eta)
-    first = misfit(np.zeros(2))
-    p, error, runs = _gauss_newton(misfit, np.array([np.log(found), 0.0]), first)
+    first, start = misfit(np.zeros(2)), np.zeros(2)
+    if frequency is not None:
+        scale = scale_to_frequency(network, frequency, eta=eta, surface=PROFILE)
+        start = np.array([np.log(scale), PROFILE])
+    p, error, runs = _gauss_newton(misfit, start, first)
     ratio = np.nan
     if frequency is not None:
         ratio = float(network_frequencies(network, stiffness(p))[0] / frequency)
@@ -206,20 +225,27 @@ def _gauss_newton(
 ) -> _Least:
     """Least squares of ``misfit`` from ``p`` on; steps that do not help are halved."""
     here, runs = (misfit(p), 1) if p.any() else (at_zero, 0)
+    J: np.ndarray | None = None
     for _ in range(MOST):
-        J = np.stack([misfit(p + d) - here for d in DIFFERENCE * np.eye(len(p))], 1) / DIFFERENCE
+        fresh = J is None
+        if J is None:
+            columns = [misfit(p + d) - here for d in DIFFERENCE * np.eye(len(p))]
+            J, runs = np.stack(columns, 1) / DIFFERENCE, runs + len(p)
         move = _short(p, np.linalg.lstsq(J, -here, rcond=1e-6)[0])
-        expected, runs = here + J @ move, runs + len(p)
+        expected = here + J @ move
         if not expected @ expected < (1 - GAIN) * (here @ here):
             return _Least(p, float(np.linalg.norm(here)), runs)
-        while np.abs(move).max() > SHORTEST:
-            there, runs = misfit(p + move), runs + 1
-            if there @ there < here @ here:
-                break
+        there, runs = misfit(p + move), runs + 1
+        if not there @ there < (1 - GAIN) * (here @ here) and not fresh:
+            J = None  # what was learnt does not do: differences
+            continue
+        while not there @ there < here @ here:
             move = move / 2
-        else:
-            return _Least(p, float(np.linalg.norm(here)), runs)
+            if np.abs(move).max() < SHORTEST:
+                return _Least(p, float(np.linalg.norm(here)), runs)
+            there, runs = misfit(p + move), runs + 1
         gained = there @ there < (1 - GAIN) * (here @ here)
+        J = J + np.outer(there - here - J @ move, move) / (move @ move)
         p, here = p + move, there
         if not gained:
             return _Least(p, float(np.linalg.norm(here)), runs)

@@ -14,6 +14,7 @@ from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..validation import checked_count, checked_positive
 from .body import SpringBody, spring_body
+from .eta import SOFTEST, stiffened
 from .motion import SpringMotion
 
 # CPU time of a spring, from one end, and step [s]: 6 to 9 ns were measured, on a busy machine more.
@@ -36,6 +37,8 @@ class SpringMethod:
         What the calibrated stiffness of the springs is multiplied by [1].
     surface
         Logarithm [1] of the stiffness at the surface over that in the middle, as a fit finds it.
+    stiffer
+        How many times as stiff [1] as at the softest eta, k the same: eta is then found for that.
     dashpot
         Damping of every spring over its stiffness [s].
     seed
@@ -49,6 +52,7 @@ class SpringMethod:
     eta: float = 0.0
     scale: float = 1.0
     surface: float = 0.0
+    stiffer: float | None = None
     dashpot: float = 0.0
     seed: int = 0
     announce: Callable[[str], None] | None = None
@@ -95,7 +99,10 @@ class SpringMethod:
 
     def stiffness(self, body: SpringBody) -> Float[np.ndarray, "springs"]:
         """Stiffness of the springs of ``body`` [N/m]."""
-        return self.scale * body.network.stiffness(self.eta, surface=self.surface)
+        if self.stiffer is None:
+            return self.scale * body.network.stiffness(self.eta, surface=self.surface)
+        k = self.scale * body.network.constants(SOFTEST, self.surface)
+        return stiffened(body.network, k, self.stiffer)
 
 
 METHOD = SpringMethod()

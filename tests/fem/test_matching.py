@@ -73,7 +73,7 @@ def test_a_full_body_s_scale_comes_back():
     )
     frames = [np.zeros_like(mesh.points), *(full.step(DT).u for _ in range(30))]
     soft = mesh.with_material(ElementMaterial(E / 3, *flat))
-    model = reduce_body(soft, held, gravity_vector=weight, derived=36)
+    model = reduce_body(soft, held, gravity_vector=weight, derived=36, order=1)
     observed = ObservedMotion(
         displacement=np.stack(frames),
         dt=DT,

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.converters.mesh.pvd import write_pvd
-from autophyx_tet.converters.reduced_archive import load_fit, load_reduced
+from autophyx_tet.converters.reduced_archive import load_fits, load_reduced, save_fits
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.matching import MotionFit
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate
+from autophyx_tet.toolkit.simulation.fitted import moduli_between
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
 
 
@@ -70,11 +73,60 @@ def test_reduce_writes_a_model_and_match_its_moduli(bar, tmp_path, capsys):
     call = ["match", str(bar), *wind, "--solver", "lbs", "--to", str(tmp_path / "m.pvd")]
     assert main([*call, "-o", str(fitted)]) == 0
     assert "first frequency" in capsys.readouterr().out
-    fit = load_fit(fitted)
+    (fit,) = load_fits(fitted)
     assert fit.scale == pytest.approx(1.5, rel=0.01)
     again = simulate(bar, scenario="poke", poke_force=0.2, solver="lbs", parameters=fitted)
     last = np.abs(moved.displacement).max()
     assert again.displacement == pytest.approx(moved.displacement, abs=0.05 * last)
+
+
+def _fit(scale, nu=None):
+    known = {"error": 0.0, "unfitted_error": 0.1, "outside": 0.0, "frequency_ratio": 1.0}
+    size = 1 if nu is None else 2
+    return MotionFit(
+        scale=scale, nu=nu, **known, covariance=np.eye(size), scheme=Scheme.BDF2, runs=3
+    )
+
+
+def test_moduli_between_two_ends_are_even_in_log_E(tmp_path):
+    """E of .5 and 8: 2 in the middle, by files; of one end there is no alpha."""
+    save_fits(tmp_path / "two.npz", [_fit(0.5, 0.2), _fit(8.0, 0.4)])
+    ends = load_fits(tmp_path / "two.npz")
+    assert moduli_between(ends) == (pytest.approx(2.0), pytest.approx(0.3))
+    assert moduli_between(ends, 0.25) == (pytest.approx(1.0), pytest.approx(0.25))
+    assert moduli_between(ends, 1.0) == (8.0, 0.4)
+    save_fits(tmp_path / "one.npz", [_fit(3.0)])
+    assert moduli_between(load_fits(tmp_path / "one.npz")) == (3.0, None)
+    for alpha, file in ((0.5, "one.npz"), (1.5, "two.npz")):
+        with pytest.raises(UsageError, match="wanted 0 to 1"):
+            moduli_between(load_fits(tmp_path / file), alpha)
+
+
+@pytest.mark.slow
+def test_a_soft_and_a_stiff_motion_give_what_lies_between(bar, tmp_path, capsys):
+    """Bodies half and twice as stiff: at alpha 0 and 1 their motions, in the middle the mesh's."""
+    poke = {"scenario": "poke", "poke_force": 0.1, "solver": "lbs"}
+    ends = {}
+    for name, E in (("soft", 5e4), ("stiff", 2e5)):
+        body = box_mesh((0.1, 0.1, 0.4), (2, 2, 6))
+        body = body.with_material(ElementMaterial.uniform(len(body.tets), E=E, nu=0.3, rho=500.0))
+        ends[name] = simulate(body, **poke)
+        times, u = ends[name].animation
+        frames = [(t, {"displacement": x}) for t, x in zip(times, u, strict=True)]
+        write_pvd(tmp_path / f"{name}.pvd", body, frames[:20])
+    to = ["--to", str(tmp_path / "soft.pvd"), "--to-stiff", str(tmp_path / "stiff.pvd")]
+    call = ["match", str(bar), "--scenario", "poke", "--poke-force", "0.1", "--solver", "lbs"]
+    assert main([*call, *to, "-o", str(tmp_path / "p.npz")]) == 0
+    assert "stiff: E x 2.0" in capsys.readouterr().out
+    fits = load_fits(tmp_path / "p.npz")
+    assert [fit.scale for fit in fits] == pytest.approx([0.5, 2.0], rel=0.01)
+    assert moduli_between(fits).scale == pytest.approx(1.0, rel=0.01)
+    found = simulate(bar, **poke, parameters=tmp_path / "p.npz", parameters_alpha=1.0)
+    last = np.abs(ends["stiff"].displacement).max()
+    assert found.displacement == pytest.approx(ends["stiff"].displacement, abs=0.05 * last)
+    swapped = {"motion": tmp_path / "stiff.pvd", "stiff": tmp_path / "soft.pvd"}
+    with pytest.raises(InputError, match="wanted the softer one first"):
+        match(bar, **swapped, **poke)
 
 
 @pytest.mark.slow
@@ -86,8 +138,8 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     document = json.loads(capsys.readouterr().out)
     told = document["reduced"]
     assert told["what_if"]["runs"] == 3
-    assert min(told["what_if"]["rest_error"]) > 0.2  # against quadratic ones: these lock
-    assert any("too coarse for linear elements" in said for said in document["warnings"])
+    assert max(told["what_if"]["rest_error"]) < 0.01  # these lock: the model has quadratic ones
+    assert not any("too coarse" in said for said in document["warnings"])
     assert told["accuracy"]["motion"] < 0.05
     answers = np.genfromtxt(tmp_path / "r.what_if.csv", delimiter=",", names=True)
     u, f = answers["max_displacement_m"], answers["first_frequency_Hz"]
@@ -108,8 +160,8 @@ def test_what_cannot_be_done_is_said(bar, tmp_path):
         simulate(bar, solver="spring", handles=4)
     with pytest.raises(UsageError, match="have no handles"):
         reduce(bar, handles=16)
-    with pytest.raises(UsageError, match="--order: wanted --solver fem, not lbs"):
-        simulate(bar, solver="lbs", order=2)
+    with pytest.raises(UsageError, match="--order: wanted --solver fem or lbs, not spring"):
+        simulate(bar, scenario="drop", solver="spring", order=2)
     for solver in ("fem", "mpm"):  # none is chosen in silence, not even by default
         with pytest.raises(UsageError, match=f"of --solver {solver}: wanted --solver lbs or"):
             match(bar, tmp_path / "m.pvd", solver=solver)

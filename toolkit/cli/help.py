@@ -14,9 +14,9 @@ RARE = frozenset(
     "accept_broken address anchors basis bins body cache cells config damping device drop_height "
     "edge_length encoder epsilon_rel eta fall_height features grain gravity_dir grid handles "
     "interpreter law layers lower matter max_tets memory_limit modes move neighbours no_cache "
-    "obstacle order parameters part part_wall picture poke_force preset pressure print_config "
-    "scene seed self_contact solid squeeze_share stiff supports table tear_share threads "
-    "time_limit torque touch traceback views wind_speed with_nu".split()
+    "obstacle order parameters parameters_alpha part part_wall picture poke_force preset pressure "
+    "print_config scene seed self_contact solid squeeze_share stiff supports table tear_share "
+    "threads time_limit to_stiff torque touch traceback views wind_speed with_nu".split()
 )
 
 

@@ -249,7 +249,8 @@ class ReduceCommand:
 class MatchCommand:
     """Fit the moduli of a reduced body, or of springs, to a motion of the same scene.
 
-    Example: autophyx-tet match bar.msh --solver lbs --to motion.pvd -o fitted.npz
+    Examples: autophyx-tet match bar.msh --solver lbs --to motion.pvd -o fitted.npz;
+    autophyx-tet match bar.msh --solver spring --to soft.pvd --to-stiff stiff.pvd -o ends.npz
     """
 
     mesh: tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="MESH")]]
@@ -258,6 +259,8 @@ class MatchCommand:
     """Motion to fit to, .pvd, as `simulate` writes it."""
     output: Output
     """Parameters to write, .npz, for `simulate --parameters` with the same solver."""
+    to_stiff: Path | None = None
+    """Motion of a stiffer body in the same scene, .pvd: what lies between, --parameters-alpha."""
     with_nu: tyro.conf.FlagCreatePairsOff[bool] = False
     """Fit Poisson's ratio too: it is hard to tell from E, see the correlation."""
     up: UpAxis | None = None
@@ -272,7 +275,8 @@ class MatchCommand:
         from ..simulation.reducing import match
 
         known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
-        return match(self.mesh, self.to, output=self.output, **known).document()
+        ends = {"stiff": self.to_stiff, "output": self.output}
+        return match(self.mesh, self.to, **ends, **known).document()
 
 
 COMMANDS = {

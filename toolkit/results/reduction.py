@@ -159,16 +159,20 @@ class Reduction(FewNumbers):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Match(FewNumbers):
-    """Moduli of a reduced body after a motion: the ``fit``."""
+    """Moduli of a reduced body after a motion: the ``fit``, and that of a ``stiff`` one."""
 
     fit: MotionFit
+    stiff: MotionFit | None = None
 
     verb = "match"
 
     @property
     def summary(self) -> str:
-        """Scale of E, nu, errors and the ratio of frequencies, in a line."""
-        fit = self.fit
+        """Scale of E, nu, errors and the ratio of frequencies, in a line, at both ends."""
+        return "; stiff: ".join(self._said(fit) for fit in (self.fit, self.stiff) if fit)
+
+    @staticmethod
+    def _said(fit: MotionFit) -> str:
         nu = "" if fit.nu is None else f", nu {fit.nu:.4f} (correlation {fit.correlation:.3f})"
         return (
             f"E x {fit.scale:.4f} (+-{fit.deviation[0]:.2%} if the misfit is noise){nu}; error "
@@ -178,8 +182,12 @@ class Match(FewNumbers):
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Moduli, errors, covariance, and how they were found."""
-        fit = self.fit
+        """Moduli, errors, covariance, and how they were found; those of the stiff end beside."""
+        stiff = None if self.stiff is None else self._numbers(self.stiff)
+        return {**self._numbers(self.fit), "stiff": stiff}
+
+    @staticmethod
+    def _numbers(fit: MotionFit) -> dict[str, Any]:
         known = ("scale", "nu", "error", "unfitted_error", "outside", "frequency_ratio", "runs")
         return {
             **{name: getattr(fit, name) for name in known},
@@ -201,11 +209,12 @@ class SpringMatch(FewNumbers):
     def summary(self) -> str:
         """Scale and profile of k, errors and the ratio of frequencies, in a line."""
         fit = self.fit
+        stiff = f"; stiff: {fit.stiffer:.3f} times as stiff, error {fit.stiff_error:.2%}"
         return (
             f"k x {fit.scale:.4f}, at the surface {math.exp(fit.surface):.2f} times that in the "
             f"middle; error {fit.error:.2%}, calibrated from E alone "
             f"{fit.calibrated_error:.2%}; first frequency {fit.frequency_ratio:.3f} of the finite "
-            "elements'"
+            "elements'" + ("" if math.isnan(fit.stiffer) else stiff)
         )
 
     @property

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ...converters.reduced_archive import save_fit, save_reduced
+from ...converters.reduced_archive import save_fits, save_reduced
 from ...converters.spring_archive import save_springs
+from ...fem.discrete.space import make_space
 from ...fem.errors import InputError, UsageError
-from ...fem.matching import ObservedMotion, fit_motion, fit_warnings
-from ...fem.reduced.method import stated_forces, with_motion_error
+from ...fem.matching import MotionFit, ObservedMotion, fit_motion, fit_warnings
+from ...fem.reduced.method import start_velocity, stated_forces, with_motion_error
+from ...fem.reduced.model import ReducedModel
 from ...fem.reduced.reduction import accuracy_warnings, measured
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
@@ -24,7 +26,7 @@ from ..io.sidecar import read_known
 from ..options import SimulateOptions
 from ..results.reduction import Match, Reduction, SpringMatch
 from .conditions import changed_options
-from .motion_reading import read_motion
+from .motion_reading import EvenMotion, read_motion
 from .scenario import stated_scene
 from .solvers import reduced_method
 from .spring_matching import fitted_springs
@@ -54,7 +56,7 @@ def reduce(
         check_file(output, (".npz",))
     started = time.perf_counter()
     scene = _scene(mesh, options, up)
-    model = reduced_method(options).model_of(scene)
+    model = reduced_method(options).model_of(scene, options.order)
     if scene.supports is not None and np.any(scene.gravity_vector):
         model = measured(model, scene.mesh, scene.held, scene.gravity_vector)
         model = with_motion_error(model, scene)
@@ -73,6 +75,7 @@ def match(
     mesh: str | Path | TetMesh,
     motion: Path,
     *,
+    stiff: Path | None = None,
     output: Path | None = None,
     up: UpAxis | None = None,
     with_nu: bool = False,
@@ -85,7 +88,8 @@ def match(
 
     ``motion`` is a .pvd with displacements on the points of ``mesh``, as ``simulate`` writes. It is
     fitted by implicit Euler and by BDF2, one step a frame, and the nearer of the two is kept.
-    ``output`` is the .npz of the parameters.
+    ``stiff`` is another motion of the same scene, of a stiffer body: what lies between the two is
+    then known (``--parameters-alpha``). ``output`` is the .npz of the parameters.
     """
     options = changed_options(options or SimulateOptions(), given)
     if options.solver not in ("lbs", "spring"):
@@ -97,38 +101,61 @@ def match(
     springs = options.solver == "spring"
     if springs and with_nu:
         raise UsageError("match --with-nu: springs have nu = 1/4")
+    if springs and stiff is not None and options.eta != SimulateOptions.eta:
+        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
     scene = _scene(mesh, options, up)
     if scene.obstacles:
         raise UsageError(f"match: --scenario {options.scenario} has obstacles, wanted none")
-    frames = read_motion(motion, len(scene.mesh.points))
+    points = len(scene.mesh.points)
+    motions = [read_motion(path, points) for path in (motion, stiff) if path is not None]
     files = () if output is None else (output,)
     if springs:
-        found, notes = fitted_springs(scene, frames, options)
+        found, notes = fitted_springs(scene, motions, options)
+        _check_ends(found.stiffer)
         if output is not None:
             save_springs(output, found)
         told = {"files": files, "assumed": (*scene.warnings, *notes)}
         return SpringMatch(fit=found, seconds=time.perf_counter() - started, **told)
-    model = reduced_method(options).model_of(scene)
-    start = np.broadcast_to(np.asarray(scene.velocity, dtype=float), model.points.shape)
+    model = reduced_method(options).model_of(scene, options.order)
+    fits = [_fitted_moduli(scene, model, frames, with_nu=with_nu) for frames in motions]
+    _check_ends(fits[-1].scale / fits[0].scale if len(fits) > 1 else np.nan)
+    if output is not None:
+        save_fits(output, fits)
+    told = {"files": files, "seconds": time.perf_counter() - started}
+    notes = [warning for fit in fits for warning in fit_warnings(fit)]
+    warnings = (*scene.warnings, *accuracy_warnings(model), *notes)
+    return Match(fit=fits[0], stiff=None if len(fits) < 2 else fits[1], assumed=warnings, **told)
+
+
+def _fitted_moduli(
+    scene: Scene, model: ReducedModel, frames: EvenMotion, *, with_nu: bool
+) -> MotionFit:
+    """Moduli of ``model`` after the motion of ``frames``, by the nearer of two schemes."""
+    start = start_velocity(scene, make_space(scene.mesh, model.order))
+    dead = model.pull_back(stated_forces(scene, model.order))
     observed = ObservedMotion(
         displacement=frames.displacement,
         dt=frames.dt,
-        load=model.weight(scene.gravity_vector) + model.pull_back(stated_forces(scene)),
+        load=model.weight(scene.gravity_vector) + dead,
         velocity=model.coordinates(start),
     )
     fits = [
         fit_motion(model, observed, with_nu=with_nu, scheme=scheme)
         for scheme in (Scheme.IMPLICIT_EULER, Scheme.BDF2)
     ]
-    fit = min(fits, key=lambda fit: fit.error)
-    if output is not None:
-        save_fit(output, fit)
-    told = {"files": files, "seconds": time.perf_counter() - started}
-    warnings = (*scene.warnings, *accuracy_warnings(model), *fit_warnings(fit))
-    return Match(fit=fit, assumed=warnings, **told)
+    return min(fits, key=lambda fit: fit.error)
+
+
+def _check_ends(stiffer: float) -> None:
+    """Refuse a stiff end that is so many times as stiff [1] as the soft one, less than once."""
+    if stiffer < 1:
+        raise InputError(
+            f"the motion of --to-stiff is {stiffer:.3g} times as stiff as that of --to: wanted "
+            "the softer one first"
+        )
 
 
 def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | None) -> Scene:

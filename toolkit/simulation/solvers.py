@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from math import isnan
 from typing import TYPE_CHECKING
 
 from ...fem.errors import UsageError
 from ...fem.scenarios.scenario import SCENARIOS, Scenario
 from ...fem.solve.method import METHODS, Method
 from ..options import SimulateOptions
+from .fitted import Moduli, checked_alpha, moduli_between
 
 if TYPE_CHECKING:
     from ...fem.reduced.method import ReducedMethod
@@ -28,8 +30,8 @@ OWNED = {
     **dict.fromkeys(("grid", "stiff", "matter", "damping", "preset", "threads"), ("mpm",)),
     **dict.fromkeys(("anchors", "neighbours", "eta"), ("spring",)),
     **dict.fromkeys(("basis", "handles"), ("lbs",)),
-    "parameters": ("lbs", "spring"),
-    "order": ("fem",),
+    **dict.fromkeys(("parameters", "parameters_alpha"), ("lbs", "spring")),
+    "order": ("fem", "lbs"),
 }
 # Options that are a scenario's numbers, those of N named N_...: as they would be beside another.
 STAGED = {"supports": "sag", "modes": "modal"} | {
@@ -97,16 +99,19 @@ def reduced_method(
     options: SimulateOptions, announce: Callable[[str], None] | None = None
 ) -> ReducedMethod:
     """Reduced bodies of the kind and size, and with the fitted moduli, that the options name."""
-    from ...converters.reduced_archive import load_fit
+    from ...converters.reduced_archive import load_fits
     from ...fem.reduced.method import ReducedMethod
     from ...fem.reduced.model import Subspace
 
-    fit = None if options.parameters is None else load_fit(options.parameters)
+    _check_parameters(options)
+    moduli = Moduli(1.0, None)
+    if options.parameters is not None:
+        moduli = moduli_between(load_fits(options.parameters), options.parameters_alpha)
     return ReducedMethod(
         kind=None if options.basis is None else Subspace(options.basis),
         handles=options.handles,
-        scale=1.0 if fit is None else fit.scale,
-        nu=None if fit is None else fit.nu,
+        scale=moduli.scale,
+        nu=moduli.nu,
         announce=announce,
     )
 
@@ -118,6 +123,7 @@ def spring_method(
     from ...converters.spring_archive import load_springs
     from ...fem.springs.method import SpringMethod
 
+    _check_parameters(options)
     if options.parameters is None:
         network = {"anchors": options.anchors, "neighbours": options.neighbours, "eta": options.eta}
         return SpringMethod(**network, announce=announce)
@@ -130,4 +136,13 @@ def spring_method(
                 "alone; leave it out"
             )
     network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
-    return SpringMethod(**network, scale=fit.scale, surface=fit.surface, announce=announce)
+    ends = 1 if isnan(fit.stiffer) else 2
+    alpha = checked_alpha(options.parameters_alpha, ends)
+    stiffer = None if ends == 1 else fit.stiffer**alpha
+    found = {"scale": fit.scale, "surface": fit.surface, "stiffer": stiffer}
+    return SpringMethod(**network, **found, announce=announce)
+
+
+def _check_parameters(options: SimulateOptions) -> None:
+    if options.parameters is None and options.parameters_alpha is not None:
+        raise UsageError("--parameters-alpha: wanted --parameters of `match --to-stiff` with it")

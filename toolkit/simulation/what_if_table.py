@@ -38,7 +38,7 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
     usual = np.asarray(scene.gravity_vector, dtype=float)
     pairs = zip(GRAVITY, usual, strict=True)
     gravity = np.stack([columns.get(name, g * ones) for name, g in pairs], axis=1)
-    share, dead = columns.get(LOAD, ones), stated_forces(scene)
+    share, dead = columns.get(LOAD, ones), stated_forces(scene, model.order)
 
     def forces(run: int) -> np.ndarray:
         return share[run] * (model.mass[:, None] * gravity[run] + dead)

@@ -30,8 +30,8 @@ def clamped(mesh: TetMesh) -> Supports:
     return Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
 
 
-def linear(mesh: TetMesh, *, free: bool = False) -> LinearBody:
-    return linear_body(mesh, None if free else clamped(mesh))
+def linear(mesh: TetMesh, *, free: bool = False, order: int = 1) -> LinearBody:
+    return linear_body(mesh, None if free else clamped(mesh), order=order)
 
 
 def whole(body: LinearBody, kind: Subspace, handles: int = 4) -> ReducedModel:
@@ -39,5 +39,5 @@ def whole(body: LinearBody, kind: Subspace, handles: int = 4) -> ReducedModel:
     if kind is Subspace.VECTOR:
         return whole_model(body, vector_basis(body), kind)
     weights = modal_weights(body, handles, 3)
-    functions = skinned_functions(body.mesh, weights, free=body.is_free)
+    functions = skinned_functions(body, weights, free=body.is_free)
     return whole_model(body, skinned_basis(functions), kind)

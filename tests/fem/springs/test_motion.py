@@ -11,9 +11,9 @@ from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.springs.body import spring_body
+from autophyx_tet.fem.springs.eta import SOFTEST, eta_for_ratio, eta_reach, stiffened
 from autophyx_tet.fem.springs.fit import (
-    eta_for_ratio,
-    eta_reach,
+    fit_both_ends,
     fit_to_motion,
     profile_warnings,
     scale_to_frequency,
@@ -243,6 +243,39 @@ def test_eta_is_found_for_a_ratio():
         assert hard / soft == pytest.approx(ratio, rel=1e-9)
     assert eta_for_ratio(net, 2 * reach) == -20.0
     assert eta_for_ratio(net, 0.5) == 20.0
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_stiffened_springs_carry_so_many_times_more(share):
+    """Sum of k w l^2 to round-off, within the reach of eta (its own k) and beyond (larger k)."""
+    net = spring_body(post(), 200, 48).network
+    ratio, k = 1 + share * (eta_reach(net) - 1), net.constants(SOFTEST, 0.3)
+    found, square = stiffened(net, k, ratio), net.length**2
+    soft = net.stiffness(SOFTEST, k=k)
+    assert found @ square == pytest.approx(ratio * (soft @ square), rel=1e-12)
+    own = net.stiffness(eta_for_ratio(net, ratio), k=k) @ square / (found @ square)
+    assert own == pytest.approx(1.0, rel=0.02) if share < 1 else own < 0.6
+
+
+@pytest.mark.slow
+def test_both_ends_of_a_twin_come_back():
+    """Motions of the softest network and of one twice as stiff by k: to .5 %, by longer steps."""
+    body = spring_body(post(duration=0.3, frames=10, velocity=(0.3, 0, 0)), 150, 24)
+    soft = 0.8 * body.network.stiffness(SOFTEST)
+    paths = []
+    for stiffness in (soft, 2 * soft):
+        motion = body.motion(stiffness)
+        steps = 3 * motion.steps_for(0.03)
+        wanted = [body.displacement(motion.x)]
+        for _ in range(10):
+            motion.advance(0.03, steps=steps)
+            wanted.append(body.displacement(motion.x))
+        paths.append(np.array(wanted))
+    fit = fit_both_ends(body, *paths, (0.03, 0.03))
+    assert (fit.scale, fit.eta) == (pytest.approx(0.8, rel=5e-3), SOFTEST)
+    assert fit.stiffer == pytest.approx(2.0, rel=5e-3)
+    assert fit.error < 1e-2
+    assert fit.stiff_error < 0.1  # more neighbours carry it otherwise than larger k
 
 
 def test_a_motion_that_does_not_fit_is_refused():
