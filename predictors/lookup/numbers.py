@@ -184,8 +184,8 @@ def _of_mass(
         return value._replace(rho=rho)
     what, (low, high) = (row.name, row.rho) if named else (row.category, (low, high))
     warnings.append(
-        f"part {part!r}: {mass.text!r} over {volume:.3g} m3 is {rho:.3g} kg/m3, which no "
-        f"{what} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
+        f"part {part!r}: {mass.text!r} over {volume:.3g} m3 is {rho:.3g} kg/m3, which no matter "
+        f"like {what!r} has ({low:g} to {high:g}): not used; is it hollow (--wall), or --size?"
     )
     return value
 

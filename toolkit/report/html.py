@@ -113,11 +113,18 @@ def page(content: ReportContent) -> dict[str, Any]:
     }
 
 
+def _place_words(alpha: float | None) -> str:
+    """Where between soft and stiff a case lies, "" of one that no dial turns."""
+    if alpha is None:
+        return ""
+    return f" ({'soft' if alpha == 0 else 'stiff' if alpha == 1 else 'between'}, α = {alpha:g})"
+
+
 def _column(case: Case, index: int, content: ReportContent) -> Column:
     sources = list(dict.fromkeys(part.source for part in case.parts if part.source))
     return Column(
         letter=chr(65 + index) if len(content.cases) > 1 else "",
-        text=case.text,
+        text=case.text + _place_words(case.alpha),
         title=case.title,
         answers=case.answers,
         acting=[(acting.kind, acting.words) for acting in case.acting],
