@@ -21,7 +21,9 @@ LOOSE = 1e3
 # Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
 # ends where the square of the error falls, or would, by less than a share. Derivatives serve while
 # a step gains about what they promise, and learn from it (Broyden).
-DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 12, 1e-2
+DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 24, 1e-2
+# A misfit below this share of the motion is none: no springs come so near to another solver.
+EXACT = 1e-5
 # Steps are made shorter only where they are too long by more than this share, so that differences
 # are not those of another step.
 LEEWAY = 0.05
@@ -234,10 +236,13 @@ def _gauss_newton(
         move = _short(p, np.linalg.lstsq(J, -here, rcond=1e-6)[0])
         expected = here + J @ move
         if not expected @ expected < (1 - GAIN) * (here @ here):
-            return _Least(p, float(np.linalg.norm(here)), runs)
+            if fresh:
+                return _Least(p, float(np.linalg.norm(here)), runs)
+            J = None  # what was learnt promises nothing: differences
+            continue
         there, runs = misfit(p + move), runs + 1
         if not there @ there < (1 - GAIN) * (here @ here) and not fresh:
-            J = None  # what was learnt does not do: differences
+            J = None
             continue
         while not there @ there < here @ here:
             move = move / 2
@@ -247,7 +252,7 @@ def _gauss_newton(
         gained = there @ there < (1 - GAIN) * (here @ here)
         J = J + np.outer(there - here - J @ move, move) / (move @ move)
         p, here = p + move, there
-        if not gained:
+        if not gained or here @ here < EXACT**2:
             return _Least(p, float(np.linalg.norm(here)), runs)
     raise ConvergenceError(f"the fit of k does not settle within {MOST} steps")
 

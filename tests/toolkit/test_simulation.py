@@ -157,7 +157,7 @@ def test_a_scenario_and_a_method_of_somebody_else(column, tmp_path):
         page = tmp_path / "lean.html"
         result = simulate(column, output=tmp_path / "lean.pvd", report=page, options=options)
         assert result.displacement[:, 0] == pytest.approx(np.full(len(column.points), 0.25))
-        assert [verdict.mark for verdict in result.verdicts()] == ["good"] * 3
+        assert [verdict.mark for verdict in result.verdicts()] == ["good"] * 4
         assert len(list(read_pvd(tmp_path / "lean.pvd"))) == 2
         assert result.title == "Leaning"
         assert "lean" in page.read_text(encoding="utf-8")
