@@ -54,6 +54,13 @@ SHOWN = (
         "the handle is polypropylene, the metal is steel",
         f"{LATTICE} --fix part:metal --torque part:handle=2,0,0",
     ),
+    Show("BlendSwap-CC-0/woodToy", "beech wood", LATTICE),
+    Show("KatorLegaz/coffee-mug", "stoneware", "--scenario poke"),
+    Show("BlendSwap-CC-0/basketball", "rubber", "--wall 0.004 --scenario poke"),
+    Show("Scopia/rabbit", "silicone rubber"),
+    Show("BlendSwap-CC-0/deer", "pine wood"),
+    Show("BlendSwap-CC-0/plasticChair", "polypropylene", "--scenario poke"),
+    Show("BlendSwap-CC-0/thonet", "beech wood", "--scenario poke"),
 )
 
 
