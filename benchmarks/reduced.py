@@ -1,11 +1,12 @@
 """Reduced bodies beside the full one and beside peers' ways: error against time, and real pieces.
 
-    python benchmarks/reduced.py [--bodies bar slab bonsai] [--real] [--only NAME ...] [-o FILE]
+    python benchmarks/reduced.py [--bodies bar slab bonsai] [--order 1] [--real] [-o FILE]
 
 Every body sags under its weight and is then let go with a push ("wobble": all frames, in the norm
-of mass). Full body: linear elements, neo-Hookean, BDF2, 1/60 s. Times are CPU seconds of one
-thread. The bonsai is that of ``make demo`` with softened moduli (.3-200 MPa), so that it bends; the
-real pieces keep theirs, without grain, under 9.81 m/s^2 downwards.
+of mass). Full body: the elements that are reduced (quadratic where linear ones lock, or --order),
+neo-Hookean, BDF2, 1/60 s. Times are CPU seconds of one thread. The bonsai is that of ``make demo``
+with softened moduli (.3-200 MPa), so that it bends; the real pieces keep theirs, without grain,
+under 9.81 m/s^2 downwards.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from pathlib import Path
 import numpy as np
 from autophyx_tet.converters.mesh.mesh_file import read_mesh
 from autophyx_tet.fem.device import one_thread
+from autophyx_tet.fem.discrete.constraints import node_supports
+from autophyx_tet.fem.discrete.mass import lumped_mass
+from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.error import motion_error
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
-from autophyx_tet.fem.reduced.reduction import (
-    reduce_body,
-    relative_error,
-)
+from autophyx_tet.fem.reduced.reduction import MOST_UNKNOWNS, reduce_body, relative_error
 from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
 from autophyx_tet.fem.reduced.step import ReducedDynamics
 from autophyx_tet.fem.scene.box import box_mesh
@@ -35,6 +36,7 @@ from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.support_finder import find_supports
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.discretisation_error import motion_elements
 from autophyx_tet.fem.solve.dynamics import TOLERANCE, Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
@@ -50,7 +52,7 @@ SOFT = {"foliage": 3e5, "trunk": 1e7, "soil": 2e6, "pot": 2e8}
 
 @dataclass(frozen=True)
 class Body:
-    """What is reduced: mesh, supports, weight (3,) [m/s^2], push (3,) [m/s] and frames."""
+    """What is reduced: mesh, supports, weight (3,) [m/s^2], push (3,) [m/s], frames, elements."""
 
     name: str
     mesh: TetMesh
@@ -58,6 +60,13 @@ class Body:
     gravity: np.ndarray
     push: np.ndarray
     frames: int
+    order: int = 1
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Of the nodes at the start [m/s]."""
+        held = node_supports(self.held, make_space(self.mesh, self.order))
+        return np.where(held.fixed, 0.0, self.push)
 
 
 @dataclass(frozen=True)
@@ -115,10 +124,12 @@ BODIES = {"bar": bar, "slab": slab, "bonsai": bonsai}
 
 
 def solved_in_full(body: Body) -> Full:
-    options = {"supports": body.held, "order": 1}
-    velocity = np.where(body.held.fixed, 0.0, body.push)
+    options = {"supports": body.held, "order": body.order}
+    velocity = body.velocity
     first = natural_modes(body.mesh, 1, lumped=True, **options).frequencies[0]
-    rest = solve_nonlinear(body.mesh, body.held, gravity_vector=body.gravity, order=1).displacement
+    mass = lumped_mass(body.mesh, make_space(body.mesh, body.order))
+    weight = mass[:, None] * body.gravity
+    rest = solve_nonlinear(body.mesh, body.held, forces=weight, order=body.order).node_displacement
     known = {"gravity_vector": body.gravity, "velocity": velocity, "self_contact": False}
     usual, exact = (
         Dynamics(body.mesh, scheme=Scheme.BDF2, tolerance=tolerance, **known, **options)
@@ -139,7 +150,7 @@ def measure(body: Body, full: Full, made: Reduced) -> dict:
     elasticity = ReducedElasticity(model, **law)
     row["frequency"] = float(reduced_frequencies(elasticity)[0] / full.frequency - 1)
     load = model.weight(body.gravity)
-    velocity = model.coordinates(np.where(body.held.fixed, 0.0, body.push))
+    velocity = model.coordinates(body.velocity)
     try:
         rest = model.displacement(reduced_rest(elasticity, load).u)
         row["sag"] = relative_error(model, rest, full.rest)
@@ -166,8 +177,8 @@ def estimate(body: Body, model: ReducedModel, load, velocity, law=Law.NEO_HOOKEA
     """What a motion says of its own error, and the CPU seconds of that, every frame."""
     moving = ReducedDynamics(model, load=load, velocity=velocity, law=law)
     states = [moving.state, *(moving.step(DT) for _ in range(body.frames))]
-    push = np.broadcast_to(np.where(body.held.fixed, 0.0, body.push), body.mesh.points.shape)
-    known = {"load": model.mass[:, None] * body.gravity, "velocity": push, "law": law}
+    known = {"load": model.mass[:, None] * body.gravity, "velocity": body.velocity, "law": law}
+    known["order"] = body.order
     found, seconds = timed(lambda: motion_error(body.mesh, body.held, states, **known))
     share = None if found is None else found.share
     return {"estimated": share, "estimate_ms": round(seconds / body.frames * 1e3, 3)}
@@ -183,26 +194,34 @@ def models(body: Body):
         "modal skinning, 16 handles": {"kind": Subspace.SKINNING, "handles": 16},
     }
     for label, options in ours.items():
-        options["gravity_vector"] = body.gravity
+        options |= {"gravity_vector": body.gravity, "order": body.order}
         model, seconds = timed(lambda o=options: reduce_body(*known, **o))
         yield Reduced(label, model, seconds)
         if label.endswith("10 handles"):
             yield Reduced("our 10 handles, 500 equal weights", equal_weights(*known, model), 0.0)
-    yield from peers(body.name, *known)
+    yield from peers(body.name, *known, body.order)
 
 
-def rows_of(body: Body, real_piece: bool) -> list[dict]:
+def rows_of(body: Body, real_piece: bool, order: int | None) -> list[dict]:
+    order, _ = motion_elements(body.mesh, body.held, order, most=MOST_UNKNOWNS)
+    body = replace(body, order=order)
     full = solved_in_full(body)
     size = float(np.ptp(body.mesh.bounds, axis=0).max())
     sag = float(np.linalg.norm(full.rest, axis=1).max()) / size
     rows = [
-        {"body": body.name, "model": "full", "tets": len(body.mesh.tets), "sag_share": sag}
+        {
+            "body": body.name,
+            "model": "full",
+            "tets": len(body.mesh.tets),
+            "order": order,
+            "sag_share": sag,
+        }
         | {"step_ms": round(full.step * 1e3, 3), "sag": 0.0, "wobble": 0.0, "frequency": 0.0}
     ]
     print(rows[-1], flush=True)
     if real_piece:
         model, seconds = timed(
-            lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity)
+            lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity, order=body.order)
         )
         every = [Reduced("vector", model, seconds)]
     else:
@@ -240,16 +259,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bodies", nargs="*", default=list(BODIES))
     parser.add_argument("--real", nargs="*", help="names of real pieces; none named: all twelve")
+    parser.add_argument("--order", type=int, help="of the elements; by default as motions take")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     rows: list[dict] = []
     with one_thread():
         for name in options.bodies:
-            rows += rows_of(BODIES[name](), False)
+            rows += rows_of(BODIES[name](), False, options.order)
         for name in [] if options.real is None else options.real or NAMES:
             try:
-                rows += rows_of(real(name), True)
+                rows += rows_of(real(name), True, options.order)
             except AutophyxError as error:
                 rows.append({"body": name, "failure": str(error)})
                 print(rows[-1], flush=True)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from autophyx_tet.fem.discrete.space import extend_linear
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
 from autophyx_tet.fem.reduced.reduction import whole_model
 from autophyx_tet.fem.reduced.skinning import laplacian_weights, skinned_basis, skinned_functions
-from autophyx_tet.fem.reduced.subspace import linear_body, orthonormal_fields
+from autophyx_tet.fem.reduced.subspace import LinearBody, linear_body, orthonormal_fields
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
@@ -43,39 +44,41 @@ def timed(make):
 
 def equal_weights(mesh: TetMesh, held: Supports, model: ReducedModel) -> ReducedModel:
     """Peers' cubature: 500 tets drawn by volume, all of the same weight."""
-    whole = replace(
-        whole_model(linear_body(mesh, held), model.basis, model.kind), springs=model.springs
-    )
-    share = mesh.volumes / mesh.volume
+    body = linear_body(mesh, held, order=model.order)
+    whole = replace(whole_model(body, model.basis, model.kind), springs=model.springs)
+    share = whole.weights / mesh.volume
     drawn = np.random.default_rng(0).choice(len(share), DRAWN, p=share)
     return whole.on_cells(drawn, np.full(DRAWN, mesh.volume / DRAWN))
 
 
-def peers(name: str, mesh: TetMesh, held: Supports) -> Iterator[Reduced]:
+def peers(name: str, mesh: TetMesh, held: Supports, order: int) -> Iterator[Reduced]:
     """Laplacian handles, Simplicits' network, and linear modes with all tets."""
-    linear, fixed = linear_body(mesh, held), held.fixed.any(axis=1)
-    weights, seconds = timed(lambda: laplacian_weights(mesh, 10, fixed))
+    linear, fixed = linear_body(mesh, held, order=order), held.fixed.any(axis=1)
+    weights, seconds = timed(
+        lambda: extend_linear(linear.space, laplacian_weights(mesh, 10, fixed))
+    )
     functions = skinned_functions(linear, weights, free=False)
     model = whole_model(linear, skinned_basis(functions), Subspace.SKINNING)
     yield Reduced("Laplacian handles", model, seconds)
     weights, seconds = kept_weights(name, mesh, cache_folder())
+    weights = extend_linear(linear.space, weights)
     model = pinned(linear, skinned_functions(linear, weights, free=True))
     yield Reduced("Simplicits' network", model, seconds)
     drawn = equal_weights(mesh, held, model)
     yield Reduced("Simplicits' network, 500 equal weights", drawn, seconds)
     shapes, seconds = timed(
-        lambda: natural_modes(mesh, 20, supports=held, order=1, lumped=True).shapes
+        lambda: natural_modes(mesh, 20, supports=held, order=order, lumped=True).shapes
     )
     basis = orthonormal_fields(np.moveaxis(shapes, 0, 2), linear.mass)
     model = whole_model(linear, basis, Subspace.VECTOR)
     yield Reduced("20 linear modes", model, seconds, {"law": "linear"})
 
 
-def pinned(mesh: TetMesh, held: Supports, functions: np.ndarray) -> ReducedModel:
+def pinned(body: LinearBody, functions: np.ndarray) -> ReducedModel:
     """Model of ``functions`` that no support has made vanish: stiff springs hold its points."""
-    model = whole_model(linear_body(mesh, held), skinned_basis(functions), Subspace.SKINNING)
+    model, mesh = whole_model(body, skinned_basis(functions), Subspace.SKINNING), body.mesh
     stiffness = PINNED * mesh.material.E.max() * (mesh.volume / len(mesh.tets)) ** (1 / 3)
-    flat = model.basis[held.fixed]
+    flat = model.basis[body.held.fixed]
     return replace(model, springs=stiffness * flat.T @ flat)
 
 

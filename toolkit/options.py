@@ -143,8 +143,8 @@ class SimulateOptions:
     """A paper's settings of MPM instead of --grid, --stiff, --damping: 1 m of 25 cells, .1 ms."""
     threads: Literal[1, 2] = 1
     """Threads of MPM on a CPU."""
-    basis: Literal["vector", "skinning"] | None = None
-    """What moves a reduced body: fields of vectors (the default where it is held), or handles."""
+    basis: Literal["vector", "skinning"] = "vector"
+    """What moves a reduced body: fields of vectors, or handles."""
     handles: int = 10
     """Handles of --basis skinning."""
     parameters: Path | None = None

@@ -41,7 +41,7 @@ class ReducedMethod:
     Parameters
     ----------
     kind
-        What the coordinates move; None: fields of vectors of a held body, handles of a free one.
+        What the coordinates move: fields of vectors, of a free body their components, or handles.
     handles
         Handles of a skinned body.
     most_cells
@@ -52,7 +52,7 @@ class ReducedMethod:
         Hears of the model, in words, before the motion.
     """
 
-    kind: Subspace | None = None
+    kind: Subspace = Subspace.VECTOR
     handles: int = HANDLES
     most_cells: int = CELLS[-1]
     scale: float = 1.0
@@ -113,6 +113,8 @@ class ReducedMethod:
 
     def model_of(self, scene: Scene, order: int | None = None) -> ReducedModel:
         """Reduced model of the body as the ``scene`` holds it; see ``reduce_body``."""
+        if self.kind is Subspace.VECTOR and self.handles != HANDLES:
+            raise UsageError("fields of vectors have no handles: leave them out, or take skinning")
         model = reduce_body(
             scene.mesh,
             scene.supports,
@@ -125,8 +127,6 @@ class ReducedMethod:
             handles=self.handles,
             most_cells=self.most_cells,
         )
-        if model.kind is Subspace.VECTOR and self.handles != HANDLES:
-            raise UsageError("fields of vectors have no handles: leave them out, or take skinning")
         nu = None if self.nu is None else np.full_like(model.nu, self.nu)
         return model.with_moduli(self.scale * model.E, nu)
 
@@ -215,7 +215,7 @@ def stated_forces(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
 
 def model_in_words(model: ReducedModel) -> str:
     """Kind, coordinates, cells and lowest frequency of a model, in a line."""
-    basis = "skinning handles" if model.kind is Subspace.SKINNING else "fields of vectors"
+    basis = "functions along three axes" if model.kind is Subspace.SKINNING else "fields of vectors"
     of = "linear" if np.isnan(model.accuracy.stiffening) else "quadratic"
     return (
         f"{model.dofs} coordinates of {basis}, {len(model.cells):,} cells; lowest frequency "

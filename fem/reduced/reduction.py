@@ -25,7 +25,15 @@ from .elasticity import ReducedElasticity
 from .gradients import basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
 from .rest import reduced_frequencies, reduced_rest
-from .skinning import FITTED, HANDLES, bent_beside, modal_weights, skinned_basis, skinned_functions
+from .skinning import (
+    FITTED,
+    HANDLES,
+    bent_beside,
+    modal_weights,
+    skinned_basis,
+    skinned_functions,
+    turning_functions,
+)
 from .subspace import DERIVED, LinearBody, linear_body, vector_basis
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -47,7 +55,7 @@ def reduce_body(
     traction: Traction | Sequence[Traction] = (),
     forces: Float[np.ndarray, "points 3"] | None = None,
     order: int | None = None,
-    kind: Subspace | None = None,
+    kind: Subspace = Subspace.VECTOR,
     derived: int = DERIVED,
     handles: int = HANDLES,
     most_cells: int = CELLS[-1],
@@ -66,10 +74,9 @@ def reduce_body(
     order
         Of the elements; None: quadratic where linear ones lock, up to ``MOST_UNKNOWNS``.
     kind
-        What the coordinates move; None: fields of vectors of a held body, handles of a free one.
+        What the coordinates move: fields of vectors, of a free body their components; or handles.
     derived
-        Fields of a vector basis that say how modes and responses bend on: 21 make 34 coordinates,
-        36 make 49.
+        Fields of a vector basis that say how others bend on: 21 make 34 coordinates, 36 make 49.
     handles
         Handles of a skinned body; beside these a free one has its affine motion.
     most_cells
@@ -86,14 +93,15 @@ def reduce_body(
     """
     used, stiffening = motion_elements(mesh, supports, order, most=MOST_UNKNOWNS)
     body = linear_body(mesh, supports, order=used)
-    kind = kind or (Subspace.SKINNING if body.is_free else Subspace.VECTOR)
     dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
     acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
-    if kind is Subspace.VECTOR:
-        basis = vector_basis(body, dead, checked_count("derived", derived))
+    if kind is not Subspace.SKINNING and not body.is_free:
+        fields = vector_basis(body, dead, checked_count("derived", derived))
+        whole = whole_model(body, fields, Subspace.VECTOR)
     else:
-        basis = skinned_basis(_skinning(body, checked_count("handles", handles), dead, acting))
-    whole = whole_model(body, basis, kind)
+        wanted = (checked_count("handles", handles), dead, acting)
+        skin = _skinning(body, *wanted) if kind is Subspace.SKINNING else turning_functions(body)
+        whole = whole_model(body, skinned_basis(skin), Subspace.SKINNING)
     known = whole.accuracy._replace(stiffening=1.0 if used == 2 else stiffening)
     whole = replace(whole, accuracy=known)
     if not most_cells:

@@ -24,7 +24,8 @@ from .subspace import (
     unit_responses,
 )
 
-HANDLES = 10
+# Scalar functions of a free body beside (x, y, z, 1): as many as ten handles have.
+HANDLES, FUNCTIONS = 10, 40
 # Modes that weights are fitted to: the best of these is kept, more spoil them.
 FITTED = (3, 4, 6)
 # Principal derivatives that weights are fitted to, and their size beside a mode's.
@@ -55,6 +56,24 @@ def skinned_functions(
     products = (weights[:, :, None] * affine[:, None, :]).reshape(len(weights), -1)
     functions = np.concatenate([affine, products], axis=1) if free else products
     return orthonormal_fields(functions, body.mass, DEPENDENT)
+
+
+def turning_functions(
+    body: LinearBody, most: int = FUNCTIONS
+) -> Float[np.ndarray, "nodes functions"]:
+    """M-orthonormal scalar functions of a free body: (x, y, z, 1) and at most so many others.
+
+    Those are the principal components of the x, y and z of its modes and of how they bend on. Along
+    all three axes each, they hold every turn of what they hold: no frame has to follow the body.
+    """
+    affine = orthonormal_fields(affine_coordinates(body.mesh, body.space.nodes), body.mass)
+    modes = body.modes.shapes * (body.modes.frequencies[0] / body.modes.frequencies[:, None, None])
+    bent = bent_fields(body, np.zeros((0, *body.space.nodes.shape)))
+    bent = principal_fields(bent, np.zeros((*body.space.nodes.shape, 0)), body.mass, len(modes))
+    fields = np.concatenate([np.moveaxis(modes, 0, 2), BEND_SIZE * bent], axis=2)
+    apart = fields.reshape(len(body.mass), -1)
+    functions = principal_fields(apart, affine, body.mass, most)
+    return orthonormal_fields(np.concatenate([affine, functions], axis=1), body.mass)
 
 
 def skinned_basis(

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import known_factor
 from ..discrete.assembly import Discretisation, discretise, linear_stiffness
+from ..discrete.block_matrix import add_diagonal
 from ..discrete.constraints import apply_supports, node_supports
 from ..discrete.elastic import ElasticBody
 from ..discrete.mass import lumped_mass
@@ -36,6 +37,8 @@ MODES, BENT, DERIVED = 10, 5, 21
 DEPENDENT = 1e-6
 # Size of the second difference, as a share of the body's: the cubic part is then 1e-6 of it.
 PROBE = 1e-3
+# A free body's stiffness is raised by its mass times this share of its first frequency's square.
+RAISED = 1e-3
 # Relative residual of a static response.
 TOLERANCE = 1e-8
 
@@ -44,7 +47,7 @@ class LinearBody(NamedTuple):
     """A body about rest on the nodes of ``grid``, which the points of ``mesh`` are the first of.
 
     Lumped ``mass`` [kg] (nodes,), its ``modes``, and what holds the nodes. ``compliance`` gives the
-    displacements [m] of forces [N] on a held body, each (loads, nodes, 3).
+    displacements [m] of forces [N], each (loads, nodes, 3), of a free body but for rigid motions.
     """
 
     mesh: TetMesh
@@ -91,14 +94,18 @@ def linear_body(
     held = node_supports(held, grid.space)
     found = natural_modes(mesh, modes, supports=held, order=order, lumped=True)
     mass = lumped_mass(mesh, grid.space)
-    return LinearBody(mesh, held, grid, mass, found, _compliance(mesh, held, grid))
+    free = not (held.fixed.any() or held.springs.any())
+    raised = RAISED * (2 * np.pi * found.frequencies[0]) ** 2 * mass if free else 0 * mass
+    return LinearBody(mesh, held, grid, mass, found, _compliance(mesh, held, grid, raised))
 
 
 def _compliance(
-    mesh: TetMesh, held: Supports, grid: Discretisation
+    mesh: TetMesh, held: Supports, grid: Discretisation, raised: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
     def solve(forces: np.ndarray) -> np.ndarray:
         matrix = linear_stiffness(grid, material_of(mesh))
+        if raised.any():
+            add_diagonal(matrix, raised[:, None, None] * np.eye(3))
         apply_supports(matrix, held.fixed, held.springs)
         b = np.where(held.fixed, 0.0, forces)
         plan = planned_elimination(matrix, grid.space.edges)
@@ -156,7 +163,7 @@ def vector_basis(
     by principal components, of modes as large as the same force makes them (Barbic & James 2005).
     """
     if body.is_free:
-        raise InputError("a free body turns, which no fields of vectors follow: take skinning")
+        raise InputError("a free body turns, which no fields of vectors follow: take functions")
     responses = unit_responses(body, forces)
     linear = np.moveaxis(np.concatenate([body.modes.shapes, responses]), 0, 2)
     second = bent_fields(body, responses)
@@ -183,17 +190,18 @@ def bent_fields(
 
 
 def principal_fields(
-    fields: Float[np.ndarray, "points 3 fields"],
-    beside: Float[np.ndarray, "points 3 known"],
+    fields: Float[np.ndarray, "points *components fields"],
+    beside: Float[np.ndarray, "points *components known"],
     mass: Float[np.ndarray, "points"],
     most: int,
-) -> Float[np.ndarray, "points 3 kept"]:
+) -> Float[np.ndarray, "points *components kept"]:
     """First ``most`` principal components of what ``fields`` have outside M-orthonormal ones."""
-    root = np.sqrt(mass).repeat(3)[:, None]
+    shape = fields.shape[:-1]
+    root = np.sqrt(mass).repeat(int(np.prod(shape[1:])))[:, None]
     known, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
     U, sizes, _ = np.linalg.svd(A - known @ (known.T @ A), full_matrices=False)
     U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
-    return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(len(fields), 3, -1)
+    return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(*shape, -1)
 
 
 def orthonormal_fields(

@@ -108,7 +108,7 @@ def reduced_method(
     if options.parameters is not None:
         moduli = moduli_between(load_fits(options.parameters), options.parameters_alpha)
     return ReducedMethod(
-        kind=None if options.basis is None else Subspace(options.basis),
+        kind=Subspace(options.basis),
         handles=options.handles,
         scale=moduli.scale,
         nu=moduli.nu,

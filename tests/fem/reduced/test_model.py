@@ -13,14 +13,21 @@ from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import LAWS
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.model import Accuracy, Subspace
+from autophyx_tet.fem.reduced.reduction import whole_model
 from autophyx_tet.fem.reduced.rest import reduced_frequencies
 from autophyx_tet.fem.reduced.skinning import (
     affine_coordinates,
     laplacian_weights,
     skinned_basis,
     skinned_functions,
+    turning_functions,
 )
-from autophyx_tet.fem.reduced.subspace import derivatives, orthonormal_fields, principal_fields
+from autophyx_tet.fem.reduced.subspace import (
+    derivatives,
+    orthonormal_fields,
+    principal_fields,
+    vector_basis,
+)
 from autophyx_tet.fem.scene.boundary import face_normals
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports
@@ -31,10 +38,14 @@ from .bodies import linear, two_part_bar, whole
 MESH = two_part_bar()
 
 
-@pytest.fixture(scope="module", params=[1, 2])
+@pytest.fixture(scope="module", params=[(1, False), (2, False), (1, True), (2, True)])
 def free(request):
-    """Skinned body that nothing holds, of linear and of quadratic elements."""
-    return whole(linear(MESH, free=True, order=request.param), Subspace.SKINNING)
+    """Body that nothing holds, of either elements: of handles, and of functions of its modes."""
+    order, functions = request.param
+    body = linear(MESH, free=True, order=order)
+    if functions:
+        return whole_model(body, skinned_basis(turning_functions(body, 12)), Subspace.SKINNING)
+    return whole(body, Subspace.SKINNING)
 
 
 @pytest.fixture(scope="module", params=[(kind, order) for kind in Subspace for order in (1, 2)])
@@ -61,6 +72,16 @@ def test_affine_maps_are_in_the_span_and_turns_cost_nothing(free):
     q = free.coordinates(free.points @ (turn - np.eye(3)).T)
     energy = ReducedElasticity(free).response(q).energy
     assert abs(energy) < 1e-12 * (MESH.material.E * MESH.volumes).sum()
+
+
+def test_what_a_free_body_can_do_it_can_do_turned(free):
+    """Rest and displacement turned by any R lie in the span, to round-off, at the same energy."""
+    turn, q = random_rotation(), state(free)
+    u = (free.points + free.displacement(q)) @ turn.T - free.points
+    turned = free.coordinates(u)
+    assert free.displacement(turned) == pytest.approx(u, abs=1e-12)
+    energies = [ReducedElasticity(free).response(p).energy for p in (q, turned)]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("law", LAWS.names)
@@ -141,8 +162,6 @@ def test_more_handles_are_softer_and_none_softer_than_the_body():
 
 
 def model_of_functions(body, functions):
-    from autophyx_tet.fem.reduced.reduction import whole_model
-
     return whole_model(body, skinned_basis(functions), Subspace.SKINNING)
 
 
@@ -170,8 +189,8 @@ def test_what_handles_cannot_do_is_refused():
     half = Supports.clamp(points, MESH.points[:, 0] < 1e-9).with_fixed([points - 1], 1)
     with pytest.raises(InputError, match="some directions only"):
         reduce_body(MESH, half, kind=Subspace.SKINNING)
-    with pytest.raises(InputError, match="take skinning"):
-        reduce_body(MESH, None, kind=Subspace.VECTOR)
+    with pytest.raises(InputError, match="take functions"):
+        vector_basis(linear(MESH, free=True))
 
 
 def test_coordinates_about_the_middle_are_in_shares_of_the_longest_side():
