@@ -16,13 +16,18 @@ def journeys(root):
 
 @pytest.mark.slow  # every call of ours is looked at
 def test_what_the_page_tells_is_what_happens(journeys, root):
-    """A sentence, and one E: at most three returns to a room that had been left."""
+    """A sentence and one E come back to a room that they had left five and three times at most.
+
+    Of the five two are of the reader's rooms, which ask those below them and go on.
+    """
     walks = {
         "a sentence": journeys.walk_of_a_sentence(),
         "a modulus": journeys.walk_of_a_modulus(),
     }
     for name, walk in walks.items():
         assert len(walk.stays) > 4, f"{name} was lost sight of"
-        assert walk.returns <= 3, f"{name}: {[stay.room for stay in walk.stays]}"
+        assert walk.returns <= (5 if name == "a sentence" else 3), (
+            f"{name}: {[stay.room for stay in walk.stays]}"
+        )
     page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
     assert journeys.written(page, walks) == page, "run `python docs/journeys.py`"

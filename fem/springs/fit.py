@@ -21,7 +21,7 @@ LOOSE = 1e3
 # Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
 # ends where the square of the error falls, or would, by less than a share. Derivatives serve while
 # a step gains about what they promise, and learn from it (Broyden).
-DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 24, 1e-2
+DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
 # Steps are made shorter only where they are too long by more than this share, so that differences

@@ -11,6 +11,7 @@ from ..vocabulary.part_names import HEAD, LABEL, WORD, PartLabels, PartMatch, pa
 from .clauses import Clause, Sentence
 
 How = Literal["name", "label", "synonym", "rest", "whole"]
+_HOW: dict[int, How] = {HEAD: "name", WORD: "name", LABEL: "label"}
 GENERAL: tuple[How, ...] = ("rest", "whole")  # not by a word for the part
 
 
@@ -68,7 +69,7 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         naming = [k for k in ks if clauses[k].material]
         # "the back of the seat" is not what "the seat" speaks of.
         ks = [k for k in ks if k not in naming or found[k].words == found[naming[0]].words]
-        how: list[How] = [_how(found[k].tier) for k in ks]
+        how: list[How] = [_HOW.get(found[k].tier, "synonym") for k in ks]
         generals: tuple[tuple[list[int], How], ...] = ((rest, "rest"), (whole, "whole"))
         for general, name in generals:
             settled = any(clauses[k].material or clauses[k].unknown for k in ks)
@@ -152,10 +153,6 @@ def names_object(clause: Clause) -> bool:
     """Whether its subject is a word for a thing that has parts: "the chair"."""
     heads = {name[-1] for name in clause.subject.names}
     return bool(heads) and heads <= {*part_words()["objects"]}
-
-
-def _how(tier: int) -> How:
-    return "name" if tier >= WORD else "label" if tier == LABEL else "synonym"
 
 
 def _is_excepted(i: int, parts: Sequence[PartLabels], clause: Clause) -> bool:

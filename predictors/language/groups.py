@@ -11,7 +11,7 @@ from ...fem.scene.materials import Material
 from ..lexemes.lexeme import Lexeme
 from ..lexemes.treatments import implied, is_hue, puts_hue
 from ..quantities.number_words import counted_by
-from ..vocabulary.lexicon import Phrase, ReaderLexicon, places, words
+from ..vocabulary.lexicon import Phrase, ReaderLexicon, known_parts, places, words
 
 _SAYING = ("material", "level", "number", "unknown")
 # Roles of words that a part may be called by all the same: "cover", "core", "body".
@@ -138,9 +138,12 @@ def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bo
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
     """A part's word, a modifier, or a name that nobody knows beside a part of the asset."""
     plain = replace(lexeme, words=())
-    after = next((x for x in run[i + 1 :] if x.role != "hyphen"), lexeme)
-    if not lexeme.part and {*lexeme.words} & places() and (after.part or {*after.words} & places()):
-        return Mention("modifier", lexeme)  # "back left leg", "back-left leg"
+    after = next((x for x in run[i + 1 :] if x.role != "hyphen"), None)
+    if not lexeme.part and {*lexeme.words} & places():
+        if after and (after.part or {*after.words} & places()):
+            return Mention("modifier", lexeme)  # "back left leg", "back-left leg"
+        if i and run[i - 1].role == "material" and {*lexeme.words} & known_parts():
+            return Mention("part", lexeme)  # "a leather back", whatever its tag
     strange = not lexeme.known
     compound = _hyphened(run, i) and i + 1 < len(run)
     if not lexeme.part and (compound or (strange and lexeme.text.lower().endswith("ed"))):

@@ -82,7 +82,8 @@ def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     assert answer["max_contact_force"] > mesh.mass * 9.81
     frames = list(read_pvd(tmp_path / "drop.pvd"))
     assert len(frames) == answer["frames"] == len(result.animation.times)
-    assert [verdict.mark for verdict in result.verdicts()] == ["good"] * 3
+    marks = ["good", "good", "good", "note", "good"]  # the note: an impact within one step
+    assert [verdict.mark for verdict in result.verdicts()] == marks
 
 
 def test_squeeze_closes_by_the_share():

@@ -132,6 +132,9 @@ def _call(command: Any, common: Common) -> int:
         _say(f"autophyx-tet: out of memory: {_one_line(error) or 'no more could be had'}")
         return EXIT_BUG
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # as Python 3.11 tells one in a class
+            _say("autophyx-tet: interrupted; nothing half-written was left")
+            return EXIT_INTERRUPTED
         _trace(common)
         _say(
             f"autophyx-tet: a bug: {type(error).__name__}: {_one_line(error)} "

@@ -149,3 +149,14 @@ def test_a_part_that_has_values_is_not_the_whole(clauses_of):
     found = clauses_of(text, ["body", "lid"])
     assert [q.value for q in found["body"][0].numbers] == [3e6, 500.0]
     assert not found["lid"]
+
+
+def test_a_side_is_a_part_of_what_has_no_parts(table):
+    """In a thing of one piece "a leather back" is its back, and "a glass top" its top."""
+    for text, part in [
+        ("oak legs and a leather back", "back"),
+        ("steel legs and a glass top", "top"),
+        ("spruce top, maple back and sides", "back"),
+    ]:
+        sentence = parse(text, table, ["geometry_0"])
+        assert (part,) in [name for c in sentence.clauses for name in c.subject.names], text
