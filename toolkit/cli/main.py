@@ -23,6 +23,7 @@ from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
 from .pipes import piped, writes_to_stdout
+from .supervisor import was_interrupted
 from .transfer import COMMANDS as TRANSFER
 from .view import COMMANDS as VIEW
 
@@ -132,7 +133,7 @@ def _call(command: Any, common: Common) -> int:
         _say(f"autophyx-tet: out of memory: {_one_line(error) or 'no more could be had'}")
         return EXIT_BUG
     except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # as Python 3.11 tells one in a class
+        if was_interrupted():
             _say("autophyx-tet: interrupted; nothing half-written was left")
             return EXIT_INTERRUPTED
         _trace(common)

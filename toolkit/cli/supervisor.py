@@ -22,6 +22,7 @@ POLL, PATIENCE = 0.02, 3600.0  # s between two looks at a child: one that shall 
 ABANDONED = 60.0  # s after which a folder without a lock has no owner; a new one is locked at once
 BY_SIGNAL = 128  # what shells add to the number of a signal
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_pressed: list[float] = []  # times [s] of interrupts in the command's process
 PREFIX, LIST = "autophyx-tet-command-", "unfinished.txt"
 
 
@@ -79,15 +80,17 @@ def _interrupter() -> Any:
     """Handler that raises KeyboardInterrupt once for each press of the keys."""
     import time
 
-    last = -ONE_PRESS
-
     def interrupt(*_: object) -> None:
-        nonlocal last
-        before, last = last, time.monotonic()
-        if last - before >= ONE_PRESS:
+        _pressed.append(time.monotonic())
+        if len(_pressed) == 1 or _pressed[-1] - _pressed[-2] >= ONE_PRESS:
             raise KeyboardInterrupt
 
     return interrupt
+
+
+def was_interrupted() -> bool:
+    """Whether the keys were pressed: what an import makes of the interrupt is no bug of ours."""
+    return bool(_pressed)
 
 
 def _watch(child: int, watched: set[signal.Signals]) -> int:
