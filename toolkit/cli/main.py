@@ -17,13 +17,13 @@ import tyro
 from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
 from ..config import config_text, option_names, with_config
+from ..native.interrupts import was_interrupted
 from .batch import COMMANDS as BATCH
 from .help import BRIEF, WHOLE, asked, brief
 from .learning import COMMANDS as LEARNING
 from .look import COMMANDS as LOOK
 from .mesh import COMMANDS as MESH
 from .pipes import piped, writes_to_stdout
-from .supervisor import was_interrupted
 from .transfer import COMMANDS as TRANSFER
 from .view import COMMANDS as VIEW
 

@@ -13,16 +13,13 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from typing import Any
 
 # What a child gets, so many seconds after we were told to stop: native code may swallow the first.
 MEANS = ((0.0, signal.SIGINT), (0.6, signal.SIGINT), (1.2, signal.SIGKILL))
-ONE_PRESS = 0.4  # s in which interrupts are one: the terminal tells the child as well as we do
 POLL, PATIENCE = 0.02, 3600.0  # s between two looks at a child: one that shall end, one at work
 ABANDONED = 60.0  # s after which a folder without a lock has no owner; a new one is locked at once
 BY_SIGNAL = 128  # what shells add to the number of a signal
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_pressed: list[float] = []  # times [s] of interrupts in the command's process
 PREFIX, LIST = "autophyx-tet-command-", "unfinished.txt"
 
 
@@ -44,8 +41,10 @@ def main() -> int:
 def _command(parent: int, folder: str, watched: set[signal.Signals]) -> int:
     """The child's side: the command, with its temporary files in ``folder``."""
     try:
+        from ..native.interrupts import on_interrupt
+
         if signal.SIGINT in watched:
-            signal.signal(signal.SIGINT, _interrupter())
+            signal.signal(signal.SIGINT, on_interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, watched)
         _settle(parent, folder)
         from .main import main as command
@@ -74,23 +73,6 @@ def _settle(parent: int, folder: str) -> None:
     if folder:
         os.environ["TMPDIR"] = tempfile.tempdir = folder
         os.environ[UNFINISHED_LIST] = os.path.join(folder, LIST)
-
-
-def _interrupter() -> Any:
-    """Handler that raises KeyboardInterrupt once for each press of the keys."""
-    import time
-
-    def interrupt(*_: object) -> None:
-        _pressed.append(time.monotonic())
-        if len(_pressed) == 1 or _pressed[-1] - _pressed[-2] >= ONE_PRESS:
-            raise KeyboardInterrupt
-
-    return interrupt
-
-
-def was_interrupted() -> bool:
-    """Whether the keys were pressed: what an import makes of the interrupt is no bug of ours."""
-    return bool(_pressed)
 
 
 def _watch(child: int, watched: set[signal.Signals]) -> int:

@@ -2,5 +2,5 @@
 
 In: a task's name, arrays and options.
 Out: arrays, from the cache where they were computed before, or a failure with its kind.
-Read: guard, child, engines, cache.
+Read: guard, child, engines, cache, interrupts.
 """
