@@ -122,8 +122,8 @@ def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     role = lexemes[i + 1].role if i + 1 < len(lexemes) else ""
     if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
         return True
-    states = (*words()["conditions"]["words"], *words()["states"]["words"])
-    if lexeme.text.lower() in states and role in ("material", "word"):
+    changed = (lexeme.text.lower() in words()[said]["words"] for said in ("conditions", "states"))
+    if role in ("material", "word") and any(changed):
         return True
     if lexeme.role == "coat" and role in ("with", "of"):
         return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."

@@ -71,6 +71,7 @@ class ReaderLexicon:
         self.table, self.model = table, model
         self.rows: dict[Phrase, Material] = {}
         self._acronyms: set[Phrase] = set()
+        self._row_words: dict[str, set[str]] = {}  # of the rows that were asked for
         self.listed: set[Phrase] = set()  # with a comma in them: "oak, willow"
         for row in table:
             # A name may carry what tells it from its kin: "oak, willow (along grain)".
@@ -153,7 +154,10 @@ class ReaderLexicon:
 
     def row_words(self, row: Material) -> set[str]:
         """All words by which a row is called."""
-        return {word for name in (row.name, *row.aliases) for word in self.phrase(name)}
+        if row.name not in self._row_words:
+            names = (row.name, *row.aliases)
+            self._row_words[row.name] = {word for name in names for word in self.phrase(name)}
+        return self._row_words[row.name]
 
     def repeats(self, row: Material, said: Phrase, other: Material) -> bool:
         """Whether what was ``said`` of a row only names the other's family: "St37 steel"."""

@@ -85,7 +85,7 @@ class Settled(Simulation):
         """Largest von Mises stress [Pa], at the points as verdicts judge it."""
         return largest_von_mises(self.solved.static)
 
-    @property
+    @cached_property
     def safety(self) -> tuple[Safety, ...]:
         """Stress beside strength of every part whose material has one; none where it collapsed."""
         return part_safety(self.solved.static, self.materials) if self.solved.trusted else ()
