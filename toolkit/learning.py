@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from ..fem.errors import InputError, UsageError
 from ..predictors.datasets.real import RealObject, load_real
@@ -21,7 +21,7 @@ from .native.child import Progress
 if TYPE_CHECKING:
     from ..predictors.encoders import Encoder
     from ..predictors.evaluation.held_out import HeldOutSet, ImageFeatures
-    from ..predictors.evaluation.paper_tables import Table
+    from ..predictors.evaluation.paper.tables import TableName
     from ..predictors.training.film.config import TrainingConfig
 
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
@@ -158,39 +158,35 @@ def _evaluate_folder(
 
 
 def evaluate_table(
-    table: Table | Literal["S3"],
+    table: TableName,
     *,
     data: Path,
+    weights: Path | None = None,
     minutes: float | None = None,
     device: str = "cpu",
     objects: int = 96,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Train the rows of one of UniPixie's tables alike and score them; the paper's stand beside.
+    """Make one of UniPixie's tables on our objects; the paper's figures stand beside.
 
-    On a CPU the networks are those of the preset ``unipixie-cpu``: the way is the same, the
-    figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
+    Networks that it trains are on a CPU those of the preset ``unipixie-cpu``: the way is the same,
+    the figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
+    ``weights`` are of the network that is asked as it is (S5, theta), by default the shipped one.
     """
-    from ..predictors.evaluation.paper_tables import (
-        PAPER_S3,
-        PAPER_TABLES,
-        joint_table,
-        paper_table,
-    )
+    from ..predictors.evaluation.paper.tables import TableRun, table_of
     from ..predictors.training.unipixie.config import PRESETS
+    from ..predictors.unipixie.inference import WEIGHTS as SHIPPED
 
     base = replace(PRESETS["unipixie-cpu" if device == "cpu" else "unipixie"], device=device)
     base = base if minutes is None else replace(base, minutes=minutes, steps=_UNTIL)
     real, began = data / TRAINING, time.monotonic()
-    tell = (lambda row: progress(row, time.monotonic() - began)) if progress else None
-    if table == "S3":
-        found = joint_table(base, ranges=data / RANGES, objects=objects, progress=tell)
-        return {"rows": [row._asdict() for row in found], "papers": PAPER_S3}
-    rows = paper_table(
-        table, base, ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
-        progress=tell,
+    run = TableRun(
+        base=base, ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
+        weights=weights or SHIPPED,
+        progress=(lambda row: progress(row, time.monotonic() - began)) if progress else None,
     )  # fmt: skip
-    return {"rows": [row._asdict() for row in rows], "papers": PAPER_TABLES[table]}
+    found = table_of(table, run)
+    return {"rows": [row._asdict() for row in found.rows], "papers": found.papers}
 
 
 def with_furniture(

@@ -99,12 +99,12 @@ def summary(name: str, split: str, objects: Sequence[Sequence[Score]]) -> Row:
         mse_mean=float(means.mean()),
         clause_accuracy=float(right.mean()) if len(bound) else None,
         largest_clause=float(largest.mean()) if len(bound) else None,
-        clause_margin_interval=_interval(right - largest) if len(bound) else None,
+        clause_margin_interval=bootstrap_interval(right - largest) if len(bound) else None,
         boundary_ratio=float(edge / max(inner, 1e-9)),
         objects=len(means),
         texts=len(scores),
         seconds_per_object=float(np.mean([score.seconds for score in scores])),
-        interval=_interval(means),
+        interval=bootstrap_interval(means),
         by_clauses={int(k): float(each[clauses == k].mean()) for k in np.unique(clauses)},
     )
     return _with_pictures(
@@ -117,8 +117,8 @@ def _with_pictures(row: Row, found: Sequence[ImageSimilarity]) -> Row:
         return row
     psnr, ssim = np.array(found).T
     return replace(
-        row, rendered=len(found), psnr=float(psnr.mean()), psnr_interval=_interval(psnr),
-        ssim=float(ssim.mean()), ssim_interval=_interval(ssim),
+        row, rendered=len(found), psnr=float(psnr.mean()), psnr_interval=bootstrap_interval(psnr),
+        ssim=float(ssim.mean()), ssim_interval=bootstrap_interval(ssim),
     )  # fmt: skip
 
 
@@ -143,7 +143,7 @@ def against_best(
         if row.predictor != best and paired:
             row = replace(
                 row, best_baseline=best, difference=float(np.mean(paired)),
-                difference_interval=_interval(np.array(paired)),
+                difference_interval=bootstrap_interval(np.array(paired)),
             )  # fmt: skip
         compared.append(row)
     return compared
@@ -153,7 +153,7 @@ def _error(texts: Sequence[Score]) -> float:
     return float(np.mean([score.errors for score in texts]))
 
 
-def _interval(values: Float[np.ndarray, "objects"]) -> Interval:
+def bootstrap_interval(values: Float[np.ndarray, "objects"]) -> Interval:
     """95 % bootstrap interval of the mean."""
     draws = np.random.default_rng(0).integers(len(values), size=(_BOOTSTRAP, len(values)))
     low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])

@@ -52,6 +52,8 @@ class SagRender:
         Normalised (log E, nu, log rho) of every voxel.
     swing
         Whether motions are compared, frame by frame, instead of bodies at rest.
+
+    ``size`` [m] is the longest side of the body.
     """
 
     def __init__(
@@ -70,8 +72,8 @@ class SagRender:
         body = self._body(truth)
         moved = self._at_rest(body)
         self._period = slowest_period(body, moved) if swing else None
-        self._size = float(np.ptp(self._mesh.bounds, axis=0).max())
-        self._load = SAG * self._size / float(np.linalg.norm(moved, axis=1).max())
+        self.size = float(np.ptp(self._mesh.bounds, axis=0).max())
+        self._load = SAG * self.size / float(np.linalg.norm(moved, axis=1).max())
         self._frames = self._frames_of(self._moved(body))
 
     def similarity(self, found: Values) -> ImageSimilarity:
@@ -79,6 +81,10 @@ class SagRender:
         frames = self._frames_of(self._moved(self._body(found)))
         each = [image_similarity(a, b) for a, b in zip(frames, self._frames, strict=True)]
         return ImageSimilarity(*map(float, np.mean(each, axis=0)))
+
+    def sag(self, values: Values) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of a body of such values (normalised), at rest under the load."""
+        return self._load * self._at_rest(self._body(values))
 
     def _body(self, values: Values) -> TetMesh:
         """The elements with the mean values of their voxels."""
@@ -104,7 +110,7 @@ class SagRender:
     ) -> Float[np.ndarray, "pictures h w 3"]:
         shift = moved * self._load
         farthest = float(np.linalg.norm(shift, axis=2).max())
-        shift *= min(1.0, LARGEST * self._size / max(farthest, np.finfo(float).tiny))
+        shift *= min(1.0, LARGEST * self.size / max(farthest, np.finfo(float).tiny))
         return np.concatenate([self._pictures(one) for one in shift])
 
     def _pictures(self, shift: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "views h w 3"]:

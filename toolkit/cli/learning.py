@@ -134,12 +134,12 @@ class EvaluateCommand:
     """How often something is said of each object; its score is the mean."""
     encoder: str | None = None
     """Encoder of images that looks at the furniture first: embedded, or openclip."""
-    table: Literal["S3", "S6", "S7"] | None = None
-    """Instead: train the rows of this table of UniPixie on --data and score them."""
+    table: Literal["S3", "S5", "S6", "S7", "theta", "springs"] | None = None
+    """Instead: a table of UniPixie, or of its heads for skinning and springs, from --data."""
     minutes: float | None = None
-    """Time of training of each row of --table; by default the preset's steps."""
+    """Time of training of each row of --table that is trained; by default the preset's steps."""
     device: str = "cpu"
-    """Where the rows of --table are trained: cpu (tiny networks) or cuda."""
+    """Where they are trained: cpu (tiny networks, coarse bodies) or cuda."""
     renders: int = 0
     """Objects that are put under load too: how alike they look to the true ones, PSNR and SSIM."""
     swing: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -159,6 +159,7 @@ class EvaluateCommand:
                 return evaluate_table(
                     self.table,
                     data=self.data or Path("data"),
+                    weights=self.weights,
                     minutes=self.minutes,
                     device=self.device,
                     objects=self.objects,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -25,7 +25,7 @@ from .config import MatterConfig
 from .loss import MatterLoss, MatterOutput, matter_forward
 from .names_on_device import Names
 from .sampler import MatterSampler
-from .skinning import CellBodies, cell_bodies, compliance_share
+from .skinning import CELLS, CellBodies, cell_bodies, compliance_share
 
 
 class SkinningBatch(NamedTuple):
@@ -37,20 +37,22 @@ class SkinningBatch(NamedTuple):
 
 
 class SkinningSampler:
-    """Draws objects of a store of ``count``, made from ``seed``."""
+    """Draws objects of a store of ``count``, made from ``seed``, as bodies of ``cells`` a side."""
 
     def __init__(
-        self, names: Names, config: MatterConfig, count: int, seed: int, *, held_out: bool = False
-    ) -> None:
+        self, names: Names, config: MatterConfig, count: int, seed: int, *,
+        held_out: bool = False, cells: int = CELLS,
+    ) -> None:  # fmt: skip
         categories = list(HELD_OUT) if held_out else None
         objects = make_objects(count, np.random.default_rng(seed), names=categories)
         device = config.device
         self.generator = torch.Generator(device).manual_seed(seed)
-        name, stiffness = _called(names, objects, self.generator)
+        name, (stiffness, _, _) = called_by_words(names, objects, self.generator)
         blank = torch.zeros(*name.shape, 3, device=device)
         known = known_of(names.embed(name), name >= 0, blank, torch.zeros_like(name))
         label = procedural_labels(objects, cells=config.network.cells, device=device)
-        self.store = SkinningBatch(label, known, cell_bodies(objects, stiffness, device))
+        bodies = cell_bodies(objects, stiffness, device, cells=cells)
+        self.store = SkinningBatch(label, known, bodies)
 
     def __len__(self) -> int:
         return len(self.store.label)
@@ -69,16 +71,49 @@ class SkinningSampler:
         return SkinningBatch(label[index], known[index], CellBodies(*(c[index] for c in bodies)))
 
 
-def _called(
+class EncodedBatch(NamedTuple):
+    """Bodies with the mean latent (n, width) that a frozen encoder gives of each."""
+
+    latent: Tensor
+    bodies: CellBodies
+
+
+class EncodedSampler:
+    """Draws the bodies of a store as a frozen network's encoder sees them, looked at once."""
+
+    def __init__(self, network: UniPixie, store: SkinningSampler, *, batch: int = 16) -> None:
+        self.generator, self.bodies = store.generator, store.store.bodies
+        every = torch.arange(len(store), device=self.bodies.full.device)
+        with torch.no_grad():
+            seen = [latents_of(network, store.some(some)).mean(1) for some in every.split(batch)]
+        self.latent = torch.cat(seen)
+
+    def __len__(self) -> int:
+        return len(self.latent)
+
+    def draw(self, n: int) -> EncodedBatch:
+        """Draw a batch of ``n`` bodies."""
+        index = torch.randint(len(self), (n,), generator=self.generator, device=self.latent.device)
+        return self.some(index)
+
+    def some(self, index: Tensor) -> EncodedBatch:
+        """Return the bodies of these numbers."""
+        return EncodedBatch(self.latent[index], CellBodies(*(c[index] for c in self.bodies)))
+
+
+def called_by_words(
     names: Names, objects: Objects, generator: torch.Generator
-) -> tuple[Tensor, np.ndarray]:
-    """Name of every part (n, 6), -1 for none, and its E [Pa] in the middle of its range."""
+) -> tuple[Tensor, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Name of every part (n, 6), -1 for none; E [Pa], nu, rho [kg/m^3] in the middle of its range.
+
+    What has no name has the values of the middle of all ranges.
+    """
     kind = torch.tensor(objects.kinds, device=generator.device)
     chance = torch.rand(kind.shape, generator=generator, device=kind.device)
     name = names.plain(kind, chance)
     low, high = names.span(name)
     middle = torch.where((name >= 0)[..., None], (low + high) / 2, 0.0)
-    return name, DEFAULT.physical(middle.cpu().numpy().astype(float))[0]
+    return name, DEFAULT.physical(middle.cpu().numpy().astype(float))
 
 
 class ConstantTheta(nn.Module):
@@ -88,26 +123,31 @@ class ConstantTheta(nn.Module):
         super().__init__()
         self.theta = nn.Parameter(torch.randn(THETA) / 8)
 
-    def forward(self, batch: SkinningBatch) -> Tensor:
+    def forward(self, batch: SkinningBatch | EncodedBatch) -> Tensor:
         """Return (n, 650)."""
-        return self.theta.expand(len(batch.label), -1)
+        return self.theta.expand(len(batch.bodies.full), -1)
+
+
+def latents_of(network: UniPixie, batch: SkinningBatch) -> Tensor:
+    """Latents (n, latents, width) of a batch."""
+    cube = spread_parts(network.project(batch.known), batch.label)
+    own = cube.new_zeros(len(cube), 0, cube.shape[-1])
+    return network.encode(Voxels(cube.movedim(-1, 1), own[..., :3], own))
 
 
 def skinning_forward(network: UniPixie, batch: SkinningBatch) -> Tensor:
     """Numbers theta (n, 650) of a batch."""
-    cube = spread_parts(network.project(batch.known), batch.label)
-    own = cube.new_zeros(len(cube), 0, cube.shape[-1])
-    return network.skinning(network.encode(Voxels(cube.movedim(-1, 1), own[..., :3], own)))
+    return network.skinning(latents_of(network, batch))
 
 
-def skinning_loss(theta: Tensor, batch: SkinningBatch) -> Losses:
+def skinning_loss(theta: Tensor, batch: SkinningBatch | EncodedBatch) -> Losses:
     """What of the compliance the handles do not have, mean over bodies."""
     lost = (1 - compliance_share(theta.float(), batch.bodies)).mean().float()
     return Losses(lost, {"lost": lost.detach()})
 
 
 def shares_of(
-    call: Callable[[SkinningBatch], Tensor], sampler: SkinningSampler, *, batch: int = 16
+    call: Callable[[Any], Tensor], sampler: SkinningSampler | EncodedSampler, *, batch: int = 16
 ) -> np.ndarray:
     """Share of the compliance (n,) of every object of a sampler's store."""
     count, found = len(sampler), []

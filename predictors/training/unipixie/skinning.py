@@ -17,7 +17,7 @@ from ...datasets.objects import Objects
 from ...datasets.shapes import EMPTY, rasterise
 from ...unipixie.simplicits import FEATURES, HANDLES, frozen_body
 
-CELLS = 16  # along a side
+CELLS = 16  # along a side, of which a margin is empty
 SOFTEST = 1e-4  # of the largest E: softer parts are taken as this soft
 NU = 0.3
 LOADS = 30  # three directions of ten monomials
@@ -67,9 +67,11 @@ def cell_stiffness() -> np.ndarray:
     return (K[:24, :24] - inner).reshape(8, 3, 8, 3)
 
 
-def cell_bodies(objects: Objects, stiffness: np.ndarray, device: str) -> CellBodies:
+def cell_bodies(
+    objects: Objects, stiffness: np.ndarray, device: str, *, cells: int = CELLS
+) -> CellBodies:
     """Bodies of the largest connected piece of each object; ``stiffness`` (n, 6) is E by part."""
-    labels = rasterise(torch.tensor(objects.rows, device=device), cells=CELLS).cpu().numpy()
+    labels = rasterise(torch.tensor(objects.rows, device=device), cells=cells).cpu().numpy()
     each = [_body(label, E) for label, E in zip(labels, stiffness, strict=True)]
     columns = []
     for column in zip(*each, strict=True):
@@ -82,11 +84,16 @@ def cell_bodies(objects: Objects, stiffness: np.ndarray, device: str) -> CellBod
     return CellBodies(corner, stiff, place, x, mass, load, full)
 
 
-def _body(label: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, ...]:
+def largest_piece(label: np.ndarray) -> np.ndarray:
+    """Whether a cell (x, y, z) of a labelled cube is of its largest connected piece."""
     from scipy.ndimage import label as pieces_of
 
     piece, _ = pieces_of(label != EMPTY)  # type: ignore[misc]
-    cells = np.argwhere(piece == np.bincount(piece.ravel())[1:].argmax() + 1)
+    return piece == np.bincount(piece.ravel())[1:].argmax() + 1
+
+
+def _body(label: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, ...]:
+    cells = np.argwhere(largest_piece(label))
     own = E[label[tuple(cells.T)]]
     nodes, corner = np.unique(
         (cells[:, None] + _CORNERS).reshape(-1, 3), axis=0, return_inverse=True

@@ -6,33 +6,14 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.predictors.datasets.objects import make_objects
-from autophyx_tet.predictors.datasets.ranges import build_range_table
 from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.evaluation.paper_tables import (
-    JOINT_ROWS,
-    ROWS,
-    SPLITS,
-    joint_table,
-    paper_table,
-)
 from autophyx_tet.predictors.training.unipixie.batch import spread_parts, voxel_places
 from autophyx_tet.predictors.training.unipixie.config import CPU, EvidenceShares
 from autophyx_tet.predictors.training.unipixie.loss import MatterLoss, MatterOutput
-from autophyx_tet.predictors.training.unipixie.names_on_device import Names
 from autophyx_tet.predictors.training.unipixie.recipe import shapes_of, train_matter
 from autophyx_tet.predictors.training.unipixie.sampler import MatterSampler
 from autophyx_tet.predictors.unipixie.flow import NOISE
 from autophyx_tet.predictors.unipixie.inference import ANY
-
-
-def random_vectors(texts):
-    found = np.random.default_rng(0).normal(size=(len(texts), 384))
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
-@pytest.fixture(scope="module")
-def names():
-    return Names(build_range_table(random_vectors), "cpu")
 
 
 @pytest.fixture(scope="module")
@@ -130,40 +111,10 @@ def test_ends_lean_outwards(alpha, names, shapes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["flow", "regression", "diffusion"])
-def test_a_short_training_learns(model, tmp_path):
+def test_a_short_training_learns(model, ranges):
     """On the CPU in seconds: the error of the last steps is half of that of the first."""
-    build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
     plain = EvidenceShares(exact=1, silent=0, named=0, foreign=0, swapped=0, any=0)
     config = replace(CPU, steps=120, every=6, objects=3, model=model, evidence=plain)
-    trained = train_matter(config, ranges=tmp_path / "ranges.safetensors")
+    trained = train_matter(config, ranges=ranges)
     errors = [line["mse"] for line in trained.history]
     assert np.mean(errors[-5:]) < np.mean(errors[:5]) / 2, errors
-
-
-@pytest.mark.slow
-def test_a_table_of_the_paper_trains_its_rows(tmp_path):
-    """Rows differ in one thing, and each is scored where training was and where it was not."""
-    build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
-    base = replace(CPU, steps=2, every=2, objects=3)
-    told: list[str] = []
-    rows = paper_table(
-        "S6", base, ranges=tmp_path / "ranges.safetensors", objects=4, progress=told.append
-    )
-    assert told == list(ROWS["S6"])
-    assert [(row.row, row.split) for row in rows] == [(t, s) for t in told for s in SPLITS]
-    assert all(row.steps == 2 and min(row.soft + row.stiff) > 0 for row in rows)
-    assert rows[0].middle != rows[2].middle
-
-
-@pytest.mark.slow
-def test_table_s3_has_a_joint_row_and_specialists(tmp_path):
-    """The joint network has fewer parameters than both specialists; each is scored as it can."""
-    build_range_table(random_vectors).save(tmp_path / "ranges.safetensors")
-    base = replace(CPU, steps=2, every=2, objects=3)
-    rows = joint_table(base, ranges=tmp_path / "ranges.safetensors", objects=2, bodies=3)
-    assert [(r.row, r.split) for r in rows] == [(t, s) for t in JOINT_ROWS for s in SPLITS]
-    count = {row.row: row.parameters for row in rows}
-    assert count["joint"] < count["separate, matter"] + count["separate, skinning"]
-    for row in rows:
-        assert (row.soft > 0) == ("mpm" in JOINT_ROWS[row.row])
-        assert (0 < row.share < 1) == (row.row != "separate, matter")
