@@ -14,7 +14,7 @@ from ..discrete.block_matrix import BlockMatrix
 
 # A supernode joins its parent while the zeros that it brings stay below this share of the entries:
 # (columns of nodes, share). Few columns cost more in calls than in arithmetic.
-JOIN = ((4, 0.5), (12, 0.2), (32, 0.1), (np.inf, 0.05))
+JOIN = ((16, 0.6), (32, 0.3), (64, 0.12), (np.inf, 0.05))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hashlib import blake2b
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,8 @@ class CholeskyFactor:
 
         wp = start_warp()
         self.plan = plan
-        numbers = wp.zeros(plan.entries, dtype=wp.float64, device="cpu")
+        # By numpy: what is never written costs nothing, and large pages hold it.
+        numbers = wp.array(np.zeros(plan.entries), dtype=wp.float64, device="cpu", copy=False)
         inputs = [matrix.rows, matrix.columns, matrix.values, plan.position, plan.owner]
         inputs += [plan.first, plan.start, plan.rows, plan.panel, numbers]
         wp.launch(k.place_matrix, matrix.nodes, inputs=inputs, device="cpu")
@@ -110,6 +111,10 @@ class CholeskyFactor:
         from scipy.linalg.blas import dtrsm  # type: ignore  (by f2py)
 
         order = self.plan.order.numpy()
+        if b.ndim == 2:
+            out = np.empty_like(b)
+            out[order] = self._solve_one(b[order].reshape(-1)).reshape(b.shape)
+            return out
         x = b[order].reshape(3 * len(order), -1)
         for square, lower, low, high, rows in self._panels:
             own = x[low:high].T
@@ -125,6 +130,22 @@ class CholeskyFactor:
         out[order] = x.reshape(b.shape)
         return out
 
+    def _solve_one(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "unknowns"]:
+        """``solve`` for one right-hand side in the order of elimination, in place."""
+        from scipy.linalg.blas import dtrsv  # type: ignore  (by f2py)
+
+        for square, lower, low, high, rows in self._panels:
+            own = x[low:high]
+            dtrsv(square, own, lower=1, overwrite_x=1)
+            if len(rows):
+                x[rows] -= lower @ own
+        for square, lower, low, high, rows in reversed(self._panels):
+            own = x[low:high]
+            if len(rows):
+                own -= lower.T @ x[rows]
+            dtrsv(square, own, lower=1, trans=1, overwrite_x=1)
+        return x
+
 
 # Factors of the last matrices, by digests of their values: statics and modes share one.
 _RECENT: list[tuple[bytes, CholeskyFactor]] = []
@@ -134,7 +155,7 @@ KEPT_ENTRIES = 100_000_000  # 800 MB: beyond, only the last is kept
 
 def known_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
     """Factor of ``matrix``, made only if the last ones were not of the very same values."""
-    digest = blake2b(np.ascontiguousarray(matrix.values.numpy()).data, digest_size=32).digest()
+    digest = sha256(np.ascontiguousarray(matrix.values.numpy()).data).digest()
     for kept, factor in _RECENT:
         if factor.plan is plan and kept == digest:
             return factor

@@ -196,7 +196,7 @@ def _factored(
         error = pairs.errors[:wanted] / np.abs(pairs.values[:wanted])
         return len(error) == wanted and bool(error.max() < CONVERGED)
 
-    width = min(count + 2, WIDEST)
+    width = min(count + 3, WIDEST)
     start = np.random.default_rng(0).normal(size=(problem.free.size, width))
     start *= problem.free.reshape(-1, 1)
     pairs = lanczos(inverse, problem.weigh, start, enough=enough, steps=MOST_BLOCKS)

@@ -101,6 +101,17 @@ def test_other_ends_are_told_as_they_are(tmp_path):
     nothing_left(tmp_path)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+def test_words_that_cannot_be_written_are_no_success(tmp_path, monkeypatch):
+    """A full disk takes what was printed only at the end: one line and exit code 3."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
+    code = REAL.format(arguments=["--version"])
+    with open("/dev/full", "w") as full:
+        process = started(code, tmp_path, stdout=full)
+        assert process.wait() == 3
+    assert process.stderr.read().count("could not be written") == 1
+
+
 def test_a_killed_command_leaves_nothing(tmp_path):
     """SIGKILL to the command itself, by hand or for memory: 137, one line, no file, no folder."""
     process = fake("hears", tmp_path)

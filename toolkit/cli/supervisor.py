@@ -9,16 +9,21 @@ supervisor are removed by the next one.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
 import sys
 from contextlib import suppress
+from typing import NoReturn
 
 # What a child gets, so many seconds after we were told to stop: native code may swallow the first.
 MEANS = ((0.0, signal.SIGINT), (0.6, signal.SIGINT), (1.2, signal.SIGKILL))
 POLL, PATIENCE = 0.02, 3600.0  # s between two looks at a child: one that shall end, one at work
 ABANDONED = 60.0  # s after which a folder without a lock has no owner; a new one is locked at once
+GARBAGE = 50_000  # new objects between two searches for cycles: imports alone make 170,000
 BY_SIGNAL = 128  # what shells add to the number of a signal
+UNWRITTEN = 3  # the exit code of an output that cannot be written
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PREFIX, LIST = "autophyx-tet-command-", "unfinished.txt"
 
@@ -31,14 +36,14 @@ def main() -> int:
     folder, parent = _scratch(), os.getpid()
     child = os.fork()
     if not child:
-        return _command(parent, folder, watched)
+        _command(parent, folder, watched)
     try:
         return _watch(child, watched)
     finally:
         _clear(folder)
 
 
-def _command(parent: int, folder: str, watched: set[signal.Signals]) -> int:
+def _command(parent: int, folder: str, watched: set[signal.Signals]) -> NoReturn:
     """The child's side: the command, with its temporary files in ``folder``."""
     try:
         from ..native.interrupts import on_interrupt
@@ -47,19 +52,30 @@ def _command(parent: int, folder: str, watched: set[signal.Signals]) -> int:
             signal.signal(signal.SIGINT, on_interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, watched)
         _settle(parent, folder)
+        gc.set_threshold(GARBAGE)
         from .main import main as command
 
         code = command()
     except KeyboardInterrupt:  # before the command could answer it
         _say("interrupted; nothing half-written was left")
         code = BY_SIGNAL + signal.SIGINT
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is the interpreter's own end
-    if code == BY_SIGNAL + signal.SIGINT:  # that may take longer than an interrupt has
-        with suppress(OSError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(code)
-    return code
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _end(code)
+
+
+def _end(code: int) -> NoReturn:
+    """End this process at once: to take its memory apart first takes half a second."""
+    try:
+        if code != BY_SIGNAL + signal.SIGINT:  # whose time is short
+            atexit._run_exitfuncs()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except BrokenPipeError:
+        code = code or BY_SIGNAL + signal.SIGPIPE
+    except OSError as error:
+        _say(f"the output could not be written: {error}")
+        code = code or UNWRITTEN
+    os._exit(code)
 
 
 def _settle(parent: int, folder: str) -> None:
