@@ -8,7 +8,7 @@ Patera 2008): responses to the loads, and one inverse iteration of the vibration
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -30,6 +30,8 @@ from .subspace import orthonormal_fields
 MOST_ENTRIES = 10_000_000
 # Snapshots that add less than this to the others are left out.
 DEPENDENT = 1e-4
+# Displacement fields that are made at a time.
+AT_ONCE = 64
 
 
 class Member(NamedTuple):
@@ -142,6 +144,8 @@ class LinearFamily:
         self._stiff_rest = flat.T @ (rest @ flat + springs)
         self._mass_parts = [flat.T @ (m.repeat(3)[:, None] * flat) for m in self._masses]
         self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)
+        weights = [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
+        self._loads = np.stack([f.ravel() @ flat for f in (self.forces, *weights)])
 
     def _held_shapes(self) -> Float[np.ndarray, "modes points 3"]:
         return np.where(self.held.fixed, 0.0, self.shapes)
@@ -154,11 +158,11 @@ class LinearFamily:
             E = np.where(tets, known.E, 0.0)
             none = np.zeros_like(E)
             if grained:
-                empty = stiffness(self.grid, none, none).to_scipy()
+                empty = _trimmed(stiffness(self.grid, none, none).to_scipy())
                 pairs.append((self._stiffness_of(tets), empty))
             else:
                 moduli = ((E, none), (none, E))
-                pairs.append(tuple(stiffness(self.grid, *m).to_scipy() for m in moduli))
+                pairs.append(tuple(_trimmed(stiffness(self.grid, *m).to_scipy()) for m in moduli))
         return pairs, self._stiffness_of(self.others)
 
     def _stiffness_of(self, tets: np.ndarray) -> Any:
@@ -168,7 +172,7 @@ class LinearFamily:
         tensor = None if known.tensor is None else known.tensor * share[:, None, None]
         half = replace(known, E=known.E * share, tensor=tensor)
         whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (known, half))
-        return 2 * (whole - rest)
+        return _trimmed(2 * (whole - rest))
 
     def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
@@ -184,17 +188,42 @@ class LinearFamily:
         self, member: Member
     ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
         """Displacement at rest [m], and as many natural frequencies [Hz] as there are shapes."""
+        rest, frequencies = self._reduced_answers(member)
+        return self.basis @ rest, frequencies
+
+    def largest(
+        self, members: Sequence[Member]
+    ) -> tuple[Float[np.ndarray, "members"], Float[np.ndarray, "members modes"]]:
+        """Largest displacement at rest [m] and natural frequencies [Hz] of every member."""
+        rests, frequencies = zip(*map(self._reduced_answers, members), strict=True)
+        flat, sizes = self.basis.reshape(-1, self.basis.shape[2]), []
+        for first in range(0, len(rests), AT_ONCE):  # all at once would take much memory
+            u = flat @ np.stack(rests[first : first + AT_ONCE], axis=1)
+            u = u.reshape(-1, 3, u.shape[1])
+            sizes.append(np.sqrt(np.square(u).sum(axis=1).max(axis=0)))
+        return np.concatenate(sizes), np.array(frequencies)
+
+    def _reduced_answers(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of the displacement at rest, and natural frequencies [Hz]."""
         from scipy.linalg import eigh, solve
 
         K, M = self.matrices(member)
-        load = self.forces + self.mass(member)[:, None] * self.gravity
-        pulled = load.ravel() @ self.basis.reshape(-1, len(K))
-        u = self.basis @ solve(K, pulled, assume_a="pos")
+        rest = solve(K, np.array([1.0, *member.rho, 1.0]) @ self._loads, assume_a="pos")
         count = len(self.shapes)
         if not count:
-            return u, np.zeros(0)
+            return rest, np.zeros(0)
         square = eigh(K, M, eigvals_only=True, subset_by_index=[0, count - 1])
-        return u, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+        return rest, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+
+
+def _trimmed(matrix: Any) -> Any:
+    """``matrix`` (BSR) without the blocks that are zero."""
+    from scipy.sparse import bsr_array
+
+    some = matrix.data.any(axis=(1, 2))
+    before = np.concatenate([[0], np.cumsum(some)])
+    arrays = (matrix.data[some], matrix.indices[some], before[matrix.indptr])
+    return bsr_array(arrays, shape=matrix.shape)
 
 
 def _mass_of(mesh: TetMesh, tets: np.ndarray) -> Float[np.ndarray, "points"]:

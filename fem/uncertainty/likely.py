@@ -94,19 +94,17 @@ def likely_answers(
     try:
         family.add([_as_taken(ranges), *ends])
         error = _learned(family, members)
-        found = [family.answers(member) for member in members]
-        as_taken = family.answers(_as_taken(ranges))
+        sizes, tones = family.largest([_as_taken(ranges), *members])
     except ConvergenceError:
         return None
-    sizes = np.array([np.linalg.norm(u, axis=1).max() for u, _ in [as_taken, *found]])
     u = None
     if result is not None and result.static.law == Law.LINEAR and result.trusted and sizes[0] > 0:
         u = _middle(result.max_displacement * sizes[1:] / sizes[0])
-    ratios = (np.array([f for _, f in found]) / as_taken[1]).T
     known = () if modes is None else modes.frequencies[:TONES]
-    tones = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
+    ratios = (tones[1:] / tones[0]).T
+    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
     mass = _middle(np.array([family.mass(member).sum() for member in members]))
-    return Likely(mass, u, tones, len(members), error, drawn)
+    return Likely(mass, u, frequencies, len(members), error, drawn)
 
 
 def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.reduced.family import LinearFamily, Member
+from autophyx_tet.fem.reduced.family import AT_ONCE, LinearFamily, Member
 from autophyx_tet.fem.scene.material import ElementMaterial, isotropic_tensor
 from autophyx_tet.fem.scene.mesh import material_of
 from autophyx_tet.fem.solve.modal import natural_modes
@@ -60,6 +60,17 @@ def test_members_are_the_full_body_s(grain):
         assert np.linalg.norm(u - full) < tolerance * np.linalg.norm(full)
         modes = natural_modes(body, 1, supports=clamped(mesh), order=1, lumped=True)
         assert tones[0] == pytest.approx(modes.frequencies[0], rel=1e-2)
+
+
+def test_the_largest_of_many_are_those_of_each():
+    """As many as are made at once and one more: displacement and frequencies to round-off."""
+    found = family(MESH, grained=np.zeros(2, dtype=bool))
+    members = [between(np.full(2, share)) for share in np.linspace(0, 1, AT_ONCE + 1)]
+    sizes, tones = found.largest(members)
+    for member, size, frequencies in zip(members, sizes, tones, strict=True):
+        u, wanted = found.answers(member)
+        assert size == pytest.approx(np.linalg.norm(u, axis=1).max(), rel=1e-12)
+        assert frequencies == pytest.approx(wanted, rel=1e-12)
 
 
 def test_its_material_is_the_one_asked_for():
