@@ -13,9 +13,11 @@ from .assets import write_all
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += [ROOT / "predictors/weights/README.md"]
+PAGES += sorted((ROOT / "predictors/weights").glob("*.md"))
 ITSELF = "is what .ci/run does"
 HOURS = "takes from half an hour to hours; docs/data or weights/ keep what it wrote"
+GPU = "wants a GPU; the card has the same line shortened for a CPU"
+FURNITURE = "wants Debian's furniture, which is a download of 120 MB, and minutes"
 # What no test runs: a line as it stands on the page, and why.
 ELSEWHERE = {
     "make demo": ITSELF,
@@ -37,6 +39,14 @@ ELSEWHERE = {
     "autophyx-tet evaluate --split procedural --predictors film-voxels --objects 96": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --encoder embedded --renders 80 "
     "--predictors film film-names table-mean": HOURS,
+    "autophyx-tet dataset build -o data": FURNITURE,
+    "autophyx-tet evaluate --split validation --objects 80 --predictors unipixie unipixie-names "
+    "constant table-mean": FURNITURE,
+    "autophyx-tet evaluate --split validation --objects 10 --renders 10 --swing    --predictors "
+    "film-names unipixie-names constant table-mean table-first retrieval": FURNITURE,
+    "autophyx-tet evaluate --table S7 --data data --device cuda --minutes 2.8": GPU,
+    "autophyx-tet evaluate --table S3 --data data --device cuda --minutes .45": GPU,
+    "autophyx-tet evaluate --table theta --data data --device cuda --minutes 2.2": GPU,
     "autophyx-tet dataset ranges": "takes a name of a table to write",
     "autophyx-tet materials QUERY": "QUERY is for a word of the reader's",
     "autophyx-tet transfer": "a verb's name",
