@@ -92,8 +92,17 @@ def test_crumbs_go_and_small_bodies_stay():
 
 
 def test_houses_on_one_ground_are_not_loose():
-    """Two boxes without floors on one sheet: an open surface, two bodies; floors make them one."""
-    boxes = [box_mesh((1, 1, z), (2, 2, 2), lo=(x, 0, 0)) for x, z in ((0, 1), (3, 0.5))]
+    """Two boxes without floors on one sheet: an open surface, two bodies.
+
+    Without nodes within, the small one is a crumb of the other.
+    """
+    found = [_parted(cells) for cells in ((2, 2, 2), (2, 2, 1))]
+    assert found == [{}, {0: pytest.approx(1 / 3)}]
+
+
+def _parted(cells: tuple[int, int, int]) -> dict[int, float]:
+    """What came off of a box of 8 cells and one half as high of these, on one ground."""
+    boxes = [box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((1, 1, 0.5), cells, lo=(3, 0, 0))]
     points = np.concatenate([mesh.points for mesh in boxes])
     tets = np.concatenate([boxes[0].tets, boxes[1].tets + 27])
     walls = np.concatenate([boxes[0].boundary.faces, boxes[1].boundary.faces + 27])
@@ -103,16 +112,24 @@ def test_houses_on_one_ground_are_not_loose():
     faces = np.concatenate([walls, [[a, c, b], [c, d, b]]])
     surface = Surface(points, faces, np.zeros(len(faces), int), edge_components(faces))
     solids = Solids.of(surface, 1, thinnest=1e-6, whole=True)
-    found = came_off(points, tets, np.zeros(len(tets), int), solids, 1e-3)
-    assert found.loose == {}
-    assert found.parted == {0: pytest.approx(1 / 3)}
+    return came_off(points, tets, np.zeros(len(tets), int), solids, 1e-3)
+
+
+def test_a_table_whose_legs_would_fall_off_is_refused():
+    """Legs of half an edge, parts of their own, come off the top as crumbs: nothing would stand."""
+    top = trimesh.creation.box((1, 0.6, 0.1))
+    places = [(x, y, -0.8) for x in (-0.45, 0.45) for y in (-0.25, 0.25)]
+    legs = [trimesh.creation.box((0.04, 0.04, 1.5)).apply_translation(at) for at in places]
+    table = asset_of(top=turned(top), legs=turned(trimesh.util.concatenate(legs)))
+    with pytest.raises(NoVolumeError, match=r"fell off .*wanted"):
+        tetrahedralize(table, mesher="stuffing", edge_length=0.1)
 
 
 def test_a_body_that_would_fall_apart_is_refused():
     """A plate of a third of an edge comes in pieces: exit 4, unless they are accepted."""
     plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))
     options = {"mesher": "stuffing", "edge_length": 0.1}
-    with pytest.raises(NoVolumeError, match=r"loose pieces .*wanted at most 0.05"):
+    with pytest.raises(NoVolumeError, match=r"fell off .*wanted at most 0.05"):
         tetrahedralize(plate, **options)
     _, report = tetrahedralize(plate, **options, accept_broken=True)
     assert any("'plate'" in one and "fell off" in one for one in report.warnings)

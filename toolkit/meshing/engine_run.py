@@ -127,14 +127,12 @@ class LatticeFit(NamedTuple):
     """How a lattice fits the parts, by their number.
 
     ``volume_errors`` [1] are relative; ``thin_shares`` [1] of a part's surface are where it is
-    thinner than the edge; ``loose_shares`` [1] of its volume are in pieces that were one body,
-    ``parted_shares`` [1] also in those that touched another body in the input; from
-    ``closed_shares`` [1] of all surface tets reach over a gap to another wall.
+    thinner than the edge; ``parted_shares`` [1] of its volume are in pieces that have come off;
+    from ``closed_shares`` [1] of all surface tets reach over a gap to another wall.
     """
 
     volume_errors: Mapping[int, float]
     thin_shares: Mapping[int, float]
-    loose_shares: Mapping[int, float]
     parted_shares: Mapping[int, float]
     closed_shares: Mapping[int, float]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...fem.scene.mesh import TetMesh
-from .conversion_report import CONFIDENCE, Guarantee, InputVolume
+from .conversion_report import Guarantee, InputVolume
 from .quality import Quality
 
 # Degrees: dihedral angles of a lattice whose nodes were moved onto sharp edges.
@@ -12,18 +12,18 @@ LATTICE_VOLUME = 0.05  # relative error of volume that a lattice may have: more 
 
 
 def lattice_guarantees(
-    mesh: TetMesh, measured: Quality, volume: InputVolume, loose: float
+    mesh: TetMesh, measured: Quality, volume: InputVolume, parted: float
 ) -> tuple[Guarantee, ...]:
     """What a lattice promises: good tets, a closed boundary and the volume, but no distance.
 
-    ``loose`` [m^3] is in pieces that were one body with others.
+    ``parted`` [m^3] is in pieces that have come off larger ones.
     """
     beyond = max(SHARPEST - measured.dihedral_min, measured.dihedral_max - BLUNTEST, 0.0)
-    missed = max(abs(mesh.volume - volume.total) - CONFIDENCE * volume.error, 0.0) / volume.total
+    missed = max(abs(mesh.volume / volume.total - 1) - volume.uncertainty, 0.0)
     return (
         Guarantee("tets without volume", float((mesh.volumes <= 0).sum()), 0),
         Guarantee("boundary edges not on two faces", float(measured.boundary.bad_edges), 0),
         Guarantee("dihedral angle beyond 9 to 166 degrees", beyond, 0, "degrees"),
         Guarantee("relative error of volume", missed, LATTICE_VOLUME),
-        Guarantee("share of volume in loose pieces", loose / mesh.volume, LATTICE_VOLUME),
+        Guarantee("share of volume in pieces that fell off", parted / mesh.volume, LATTICE_VOLUME),
     )

@@ -160,8 +160,8 @@ def _inside(file: FileSurface, rng: np.random.Generator) -> tuple[Float[np.ndarr
     bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
     where, cell = np.zeros((0, 3)), 0.0
     for count in (FEWEST * MORE, FEWEST * MORE**2):
-        where, cell = stratified(bounds, rng=rng, count=count)
-        where = where[file.encloses(where)]
+        boxes, where = stratified(bounds, rng=rng, count=count)
+        where, cell = where[file.encloses(where)], boxes.volume
         if len(where) >= FEWEST:
             break
     return where, cell
@@ -202,7 +202,7 @@ def _added(file: FileSamples, solids: Solids) -> tuple[float, float]:
     if not solids.shells:
         return 0.0, 0.0
     rng = np.random.default_rng(file.seed)
-    where, _ = stratified(solids.bounds, rng=rng, count=4 * FEWEST)
+    _, where = stratified(solids.bounds, rng=rng, count=4 * FEWEST)
     where = where[solids.label(where) >= 0]
     excluded, enclosed = file.surface.excludes(where), file.surface.encloses(where)
     return _mean(excluded), _mean(excluded | ~enclosed)

@@ -155,8 +155,8 @@ def _judged(
         if filling.lattice is None:
             promised = guarantees(mesh, measured, volume, gaps, epsilon, asset.part_names)
         else:
-            loose = _loose_volume(filling.lattice, mesh, asset.part_names)
-            promised = lattice_guarantees(mesh, measured, volume, loose)
+            parted = _parted_volume(filling.lattice, mesh, asset.part_names)
+            promised = lattice_guarantees(mesh, measured, volume, parted)
         return Made(filling, mesh, gaps, measured, promised, epsilon)
 
     return judge
@@ -258,7 +258,7 @@ def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
     """Fields of the report for a lattice: the parts that it does not fit."""
     if lattice is None:
         return {}
-    errors, shares, _, parted, closed = lattice
+    errors, shares, parted, closed = lattice
     return {
         "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
         "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
@@ -267,10 +267,10 @@ def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _loose_volume(lattice: LatticeFit, mesh: TetMesh, names: Sequence[str]) -> float:
-    """Volume [m^3] of the pieces that belong to a body and lost touch with it."""
+def _parted_volume(lattice: LatticeFit, mesh: TetMesh, names: Sequence[str]) -> float:
+    """Volume [m^3] of the pieces that have come off."""
     volume = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
-    return sum(share * volume[names[part]] for part, share in lattice.loose_shares.items())
+    return sum(share * volume[names[part]] for part, share in lattice.parted_shares.items())
 
 
 def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:

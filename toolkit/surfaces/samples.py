@@ -1,13 +1,19 @@
-"""Points on surfaces, from which distances and volumes are sampled."""
+"""Points on surfaces and in bodies, from which distances and volumes are sampled."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...fem.scene.boundary import FACES, equal_faces
+from .triangles import Triangles, closest
+
+CONFIDENCE = 4.0  # standard errors that a sampled volume may be off
+COARSE, KNOWN = 0.05, 0.02  # relative: a volume known no better is asked for again, until so well
+MOST = 1_000_000  # points of the second look: seconds
 
 SAMPLES = 20_000  # points on a surface: the distances of a smooth field to 3 digits
 
@@ -73,15 +79,117 @@ def interface_faces(
 FLATTEST = 1e-3  # of its length: a flatter box is sampled a little beyond its sides
 
 
-def stratified(
-    bounds: Float[np.ndarray, "2 3"], *, rng: np.random.Generator, count: int = 64_000
-) -> tuple[Float[np.ndarray, "n 3"], float]:
-    """One random point in each of about ``count`` equal boxes that fill ``bounds`` [m].
+class Boxes(NamedTuple):
+    """Equal boxes of ``size`` (3,) [m] from the corner ``lo`` (3,) [m], ``shape`` (3,) of them."""
 
-    Returns the points [m] and the volume [m^3] of a box.
-    """
+    lo: np.ndarray
+    size: np.ndarray
+    shape: np.ndarray
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3] of one."""
+        return float(self.size.prod())
+
+    def corners(self) -> Float[np.ndarray, "n 3"]:
+        """Lower corners [m]."""
+        grid = np.meshgrid(*map(np.arange, self.shape), indexing="ij")
+        return self.lo + np.stack(grid, axis=-1).reshape(-1, 3) * self.size
+
+    def centres(self) -> Float[np.ndarray, "n 3"]:
+        """Centres [m]."""
+        return self.corners() + self.size / 2
+
+    def beside_others(self, held: Bool[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
+        """Which have a neighbour across a side of which ``held`` is not the same."""
+        grid = held.reshape(self.shape)
+        out = np.zeros_like(grid)
+        for axis in range(3):
+            here, there = np.moveaxis(out, axis, 0), np.moveaxis(grid, axis, 0)
+            differs = there[1:] != there[:-1]
+            here[1:] |= differs
+            here[:-1] |= differs
+        return out.reshape(-1)
+
+    def within(
+        self, chosen: Bool[np.ndarray, "n"], times: int, *, rng: np.random.Generator
+    ) -> Float[np.ndarray, "m 3"]:
+        """One random point [m] in each of ``times`` cubed equal boxes of each ``chosen`` one."""
+        finer = Boxes(np.zeros(3), self.size / times, np.full(3, times)).corners()
+        corner = (self.corners()[chosen][:, None] + finer).reshape(-1, 3)
+        return corner + rng.random(corner.shape) * self.size / times
+
+
+def stratified(
+    bounds: Float[np.ndarray, "2 3"], *, rng: np.random.Generator, count: int
+) -> tuple[Boxes, Float[np.ndarray, "n 3"]]:
+    """About ``count`` equal boxes that fill ``bounds`` [m], and one random point [m] in each."""
     lo, size = bounds[0], bounds[1] - bounds[0]
     size = np.maximum(size, FLATTEST * size.max())
     shape = np.maximum(np.round(size * (count / size.prod()) ** (1 / 3)), 1).astype(int)
-    corner = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    return lo + (corner + rng.random(corner.shape)) * size / shape, float((size / shape).prod())
+    boxes = Boxes(lo, size / shape, shape)
+    return boxes, boxes.within(np.ones(shape.prod(), dtype=bool), 1, rng=rng)
+
+
+Label = Callable[[Float[np.ndarray, "n 3"]], Int[np.ndarray, "n"]]
+
+
+class Inside(NamedTuple):
+    """Points ``where`` (n, 3) [m] inside, the ``label`` (n,) >= 0 of each.
+
+    Each stands for ``cell`` (n,) [m^3]; ``error`` [m^3] is the standard error of their sum.
+    """
+
+    where: np.ndarray
+    label: np.ndarray
+    cell: np.ndarray
+    error: float
+
+    @property
+    def total(self) -> float:
+        """Volume [m^3]."""
+        return float(self.cell.sum())
+
+    @property
+    def uncertainty(self) -> float:
+        """Share of the volume by which it may be off; infinite where no point is inside."""
+        return CONFIDENCE * self.error / self.total if len(self.cell) else np.inf
+
+
+def inside(
+    surface: Triangles,
+    label: Label,
+    bounds: Float[np.ndarray, "2 3"],
+    *,
+    rng: np.random.Generator,
+    count: int,
+) -> Inside:
+    """Sample what a ``surface`` [m] encloses within ``bounds`` [m], in some ``count`` boxes.
+
+    ``label`` gives -1 for points outside. It changes at the surface and at caps of its holes: of a
+    body so thin or so scattered that its volume stays ``COARSE``, the boxes there are asked again
+    in smaller ones; of the others each is known by its point.
+    """
+    boxes, where = stratified(bounds, rng=rng, count=count)
+    labels = label(where)
+    found = _of(where, labels, boxes.volume)
+    if found.uncertainty <= COARSE:
+        return found
+    reach = np.linalg.norm(boxes.size) / 2
+    mixed = closest(boxes.centres(), *surface).distance <= reach
+    mixed |= boxes.beside_others(labels >= 0)
+    finer = min((found.uncertainty / KNOWN) ** 2, MOST / mixed.sum())
+    times = max(int(finer ** (1 / 3)), 2)
+    closer = boxes.within(mixed, times, rng=rng)
+    whole = _of(where[~mixed], labels[~mixed], boxes.volume)
+    part = _of(closer, label(closer), boxes.volume / times**3)
+    where, labels, cells = (np.concatenate(pair) for pair in zip(whole[:3], part[:3], strict=True))
+    return Inside(where, labels, cells, part.error)
+
+
+def _of(where: Float[np.ndarray, "n 3"], labels: Int[np.ndarray, "n"], cell: float) -> Inside:
+    """Keep the points inside, of those that stand for ``cell`` [m^3] each."""
+    held = np.flatnonzero(labels >= 0)
+    share = len(held) / max(len(where), 1)
+    error = cell * np.sqrt(len(where) * share * (1 - share))  # an upper bound: strata vary less
+    return Inside(where[held], labels[held], np.full(len(held), cell), float(error))

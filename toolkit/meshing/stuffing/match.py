@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ....fem.scene.boundary import face_areas
-from ...surfaces.samples import stratified
+from ...surfaces.samples import Inside, inside
 from .cut import CutMesh
 from .field import ShellField, SolidField
 
@@ -54,30 +54,37 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
     """Volume of each shell without what smaller shells take of it; 0 where they take all."""
     rng = np.random.default_rng(0)
     count = max(SAMPLES // len(field.shells), FEWEST)
-    samples = [stratified(shell.bounds, rng=rng, count=count) for shell in field.shells]
-    held = [where[s.shell.contains(where)] for s, (where, _) in zip(field.shells, samples,
-                                                                    strict=True)]  # fmt: skip
-    whole = np.array([_volume(shell, cell, inside) for shell, (_, cell), inside in
-                      zip(field.shells, samples, held, strict=True)])  # fmt: skip
+    held = [_samples(shell, count, rng) for shell in field.shells]
+    whole = np.array([_volume(*pair) for pair in zip(field.shells, held, strict=True)])
     wanted = whole.copy()
-    for rank, inside in enumerate(held):
-        share = whole[rank] / max(len(inside), 1)
+    for rank, (where, _, cell, _) in enumerate(held):
+        own = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
         for higher in field.shells[rank + 1 :]:
-            inside = inside[~higher.shell.contains(inside)]
+            free = ~higher.shell.contains(where)
+            where, own = where[free], own[free]
         for lower in range(rank):
-            wanted[lower] -= share * field.shells[lower].shell.contains(inside).sum()
+            wanted[lower] -= own[field.shells[lower].shell.contains(where)].sum()
     return np.where(wanted > HIDDEN * whole, wanted, 0.0)
 
 
-def _volume(shell: ShellField, cell: float, inside: Float[np.ndarray, "n 3"]) -> float:
+def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
+    """Random points inside one shell."""
+
+    def label(where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        return shell.shell.contains(where).astype(np.int64) - 1
+
+    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count)
+
+
+def _volume(shell: ShellField, held: Inside) -> float:
     """Exact volume of a closed shell without what its bodies share, else the sampled one.
 
-    There is one sample in each ``cell``; those ``inside`` two bodies have a winding number of two.
+    A point in two bodies has a winding number of two.
     """
-    sampled = cell * len(inside)
-    shared = np.maximum(np.round(np.abs(shell.shell.winding(inside))) - 1, 0)
-    exact = shell.shell.volume - cell * float(shared.sum())
-    return exact if abs(exact - sampled) <= CLOSED * sampled else sampled
+    shared = np.maximum(np.round(np.abs(shell.shell.winding(held.where))) - 1, 0)
+    exact = shell.shell.volume - float(shared @ held.cell)
+    near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
+    return exact if near else held.total
 
 
 def matched(

@@ -62,7 +62,7 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         mesh,
         part,
         replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), *off, closed),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed),
     )
 
 

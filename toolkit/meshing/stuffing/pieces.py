@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
 from ...surfaces.samples import facets, sample
 from ...surfaces.solids import INSIDE, Solids
@@ -37,28 +36,22 @@ def without_crumbs(
     return kept[pieces]
 
 
-class CameOff(NamedTuple):
-    """Share of each part's volume in pieces that have come off.
-
-    ``loose`` ones from a larger piece of the same body, ``parted`` ones from bodies that touch too.
-    What an open surface surrounds may be many bodies, like houses on one ground: none is loose.
-    """
-
-    loose: dict[int, float]
-    parted: dict[int, float]
-
-
 def came_off(
     points: Float[np.ndarray, "points 3"],
     tets: Int[np.ndarray, "tets 4"],
     part: Int[np.ndarray, "tets"],
     solids: Solids,
     touching: float,
-) -> CameOff:
-    """Which pieces have come off; bodies of the input nearer than ``touching`` [m] touch."""
+) -> dict[int, float]:
+    """Share of each part's volume in pieces that have come off a larger one.
+
+    Bodies of the input nearer than ``touching`` [m] hang together. What an open surface surrounds
+    may be many bodies, like houses on one ground: a piece of it that has nodes within is a body of
+    its own, one that has none is a crumb of what is thinner than the lattice's edge.
+    """
     piece = _pieces(tets)
     if not piece.any():
-        return CameOff({}, {})
+        return {}
     volumes, surface = signed_volumes(points, tets), solids.surface
     size = np.bincount(piece, weights=volumes)
     largest = np.empty(len(size), dtype=np.int64)  # tet of each piece
@@ -66,18 +59,23 @@ def came_off(
     largest[piece[order]] = order
     face = closest(points[tets[largest]].mean(axis=1), surface.points, surface.faces).face
     body = surface.component[face]
+    group = _touching(surface, touching)[body]
+    most = np.zeros(group.max() + 1)
+    np.maximum.at(most, group, size)
+    single = open_components(surface)[body] & _have_nodes_within(tets, piece)
+    off = ((size < most[group]) & ~single)[piece]
+    total = np.bincount(part, weights=volumes)
+    gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
+    return {int(p): float(gone[p] / total[p]) for p in np.flatnonzero(gone)}
 
-    def shares(group: Int[np.ndarray, "pieces"]) -> dict[int, float]:
-        most = np.zeros(group.max() + 1)
-        np.maximum.at(most, group, size)
-        off = (size < most[group])[piece]
-        total = np.bincount(part, weights=volumes)
-        gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
-        return {int(p): float(gone[p] / total[p]) for p in np.flatnonzero(gone)}
 
-    ground = open_components(surface)[body]
-    single = np.where(ground, len(surface.component) + np.arange(len(body)), body)
-    return CameOff(shares(single), shares(_touching(surface, touching)[body]))
+def _have_nodes_within(
+    tets: Int[np.ndarray, "tets 4"], piece: Int[np.ndarray, "tets"]
+) -> Bool[np.ndarray, "pieces"]:
+    """Whether each piece has a node that is not on its boundary."""
+    within = np.ones(tets.max() + 1, dtype=bool)
+    within[boundary_faces(tets).faces] = False
+    return np.bincount(piece, weights=within[tets].any(axis=1)) > 0
 
 
 def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"]:
