@@ -11,7 +11,7 @@ from .model_error import BENDS_ALIKE, MOTION_LIMIT, too_coarse
 from .particle_run import ParticleRun
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
-from .scene.mesh import TetMesh, largest_explicit_step
+from .scene.mesh import USUAL_SIZE, TetMesh, largest_explicit_step
 from .uncertainty.intervals import Interval
 from .uncertainty.likely import Likely
 
@@ -28,8 +28,6 @@ WOBBLES = 5.0
 # larger one is seen at all: more than this share of the height.
 DIFFERENT = 2.0
 VISIBLE = 0.005
-# Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
-USUAL_SIZE = (0.002, 30.0)
 # Mass [kg] of a thing per volume [m^3] of its box, by the side [m] up to which it holds: what 64
 # things that were weighed have (benchmarks/data/known_masses.toml), with room: 26 (a drink can) to
 # 12,040 (a gold coin); bulky ones of .3 m 261 to 1,940 (a curling stone), longer than a metre 28 to
@@ -41,7 +39,7 @@ BULKY = 0.1
 SAFE = 1.0
 # What a part does past its limit, and what the limit is called, by what is judged there.
 GIVES_WAY = {
-    "yield": ("yields", "yield strength"),
+    "equivalent": ("yields", "yield strength"),
     "tension": ("cracks", "tensile strength"),
     "compression": ("is crushed", "compressive strength"),
 }
@@ -222,11 +220,11 @@ def usual_size(mesh: TetMesh) -> Check:
     longest = float(np.ptp(mesh.bounds, axis=0).max())
     low, high = USUAL_SIZE
     passed = low <= longest <= high
-    unit = "mm (or cm)" if longest > high else "m (or --size METRES)"
-    question = f" Is that meant? Convert with --units {unit} if the file's numbers are in that."
+    unit = "--units mm (or cm)" if longest > high else "--units m (or --size METRES)"
+    doubt = f": the file's numbers are likely in another unit. Convert with {unit}"
     return Check(
         "size", passed, longest, high if longest > high else low,
-        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg.{'' if passed else question}",
+        f"It is {longest:.3g} m long and weighs {mesh.mass:.3g} kg{'' if passed else doubt}.",
     )  # fmt: skip
 
 
@@ -252,7 +250,7 @@ def usual_mass(mesh: TetMesh) -> Check:
 def strength(safety: Safety) -> Check:
     """Whether a part stands its stress."""
     passed = safety.factor >= SAFE
-    gives_way, kind = GIVES_WAY["yield" if safety.side == "equivalent" else safety.side]
+    gives_way, kind = GIVES_WAY[safety.side]
     if passed:
         times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
         found = f"holds: safety factor {times} against {kind}"

@@ -17,6 +17,9 @@ from .boundary import (
 )
 from .material import ElementMaterial, wave_speed
 
+# Sizes [m] that things which people assign materials to have: beyond, a unit was likely mistaken.
+USUAL_SIZE = (0.002, 30.0)
+
 
 def signed_volumes(
     points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]

@@ -102,7 +102,7 @@ def test_a_bracket_of_80_metres_is_asked_for_its_unit():
     mesh = mesh.with_material(ElementMaterial.uniform(24, E=1e9, nu=0.3, rho=1000.0))
     check = usual_size(mesh)
     assert not check.passed
-    assert "--units mm" in check.sentence
+    assert "likely in another unit. Convert with --units mm" in check.sentence
     small = TetMesh(mesh.points * 1e-5, mesh.tets, mesh.region, material=mesh.material)
     assert "--units m " in usual_size(small).sentence
     usual = TetMesh(mesh.points * 1e-2, mesh.tets, mesh.region, material=mesh.material)

@@ -42,6 +42,7 @@ def test_whether_it_gives_way_is_told():
     held, crushed = answers(body), answers(body, load=("part:head=0,0,-1e6",))
     assert held["Gives way"].startswith("no: the least safety factor is more than 1000")
     assert crushed["Gives way"].startswith("yes: the least safety factor is 0.")
+    assert "against its compressive strength" in crushed["Gives way"]
     assert "came without their names" in dict(found(apx.simulate(body.mesh), []))["Gives way"]
 
 

@@ -57,7 +57,11 @@ def test_size_is_the_longest_side(tmp_path):
 def test_a_forgotten_unit_is_warned_about(tmp_path):
     path = tmp_path / "chair.stl"
     trimesh.creation.box((500, 500, 900)).export(path)
-    assert any("900 m is unusual" in w for w in load_asset(path).warnings)
+    assert any("900 m is unusual: likely mm, --units mm" in w for w in load_asset(path).warnings)
+    trimesh.creation.box((80, 80, 80)).export(path)
+    assert any("80 m is unusual: likely mm" in w for w in load_asset(path).warnings)
+    assert not any("unusual" in w for w in load_asset(path, units="mm").warnings)
+    assert any("0.0008 m is unusual: --size" in w for w in load_asset(path, size=8e-4).warnings)
 
 
 def test_node_transforms_names_and_materials(tmp_path):

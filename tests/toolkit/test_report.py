@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -234,3 +235,11 @@ def test_pictures_are_shown_with_their_captions():
     assert "data:image/png;base64,iVBORw==" in page
     assert "<figcaption>&lt;features&gt;</figcaption>" in page
     assert "<figcaption>" not in report_page(content())
+
+
+def test_what_makes_a_body_unfit_is_found_first():
+    """Warnings stand above what holds, each in the order it was found."""
+    marks = ("good", "warning", "note", "bad", "good")
+    found = tuple(Verdict(mark, f"sentence {i}") for i, mark in enumerate(marks))
+    page = report_page(content(replace(case(), verdicts=found)))
+    assert re.findall(r"sentence (\d)", page) == ["1", "3", "0", "2", "4"]

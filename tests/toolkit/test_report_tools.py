@@ -181,6 +181,42 @@ def test_the_range_of_the_colours_is_the_reader_s(visit):
     np.testing.assert_array_equal(np.isclose(shares, 1), rho >= 2000)
 
 
+def test_the_range_is_in_the_unit_that_suits_it(visit):
+    """Moduli to 1e9 Pa are read and typed in MPa, in so few figures that no field cuts them."""
+    E = falling().mesh.material.E / 1e6
+    visit.press("2")
+    fields = visit.page.locator("#range input").all()
+    assert visit.page.locator("#range > span").inner_text() == "MPa"
+    words = [field.input_value() for field in fields]
+    np.testing.assert_allclose([float(word) for word in words], [E.min(), E.max()], rtol=1e-3)
+    assert max(map(len, words)) <= 6
+    for field, value in zip(fields, ("10", "200"), strict=True):
+        field.fill(value)
+        field.press("Enter")
+    visit.settled()
+    ticks = visit.page.locator("#scale .ticks span").all_inner_texts()
+    assert [ticks[0], ticks[-1]] == ["10 MPa", "200 MPa"]
+
+
+def test_the_scale_of_the_axes_stands_beside_their_names(visit):
+    """The round length is written below the axes: over no name and no line."""
+    axes = visit.page.evaluate("report.views[0].axes()[1]")
+    assert [axes["text"][3], axes["textposition"][3]] == ["50 mm", "bottom center"]
+    assert axes["z"][3] < min(axes["z"][:3])
+
+
+def test_what_is_compared_stands_at_the_top_of_its_column(chromium, folder):
+    """Lines of a short answer are not stretched to the height of a long one beside it."""
+    answers = ((("Moves most", "seat"), ("Gives way", end)) for end in ("no", "no, but " * 80))
+    cases = [replace(falling(2), answers=one, text=one[1][1][:3]) for one in answers]
+    path = write_report(folder / "columns.html", ReportContent("columns", tuple(cases)))
+    visit = Visit(chromium, path, viewport={"width": 1280, "height": 900})
+    tops = [word.bounding_box()["y"] for word in visit.page.locator(".case .answers dt").all()]
+    assert tops[:2] == tops[2:]
+    assert tops[1] - tops[0] < 40
+    visit.close()
+
+
 def test_files_can_be_taken_away(visit, tmp_path):
     """The mesh as meshio reads it, the field with a row a tet, the table of parts, a PNG."""
     one = falling()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...fem.errors import InputError, UsageError
+from ...fem.scene.mesh import USUAL_SIZE
 from ...predictors.asset import Asset, Part, UpAxis
 from .clouds import reconstructed
 from .readers.asset_formats import ASSET_FORMATS, NamedSurface, read_content
@@ -27,7 +28,6 @@ MAX_FILE_BYTES = 2 * 2**30  # more than this is not an asset but a scan archive
 MAX_TRIANGLES = 20_000_000  # about 2 GB of arrays on the way: the limit of a 24 GB machine
 MAX_PARTS = 256  # beyond it parts are merged by material: nobody names 300 materials in a sentence
 COORDINATE_LIMIT = 1e12  # squares and volumes of larger numbers leave float64
-SMALLEST, LARGEST = 1e-3, 100.0  # longest side [m] outside which a forgotten unit is likely
 # Names that exporters and loaders make up for things that have none.
 MADE_UP_NAME = re.compile(r"(geometry|node|mesh|gltf|default|world|none|\W|_|\d)*", re.IGNORECASE)
 
@@ -261,7 +261,12 @@ def _metres(
 def _in_metres(asset: Asset, factor: float, warnings: list[str]) -> Asset:
     """Scale to metres and say what was assumed."""
     longest = float(asset.size.max()) * factor
-    if not SMALLEST <= longest <= LARGEST:
+    smallest, largest = USUAL_SIZE
+    if longest > largest:
+        warnings.append(
+            f"a longest side of {longest:.4g} m is unusual: likely mm, --units mm or --size sets it"
+        )
+    elif longest < smallest:
         warnings.append(f"a longest side of {longest:.4g} m is unusual: --size or --units sets it")
     if factor != 1:
         for part in asset.parts:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...fem.scene.mesh import TetMesh
+from ...fem.verdicts import GIVES_WAY
 from ...predictors.prediction import GUESS
 from ..io.document import plain
 from ..meshing.messages import listed
@@ -97,7 +98,7 @@ def _gives_way(simulation: Settled) -> str:
         verb = "yes" if worst.factor < 1 else "no"
         said.append(
             f"{verb}: the least safety factor is {_times(worst.factor)}, of {worst.part} "
-            f"({worst.material}) against {worst.kind}"
+            f"({worst.material}) against its {GIVES_WAY[worst.side][1]}"
         )
     known = {one.part for one in safety}
     unknown = [name for name in simulation.mesh.region_names if name not in known]

@@ -129,7 +129,7 @@ def _column(case: Case, index: int, content: ReportContent) -> Column:
         answers=case.answers,
         acting=[(acting.kind, acting.words) for acting in case.acting],
         solved=[*case.solved, ("Mesh", _mesh_words(case))],
-        findings=[*map(_finding, case.verdicts)],
+        findings=[_finding(one) for one in sorted(case.verdicts, key=_is_mild)],
         facts=[*_facts(case)],
         touch=case.touch.words if case.touch else "",
         rows=[_row(part, sources) for part in case.parts],
@@ -148,6 +148,11 @@ def _linked(words: str) -> list[tuple[str, str]]:
 
 def _mesh_words(case: Case) -> str:
     return f"{len(case.mesh.tets):,} tets, {len(case.mesh.points):,} points"
+
+
+def _is_mild(verdict: Verdict) -> bool:
+    """Whether it may stand below what makes the body unfit for its use."""
+    return verdict.mark in ("good", "note")
 
 
 def _finding(verdict: Verdict) -> Finding:

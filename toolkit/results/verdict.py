@@ -27,6 +27,7 @@ ADVICE = {
     "energy": "Do not rely on this motion; --solver fem has steps that only lose energy.",
     "impact": "A rebound wants steps far shorter than the impact: in Python drop(mesh, frames=..., "
     "scheme=Scheme.BDF2).",
+    "size": "Weight, stress and motion all follow from its size: none is right before it is.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "body": "Convert it again as the sentence says, before the answer is relied on.",
     "inside band": "--strict makes this an error; --material NAME=MATERIAL takes another row.",

@@ -30,12 +30,17 @@ function rounded(value, digits = 3) {
   return size >= 1e-3 && size < 1e6 ? String(Number(value.toPrecision(digits))) : value.toExponential(digits - 1);
 }
 
-// Value with an SI prefix; densities and numbers without a unit stay plain.
+const PREFIXES = { 9: "G", 6: "M", 3: "k", 0: "", "-3": "m", "-6": "µ", "-9": "n" };
+
+// Power of ten of the SI prefix that suits a value; densities and numbers without a unit have none.
+function powerOf(value, map) {
+  if (!map.unit || map.plain || value === 0) return 0;
+  return Math.min(9, Math.max(-9, 3 * Math.floor(Math.log10(Math.abs(value) * (1 + 1e-9)) / 3)));
+}
+
 function words(value, map, digits = 3) {
-  if (!map.unit || map.plain || value === 0) return `${rounded(value, digits)} ${map.unit}`.trim();
-  const power = Math.min(9, Math.max(-9, 3 * Math.floor(Math.log10(Math.abs(value) * (1 + 1e-9)) / 3)));
-  const prefix = { 9: "G", 6: "M", 3: "k", 0: "", "-3": "m", "-6": "µ", "-9": "n" }[power];
-  return `${rounded(value / 10 ** power, digits)} ${prefix}${map.unit}`;
+  const power = powerOf(value, map);
+  return `${rounded(value / 10 ** power, digits)} ${PREFIXES[power]}${map.unit}`.trim();
 }
 
 class Scale {

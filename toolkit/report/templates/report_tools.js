@@ -48,7 +48,7 @@ function modePicker(report, changed) {
   return place;
 }
 
-// Lowest and highest value of the colours, in SI units, as a reader wants them.
+// Lowest and highest value of the colours, as a reader wants them, in the unit that suits the highest.
 function rangeFields(report) {
   const place = document.getElementById("range");
   const [low, high] = ["Colours from", "to"].map((label) => {
@@ -58,16 +58,18 @@ function rangeFields(report) {
   });
   const unit = element("span");
   place.append(unit);
+  let power = 0; // of ten: of the unit that is shown
   const name = () => Object.keys(MAPS).find((one) => MAPS[one] === report.scale()?.map);
   const show = () => {
     const scale = report.scale();
     place.hidden = !scale;
     if (!scale) return;
-    [low.value, high.value] = [scale.lo, scale.hi].map((x) => Number(x.toPrecision(4)));
-    unit.textContent = scale.map.unit;
+    power = powerOf(scale.hi, scale.map);
+    [low.value, high.value] = [scale.lo, scale.hi].map((x) => Number((x / 10 ** power).toPrecision(4)));
+    unit.textContent = PREFIXES[power] + scale.map.unit;
   };
   const change = () => {
-    const [lo, hi] = [low, high].map((input) => Number(input.value));
+    const [lo, hi] = [low, high].map((input) => Number(input.value) * 10 ** power);
     if (hi > lo) report.update({ ranges: { ...report.state.ranges, [name()]: [lo, hi] } });
     show();
   };

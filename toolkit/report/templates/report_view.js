@@ -6,6 +6,7 @@ const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
 const DRAWN_SIZE = 100;
 const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
 const AXES_SHARE = 0.2; // of the longest side: the axes, a round length
+const SCALE_BELOW = 0.35; // of that length: their scale, written below the ends that are drawn lowest
 const SWING_SHARE = 0.05, SWING_FRAMES = 24; // a vibration's size is free: this share of the diagonal
 // The largest of 1, 2, 5, 10, 20 ... that is not above `most`.
 function roundBelow(most) {
@@ -88,6 +89,7 @@ class View {
     }
     const { corner, length } = this.corner;
     hi[this.order[0]] = Math.max(hi[this.order[0]], corner[this.order[0]] + length);
+    lo[this.order[2]] = Math.min(lo[this.order[2]], corner[this.order[2]] - SCALE_BELOW * length);
     for (const place of this.marks.places()) {
       for (let axis = 0; axis < 3; axis += 1) {
         lo[axis] = Math.min(lo[axis], place[axis]);
@@ -139,11 +141,13 @@ class View {
   axes() {
     const { corner, length } = this.corner;
     const ends = [0, 1, 2].map((axis) => corner.map((x, i) => x + (i === axis ? length : 0)));
-    const text = ["x", "y", "z"].map((name, axis) => (axis === 0 ? `x  ${words(length, MAPS.moved)}` : name));
+    const below = corner.map((x, i) => x - (i === this.order[2] ? SCALE_BELOW * length : 0));
+    const text = ["x", "y", "z", words(length, MAPS.moved)];
+    const textposition = [...ends.map(() => "top center"), "bottom center"];
     const font = { size: 12, color: inkColor() };
     return [
       { type: "scatter3d", mode: "lines", line: { width: 3, color: font.color }, ...this.placed(ends.flatMap((end) => [corner, end, null])) },
-      { type: "scatter3d", mode: "text", text, textfont: font, textposition: "top center", ...this.placed(ends) },
+      { type: "scatter3d", mode: "text", text, textfont: font, textposition, ...this.placed([...ends, below]) },
     ];
   }
   // Where the map is largest: its value, the place at rest [m], the part, and a drawn point.
