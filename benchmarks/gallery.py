@@ -61,6 +61,14 @@ SHOWN = (
     Show("BlendSwap-CC-0/deer", "pine wood"),
     Show("BlendSwap-CC-0/plasticChair", "polypropylene", "--scenario poke"),
     Show("BlendSwap-CC-0/thonet", "beech wood", "--scenario poke"),
+    Show("Scopia/diving-board", "the base is concrete, the rest is fibreglass"),
+    Show("KatorLegaz/bar-stool", "aluminium", "--scenario poke"),
+    Show(
+        "Scopia/skateboard",
+        "the tires are polyurethane, the rest is steel",
+        "--part Circle=maple --scenario poke",
+    ),
+    Show("Scopia/children_chair", "beech wood", "--scenario poke"),
 )
 
 

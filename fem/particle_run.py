@@ -23,8 +23,8 @@ class ParticleRun:
         that were softened.
     lagrangian
         Whether the weights were those at rest.
-    notes
-        What was assumed.
+    notes, laws
+        What was assumed, and the laws of its matter in words.
     part
         Region of every particle, shape (n,).
     positions, gradients
@@ -42,6 +42,7 @@ class ParticleRun:
     capped: int
     lagrangian: bool
     notes: tuple[str, ...]
+    laws: tuple[str, ...]
     part: Int[np.ndarray, "n"]
     positions: Float[np.ndarray, "frames n 3"]
     gradients: Float[np.ndarray, "frames n 3 3"]

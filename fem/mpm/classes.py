@@ -57,6 +57,19 @@ class Form(IntEnum):
     COROTATED = 2
 
 
+FORMS = {
+    Form.PLAIN: "neo-Hookean",
+    Form.TEARING: "neo-Hookean that tears",
+    Form.COROTATED: "fixed corotated",
+}
+LAWS = {
+    MaterialClass.METAL: "Hencky elastic with von Mises' yield",
+    MaterialClass.SAND: "Hencky elastic with Drucker and Prager's friction",
+    MaterialClass.VISPLAS: "Hencky elastic with viscoplastic flow",
+    MaterialClass.FLUID: "weakly compressible fluid",
+    MaterialClass.SNOW: "snow",
+    MaterialClass.STATIONARY: "stands still",
+}
 # Classes whose shape at rest fades: a splat that they carry keeps its covariance.
 FLOWING = (MaterialClass.SAND, MaterialClass.FLUID)
 # Exponent of the equation of state of weakly compressible water (Cole 1948; Batchelor 1967).
@@ -133,6 +146,11 @@ class Substance:
     def tears(self) -> bool:
         """Whether it breaks under tension."""
         return self.tension is not None and self.kind == MaterialClass.JELLY
+
+    @property
+    def law(self) -> str:
+        """Its law in words."""
+        return LAWS.get(self.kind) or FORMS[self.form]
 
     @property
     def form(self) -> Form:

@@ -108,8 +108,7 @@ class MpmMethod:
             motions.append(record.motion(states[-1]))
             if progress is not None:
                 progress(frame, frames)
-        points = len(scene.mesh.points)
-        return MotionResult(tuple(motions), dt, points, particles=record.run(states))
+        return MotionResult(tuple(motions), dt, len(motions[0].u), particles=record.run(states))
 
     def _setup(self, scene: Scene, device: str) -> _Setup:
         mesh = scene.mesh
@@ -294,6 +293,7 @@ class _Recorder:
             lagrangian=solver is not None and solver.lagrangian,
             plan=setup.plan(self.scene.duration),
             notes=notes,
+            laws=tuple(sorted({one.law for one in found.particles.substances})),
             part=found.particles.part,
             positions=np.stack([s.x for s in states]).astype(np.float32),
             gradients=np.stack([s.F for s in states]).astype(np.float32),

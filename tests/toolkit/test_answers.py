@@ -9,7 +9,8 @@ import trimesh
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.prediction import Binding
-from autophyx_tet.toolkit.report.answers import found, unheard
+from autophyx_tet.toolkit.io.sidecar import Sidecar
+from autophyx_tet.toolkit.report.answers import found, loaded_mesh, unheard
 from autophyx_tet.toolkit.report.pages import run_page, simulation_page
 from autophyx_tet.toolkit.report.report import report_page
 
@@ -81,6 +82,14 @@ def test_the_report_of_a_simulation_repeats_what_was_warned_of_before():
     page = simulation_page("post", apx.simulate(body.mesh), body.described())
     assert set(body.warnings) <= set(page.warnings)
     assert "blarg" in dict(page.cases[0].answers)["Not understood, or guessed"]
+
+
+def test_the_mesh_of_a_simulation_is_told_with_what_it_was_made_of():
+    mesh = post("oak").mesh
+    sidecar = Sidecar(up="z", source={"path": "things/post.glb"})
+    said = dict(loaded_mesh("post", mesh, sidecar))["Loaded"].replace("\u00a0", " ")
+    size = "100 mm × 100 mm × 400 mm"
+    assert said == f"post: a mesh of {len(mesh.tets)} tets, 2 parts, {size}, z up, of post.glb"
 
 
 @pytest.mark.slow

@@ -57,7 +57,9 @@ def test_the_page_shows_them_beside_its_maps(chromium, folder):
     visit = Visit(chromium, write_report(folder / "look.html", page))
     visit.page.get_by_label("As loaded").check()
     visit.page.set_viewport_size({"width": 390, "height": 844})
-    uncut = "[...document.querySelectorAll('fieldset')].every((n) => n.scrollWidth <= n.clientWidth)"
+    uncut = (
+        "[...document.querySelectorAll('fieldset')].every((n) => n.scrollWidth <= n.clientWidth)"
+    )
     assert visit.page.evaluate(uncut)  # all seven colours on a phone
     visit.page.set_viewport_size({"width": 1280, "height": 900})
     visit.settled()

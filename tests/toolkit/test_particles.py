@@ -57,7 +57,8 @@ def test_a_fall_is_written_reported_and_drawn(bar, tmp_path, capsys):
     assert "some" in found["plan"]
     assert document["motion"]["frames"] == 51
     page = files[1].read_text()
-    assert "material points" in page
+    assert "Material points" in page
+    assert "<dt>Law</dt><dd>neo-Hookean" in page
     film = page.split("data:image/gif;base64,")[1].split('"')[0]
     with Image.open(BytesIO(b64decode(film))) as moving:
         assert moving.n_frames == 24

@@ -15,7 +15,7 @@ from autophyx_tet.fem.scene.materials import Span
 from autophyx_tet.toolkit.report.content import Case, PartRow, ReportContent
 from autophyx_tet.toolkit.report.data import payload
 from autophyx_tet.toolkit.report.report import report_page, write_report
-from autophyx_tet.toolkit.results.quantities import mass_words, si, volume_words
+from autophyx_tet.toolkit.results.quantities import area_words, mass_words, si, volume_words
 from autophyx_tet.toolkit.results.verdict import Verdict
 
 HOSTILE = (
@@ -209,6 +209,8 @@ def test_masses_and_volumes_in_the_unit_of_their_size():
     assert volume_words(5e-9) == "5.00\u00a0mm³"
     assert volume_words(523.6e-6) == "524\u00a0cm³"
     assert volume_words(2.5) == "2.50\u00a0m³"
+    for value, words in ((4e-6, "4.00 mm²"), (0.127, "1,270 cm²"), (1200.0, "1,200 m²")):
+        assert area_words(value).replace("\u00a0", " ") == words
 
 
 def test_wrong_content_is_refused_with_the_numbers():

@@ -11,6 +11,7 @@ from ...fem.scene.mesh import TetMesh
 from ...fem.verdicts import GIVES_WAY
 from ...predictors.prediction import GUESS
 from ..io.document import plain
+from ..io.sidecar import Sidecar
 from ..meshing.messages import listed
 from ..results.conversion import Conversion
 from ..results.quantities import si
@@ -20,6 +21,7 @@ from ..results.simulation import Simulation
 from .content import Fact
 
 MESHERS = {"ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface"}
+UNJUDGED = "not judged in a motion: a load at rest is, --scenario sag with --load"
 SAFE_TOLD = 1000.0  # safety factors above it are told as more than it
 
 
@@ -47,6 +49,17 @@ def loaded(conversion: Conversion) -> Iterator[Fact]:
     )
 
 
+def loaded_mesh(name: str, mesh: TetMesh, sidecar: Sidecar) -> Iterator[Fact]:
+    """Which mesh a simulation has loaded, and what it was made of."""
+    parts, source = len(mesh.region_names), sidecar.source.get("path")
+    size = " × ".join(si(side, "m") for side in np.ptp(mesh.bounds, axis=0))
+    yield (
+        "Loaded",
+        f"{name}: a mesh of {len(mesh.tets):,} tets, {parts} part{'s' * (parts > 1)}, {size}, "
+        f"{sidecar.up} up{f', of {_file_name(source)}' if source else ''}",
+    )
+
+
 def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[Fact]:
     """What moves most, whether it gives way, and how well the materials are known."""
     if isinstance(simulation, Ringing):
@@ -54,8 +67,8 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
         yield "Rings", f"first at {si(first[0], 'Hz')}" if first else "no frequency was found"
     else:
         yield "Moves most", _moves(simulation)
-    if isinstance(simulation, Settled):
-        yield "Gives way", _gives_way(simulation)
+    judged = isinstance(simulation, Settled)
+    yield "Gives way", _gives_way(simulation) if judged else UNJUDGED
     if parts:
         yield "Materials", _materials(parts)
 
@@ -109,6 +122,8 @@ def _gives_way(simulation: Settled) -> str:
     if factor := simulation.solved.load_factor:
         does = "it buckles at" if factor.value < 1 else "it would buckle at"
         said.append(f"{does} {_times(factor.value)} times its load")
+    else:
+        said.append("whether it buckles was not found: that wants --order 2")
     return "; ".join(said)
 
 

@@ -24,7 +24,7 @@ from ..results.run import RunResult
 from ..results.settled import Settled
 from ..results.simulation import Simulation
 from ..results.verdict import Verdict
-from .answers import found, loaded, unheard
+from .answers import found, loaded, loaded_mesh, unheard
 from .content import Case, PartRow, ReportContent
 from .look import look_of
 from .picture.snapshot import PARTICLES, particle_film
@@ -109,6 +109,7 @@ def simulation_page(
         pictures=_films(simulation, sidecar.up),
         made=_made(now(), simulation.seconds),
         command=command,
+        loaded=tuple(loaded_mesh(name, mesh, sidecar)),
     )
 
 

@@ -13,7 +13,7 @@ from ...fem.scene.loads import Traction, resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
 from .outlines import outline
-from .quantities import rounded, si
+from .quantities import area_words, si
 
 Kind = Literal["support", "motion", "load", "gravity", "obstacle"]
 AXES = "xyz"
@@ -86,7 +86,7 @@ def _way(unit: np.ndarray) -> str:
     k = int(np.argmax(np.abs(unit)))
     if np.linalg.norm(np.delete(unit, k)) < ALONG:
         return f"along {'-' if unit[k] < 0 else ''}{AXES[k]}"
-    return f"along ({', '.join(rounded(float(x), 3) for x in unit)})"
+    return f"along ({', '.join(f'{x:.3g}' for x in np.round(unit, 3) + 0.0)})"
 
 
 def _supports(scene: Scene) -> Iterator[Acting]:
@@ -130,7 +130,7 @@ def _loads(scene: Scene) -> Iterator[Acting]:
 
 def _load(scene: Scene, load: Traction) -> str:
     total = resultant(scene.mesh, load)
-    area = f"over {si(total.area * 1e4, 'cm²') if total.area < 1 else si(total.area, 'm²')}"
+    area = f"over {area_words(total.area)}"
     name = f"on {load.name}" if load.name else "on the surface"
     sizes = np.linalg.norm(np.broadcast_to(load.value, (len(load.faces), 3)), axis=1)
     sum_of_sizes = float(sizes @ face_areas(scene.mesh.points, load.faces))

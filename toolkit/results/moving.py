@@ -111,7 +111,8 @@ class Moving(Simulation):
             return (*self._elements, *self.motion.solution, steps)
         grid = "x".join(map(str, run.nodes))
         words = f"{len(run.part):,} particles on {grid} nodes, {run.spacing:.3g} m apart"
-        return (("material points", words), ("steps", f"{run.substeps:,}"))
+        law = ("Law", "; ".join(run.laws))
+        return (law, ("Material points", words), ("Steps", f"{run.substeps:,}"))
 
     @property
     def _elements(self) -> tuple[tuple[str, str], ...]:

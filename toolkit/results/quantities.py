@@ -25,6 +25,14 @@ def mass_words(value: float) -> str:
     return f"{rounded(value, 3)}\u00a0kg" if value < 1e4 else f"{rounded(value / 1e3, 3)}\u00a0t"
 
 
+def area_words(value: float) -> str:
+    """Area [m^2] in mm², cm² or m²: a prefix before a square would be squared with it."""
+    for size, unit, most in ((1e6, "mm²", 1e-4), (1e4, "cm²", 1.0)):
+        if value < most:
+            return f"{rounded(value * size, 3)}\u00a0{unit}"
+    return f"{rounded(value, 3)}\u00a0m²"
+
+
 def volume_words(value: float) -> str:
     """Volume [m^3] in mm³, cm³ or m³."""
     for size, unit in ((1e-6, "mm³"), (1e-1, "cm³")):
