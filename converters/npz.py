@@ -14,7 +14,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..fem.errors import InputError
-from ..fem.scene.material import ElementMaterial
+from ..fem.scene.material import material_arrays, material_from
 from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField, Ranges
 from ..predictors.grid import Grid
@@ -47,7 +47,7 @@ def save_npz(path: str | os.PathLike, **arrays: np.ndarray) -> None:
 
 
 def save(path: str | os.PathLike, value: MaterialField | TetMesh) -> None:
-    """Save a material field or a tet mesh; ``load`` gives it back exactly."""
+    """Save a material field or a tet mesh; ``load`` gives it back exactly, a grain to round-off."""
     arrays, meta = _from_field(value) if isinstance(value, MaterialField) else _from_mesh(value)
     meta |= {"version": VERSION, "units": {n: u for n, u in UNITS.items() if n in arrays}}
     save_npz(path, **arrays, meta=np.array(json.dumps({"kind": type(value).__name__} | meta)))
@@ -98,19 +98,15 @@ def _to_field(arrays: dict[str, np.ndarray], meta: dict) -> MaterialField:
 
 def _from_mesh(value: TetMesh) -> tuple[dict[str, np.ndarray], dict]:
     arrays = {"points": value.points, "tets": value.tets, "region": value.region}
-    if value.material is not None:
-        arrays |= {name: getattr(value.material, name) for name in ("E", "nu", "rho")}
+    arrays |= material_arrays(value.material)
     return arrays, {"region_names": value.region_names, "bounds": value.bounds.tolist()}
 
 
 def _to_mesh(arrays: dict[str, np.ndarray], meta: dict) -> TetMesh:
-    material = None
-    if "E" in arrays:
-        material = ElementMaterial(arrays["E"], arrays["nu"], arrays["rho"])
     return TetMesh(
         arrays["points"],
         arrays["tets"],
         arrays["region"],
         region_names=tuple(meta["region_names"]),
-        material=material,
+        material=material_from(arrays),
     )

@@ -32,7 +32,7 @@ class Keeps(StrEnum):
     PRESCRIBED = "prescribed displacements"
     SPRINGS = "springs"
     QUADRATIC = "quadratic elements"
-    GRAIN = "the grain"
+    GRAIN = "the grain"  # the axes of every tet, and its constants along them
     COLUMNS = "further columns"
     REMARKS = "remarks"
     HARMONICS = "spherical harmonics"
@@ -112,7 +112,7 @@ def written(formats: Registry[Format]) -> tuple[str, ...]:
     return tuple(suffix for suffix in formats if formats[suffix].write is not None)
 
 
-def told_lost(path: str | os.PathLike, form: Format, lost: Iterable[Keeps]) -> str:
+def told_lost(path: str | os.PathLike, form: Format, lost: Iterable[str]) -> str:
     """Sentence about what of the given a file will not hold."""
     return f"{path}: {form.title} does not keep {', '.join(lost)}"
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from .errors import UsageError
-from .scene.material import isotropic_tensor, orthotropic_tensor
+from .scene.material import orthotropic_constants, orthotropic_tensor
 from .scene.material_properties import OrthotropicConstants, load_grains
 from .scene.materials import load_table
 from .scene.mesh import TetMesh, material_of
@@ -31,9 +30,17 @@ class Grained(NamedTuple):
     notes: tuple[str, ...]
 
 
-def has_grain(materials: Mapping[str, str]) -> bool:
-    """Whether any part of ``materials`` (part -> row of the table) is stiffer along a grain."""
-    return any(row in load_grains() for row in materials.values())
+def parts_of_grain(materials: Mapping[str, str]) -> tuple[str, ...]:
+    """Those parts of ``materials`` (part -> row of the table) that are stiffer along a grain."""
+    return tuple(part for part, row in materials.items() if row in load_grains())
+
+
+def grained_parts(mesh: TetMesh) -> tuple[str, ...]:
+    """Names of the regions of ``mesh`` whose material has a grain."""
+    if mesh.material is None:
+        return ()
+    found = np.unique(mesh.region[mesh.material.grained])
+    return tuple(mesh.region_names[region] for region in found)
 
 
 def with_grains(
@@ -41,9 +48,9 @@ def with_grains(
 ) -> Grained:
     """Give every part its grain whose row in ``materials`` (part -> row) has one in the table.
 
-    It runs as ``stated`` (part -> direction), else along the part's longest axis; a part without
-    one, or whose E is not its row's, stays isotropic. The rings may lie anyhow about the grain: the
-    compliance is their mean.
+    It runs as ``stated`` (part -> direction), else as the mesh has it, else along the part's
+    longest axis; a part without one, or whose E is not its row's, stays isotropic. The rings may
+    lie anyhow about the grain: the compliance is their mean.
 
     Raises
     ------
@@ -56,7 +63,7 @@ def with_grains(
             row = materials.get(part)
             why = f"{row!r} has no grain in the table" if row else "its material is not known"
             raise UsageError(f"--grain part:{part}: {why}; parts with one are {_named(materials)}")
-    tensor = isotropic_tensor(*material.lame)
+    known = material.grained
     along: list[str] = []
     blind: list[str] = []
     for region, part in enumerate(mesh.region_names):
@@ -65,17 +72,17 @@ def with_grains(
         if row not in grains or not tets.size:
             continue
         way = stated.get(part)
+        if way is None and known[tets].any():
+            continue
         way = longest_axis(mesh, tets) if way is None else way
         if way is None or not is_of_row(material.E[tets], row):
             blind.append(part)
             continue
         along.append(f"{part} ({', '.join(f'{x:.2g}' for x in way / np.linalg.norm(way))})")
-        unit = ring_mean(grains[row].constants(1.0), way)
-        tensor[tets] = material.E[tets, None, None] * unit
-    if along:
-        tensor.flags.writeable = False
-        mesh = mesh.with_material(replace(material, tensor=tensor))
-    return Grained(mesh, tuple(_notes(along, blind)))
+        axes = axes_about(way)
+        unit = orthotropic_constants(ring_mean(grains[row].constants(1.0), axes), axes)
+        material = material.with_grain(tets, unit.times(material.E[tets]), axes)
+    return Grained(mesh.with_material(material), tuple(_notes(along, blind)))
 
 
 def longest_axis(mesh: TetMesh, tets: Int[np.ndarray, "n"]) -> Float[np.ndarray, "3"] | None:
@@ -89,22 +96,26 @@ def longest_axis(mesh: TetMesh, tets: Int[np.ndarray, "n"]) -> Float[np.ndarray,
     return way * np.sign(way[np.argmax(np.abs(way))])
 
 
-def ring_mean(
-    constants: OrthotropicConstants, grain: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "6 6"]:
-    """Stiffness tensor [Pa] along ``grain`` (any length) of rings that lie in all directions.
-
-    The inverse of the mean compliance: E along the grain stays what it is.
-    """
+def axes_about(grain: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Three unit vectors, square on, the first along ``grain`` (any length)."""
     first = grain / np.linalg.norm(grain)
     side = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
     side /= np.linalg.norm(side)
-    other = np.cross(first, side)
-    total = np.zeros((6, 6))
+    return np.stack([first, side, np.cross(first, side)])
+
+
+def ring_mean(
+    constants: OrthotropicConstants, axes: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "6 6"]:
+    """Stiffness tensor [Pa] of rings that lie in all directions about the first row of ``axes``.
+
+    The inverse of the mean compliance: E along the grain stays what it is.
+    """
+    (first, side, other), total = axes, np.zeros((6, 6))
     for angle in np.arange(RINGS) * np.pi / RINGS:
         radial = np.cos(angle) * side + np.sin(angle) * other
-        axes = np.stack([first, radial, np.cross(first, radial)])
-        total += np.linalg.inv(orthotropic_tensor(constants, axes))
+        turned = np.stack([first, radial, np.cross(first, radial)])
+        total += np.linalg.inv(orthotropic_tensor(constants, turned))
     return np.linalg.inv(total / RINGS)
 
 
@@ -115,7 +126,7 @@ def is_of_row(E: Float[np.ndarray, "n"], row: str) -> bool:
 
 
 def _named(materials: Mapping[str, str]) -> str:
-    return ", ".join(part for part, row in materials.items() if row in load_grains()) or "none"
+    return ", ".join(parts_of_grain(materials)) or "none"
 
 
 def _notes(along: list[str], blind: list[str]) -> list[str]:

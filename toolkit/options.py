@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import platformdirs
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -54,8 +55,7 @@ class ConvertOptions:
     up: UpAxis | None = None
     """Axis that points up; by default what the format says (glTF and OBJ: y, others: z)."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
-    """ftetwild keeps epsilon; stuffing takes seconds, keeps angles and volume; auto: stuffing for
-    splats, clouds, density grids and after a time-out."""
+    """ftetwild keeps epsilon, stuffing is quick; auto: for splats, clouds, grids, time-outs."""
     edge_length_rel: float | None = None
     """Wanted edge of a tet, share of the bounding box diagonal; .05, stuffing: 50,000 tets."""
     edge_length: float | None = None
@@ -231,6 +231,8 @@ class ExportOptions:
     """Acceleration of gravity [m/s^2] in the scene."""
     order: Literal[1, 2] | None = None
     """Order of the elements of a CalculiX deck; by default 2 while `simulate` takes it too."""
+    grain: Annotated[tuple[str, ...], Repeated] = ()
+    """Way of the grain of a wooden part, part:NAME=x,y,z; by default along its longest axis."""
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,4 @@ def pairs(options: Sequence[str]) -> dict[str, str]:
 
 
 def _cache_folder(name: str) -> Path:
-    from platformdirs import user_cache_path
-
-    return user_cache_path("autophyx-tet") / name
+    return platformdirs.user_cache_path("autophyx-tet") / name

@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..converters.mesh.meshdata import grain_words, lost_words
 from ..converters.registry import Keeps
 from ..fem.errors import InputError, UsageError
-from ..fem.grain import has_grain
+from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from .driving import checked_scale
 from .io.document import mesh_document
 from .io.outputs import check_file
-from .io.sidecar import Sidecar
+from .io.sidecar import Sidecar, rows_on_record
 from .options import ExportOptions, TransferOptions
+from .simulation.grain import stated_grains
+from .simulation.voxel_body import rows_of_field
 
 if TYPE_CHECKING:
     from ..converters.carriers import Transferred
@@ -119,13 +122,14 @@ def transfer(
     check_file(output, _room(target))
     scale = checked_scale(options.scale, source, target)
     given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
+    lost = _grain_of(source, given)
     if isinstance(given, TetMesh):
         given = field_from_tets(given, cells=options.cells)
     grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = append_material(replace(given, grid=grid), target, Path(scratch) / output.name)
         files = _publish(done.files, output.parent, source)
-    warnings = (*_misfit(done, grid), *_left_out(output.name, done.lost))
+    warnings = (*_misfit(done, grid), *_left_out(output.name, (*done.lost, *lost)))
     return TransferResult(done, scale, files, warnings)
 
 
@@ -168,6 +172,8 @@ def export(
     check_file(output, suffixes)
     body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
     known = None if isinstance(mesh, TetMesh) else Sidecar.read(Path(mesh))
+    rows = rows_on_record(known) if known else {}
+    body, notes = with_grains(body, rows, stated_grains(body, options.grain))
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = export_mesh(
             body,
@@ -181,11 +187,8 @@ def export(
         )
         files = _publish(done.files, output.parent, mesh)
     result = ExportResult(body, target, done, files)
-    warnings = [*_losses(result)]
-    parts = known.record.get("assign", {}).get("parts", []) if known else []
-    if has_grain({part["name"]: part["material"] for part in parts}):
-        warnings.append("wood is written as stiff across its grain as along it")
-    return replace(result, warnings=tuple(warnings))
+    followed = Keeps.GRAIN not in done.lost
+    return replace(result, warnings=(*(notes if followed else ()), *_losses(result)))
 
 
 def read_source(path: Path) -> MaterialField | TetMesh:
@@ -240,6 +243,18 @@ def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
         yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
 
 
+def _grain_of(
+    source: str | Path | MaterialField | TetMesh, given: MaterialField | TetMesh
+) -> tuple[str, ...]:
+    """Words for the grain of the parts that have one: no carrier keeps it."""
+    if isinstance(given, MaterialField):
+        parts = parts_of_grain(rows_of_field(given))
+    else:
+        known = Sidecar.read(Path(source)) if isinstance(source, str | Path) else None
+        parts = grained_parts(given) or parts_of_grain(rows_on_record(known) if known else {})
+    return (grain_words(parts),) if parts else ()
+
+
 def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:
     """Say what of the given the files have no place for."""
     if lost:
@@ -256,7 +271,8 @@ def _losses(result: ExportResult) -> Iterator[str]:
             f"{worst['E']:.2g}, nu by {worst['nu']:.2g}, rho by {worst['rho']:.2g} "
             "(E and rho relative); --bins allows more"
         )
-    yield from _left_out(f"the files for {result.target}", result.done.lost)
+    lost = lost_words(result.done.lost, result.mesh)
+    yield from _left_out(f"the files for {result.target}", lost)
     material = result.mesh.material
     for item, name in ((Keeps.E, "E"), (Keeps.NU, "nu"), (Keeps.RHO, "rho")):
         if item in result.done.lost:

@@ -37,5 +37,5 @@ MESH_ARCHIVE = Format(
     (".npz",),
     read_mesh_archive,
     write_mesh_archive,
-    keeps=MATERIAL | {Keeps.REGIONS},
+    keeps=MATERIAL | {Keeps.GRAIN, Keeps.REGIONS},
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...fem.errors import InputError
 from ...fem.scene.mesh import TetMesh
 from ..registry import MESH_FORMATS, Keeps, format_of, told_lost, written
-from .meshdata import Arrays, MeshData, items_of
+from .meshdata import Arrays, MeshData, items_of, lost_words
 
 log = logging.getLogger(__name__)
 
@@ -46,5 +46,5 @@ def write_mesh(
     form.write(path, mesh, point_data=point_data, cell_data=cell_data)
     lost = form.loses(items_of(mesh, point_data, cell_data))
     if lost:
-        log.warning(told_lost(path, form, lost))
+        log.warning(told_lost(path, form, lost_words(lost, mesh)))
     return lost

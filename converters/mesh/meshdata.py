@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -12,7 +12,8 @@ from urllib.parse import quote
 import numpy as np
 
 from ...fem.errors import InputError
-from ...fem.scene.material import ElementMaterial
+from ...fem.grain import grained_parts
+from ...fem.scene.material import GRAIN, material_arrays, material_from
 from ...fem.scene.mesh import TetMesh, signed_volumes
 from ..registry import MATERIAL, Keeps
 
@@ -23,10 +24,10 @@ log = logging.getLogger(__name__)
 
 COLUMNS = ("E", "nu", "rho")  # arrays of the material, in this order
 # All that a mesh and its arrays may hold: what a format with room for everything keeps.
-WHOLE = MATERIAL | {Keeps.REGIONS, Keeps.POINT_DATA, Keeps.CELL_DATA}
+WHOLE = MATERIAL | {Keeps.GRAIN, Keeps.REGIONS, Keeps.POINT_DATA, Keeps.CELL_DATA}
 # Cell arrays that say which region a tet belongs to, the most specific first.
 REGION_TAGS = ("region", "gmsh:physical", "medit:ref", "mat_id")
-_OURS = {*COLUMNS, *REGION_TAGS, "gmsh:geometrical"}
+_OURS = {*COLUMNS, *GRAIN, *REGION_TAGS, "gmsh:geometrical"}
 
 # What a name between quotes or on a line of its own cannot hold, and the escape itself.
 _SPECIAL = re.compile(r'[\x00-\x1f\x7f-\xa0"%\u2028\u2029]')
@@ -56,10 +57,23 @@ def items_of(
         yield Keeps.REGIONS
     if mesh.material is not None:
         yield from (Keeps.E, Keeps.NU, Keeps.RHO)
+        if mesh.material.tensor is not None:
+            yield Keeps.GRAIN
     if point_data:
         yield Keeps.POINT_DATA
     if cell_data:
         yield Keeps.CELL_DATA
+
+
+def lost_words(lost: Iterable[Keeps], mesh: TetMesh) -> list[str]:
+    """What of ``mesh`` is lost, in words: of a grain, the parts that have one."""
+    own = {Keeps.GRAIN: grain_words(grained_parts(mesh))}
+    return [own.get(item, str(item)) for item in lost]
+
+
+def grain_words(parts: Iterable[str]) -> str:
+    """The grain of ``parts``, in words."""
+    return f"{Keeps.GRAIN} of {', '.join(parts)}"
 
 
 def escape(name: str) -> str:
@@ -69,8 +83,7 @@ def escape(name: str) -> str:
 
 def cell_arrays(mesh: TetMesh, extra: Arrays | None = None) -> dict[str, np.ndarray]:
     """Cell arrays of a mesh by the names of the project: E, nu, rho, region, mat_id, and more."""
-    arrays = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in COLUMNS}
-    arrays |= {"region": mesh.region, "mat_id": mesh.region + 1}
+    arrays = material_arrays(mesh.material) | {"region": mesh.region, "mat_id": mesh.region + 1}
     return arrays | checked(extra, len(mesh.tets), "tet")
 
 
@@ -109,11 +122,9 @@ def assemble(
     if mirrored:
         log.info("turned %d mirrored tets of %d", mirrored, len(tets))
     region, region_names = _regions(cell_data, names, len(tets))
-    material = None
-    if all(name in cell_data for name in COLUMNS):
-        material = ElementMaterial(*(np.ravel(cell_data[name]) for name in COLUMNS))
+    material = material_from(cell_data)
     mesh = TetMesh.oriented(points, tets, region, region_names=region_names, material=material)
-    known = _OURS if material is not None else _OURS - set(COLUMNS)
+    known = _OURS if material is not None else _OURS - {*COLUMNS, *GRAIN}
     extra = {name: values for name, values in cell_data.items() if name not in known}
     return MeshData(mesh, point_data, extra, ignored)
 

@@ -15,11 +15,20 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...fem.errors import InputError
+from ...fem.scene.material import material_arrays
 from ...fem.scene.mesh import TetMesh
 from ..announced_sizes import check_counts
 from ..files import reading, writing
 from ..registry import Format
-from .meshdata import COLUMNS, WHOLE, Arrays, MeshData, assemble, checked, escape, from_meshio
+from .meshdata import (
+    WHOLE,
+    Arrays,
+    MeshData,
+    assemble,
+    checked,
+    escape,
+    from_meshio,
+)
 
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
 WANTED = "a Gmsh .msh file (2.2 or 4.1) with tets"
@@ -38,10 +47,11 @@ def write_msh(
 ) -> None:
     """Write ASCII MSH 2.2: a physical group a region; E, nu, rho [SI] as element data, exactly.
 
+    So are the axes and constants of a grain.
+
     ``point_data`` and ``cell_data`` are further arrays of 1, 3 or 9 components a row.
     """
-    values = {} if mesh.material is None else {n: getattr(mesh.material, n) for n in COLUMNS}
-    cells = values | checked(cell_data, len(mesh.tets), "tet")
+    cells = material_arrays(mesh.material) | checked(cell_data, len(mesh.tets), "tet")
     nodes = checked(point_data, len(mesh.points), "point")
     with writing(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
         file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")

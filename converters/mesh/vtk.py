@@ -42,8 +42,8 @@ def write_vtk(
 ) -> None:
     """Write .vtu (binary, zlib) or legacy .vtk (4.2, binary) by suffix.
 
-    Cell arrays E [Pa], nu, rho [kg/m^3], region, mat_id (region + 1) and ``cell_data``; point
-    arrays from ``point_data``.
+    Cell arrays E [Pa], nu, rho [kg/m^3], of a grain its axes and constants, region, mat_id
+    (region + 1) and ``cell_data``; point arrays from ``point_data``.
     """
     import meshio
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from ...fem.discrete.constraints import node_supports
 from ...fem.discrete.space import Space, affordable_order, make_space
@@ -56,7 +57,7 @@ CALCULIX = Program(
                     Keeps.QUADRATIC,
                 }
             ),
-            binned=MATERIAL,
+            binned=MATERIAL | {Keeps.GRAIN},
         ),
     )
 )
@@ -89,9 +90,27 @@ def _elements(mesh: TetMesh, space: Space, bins: Bins) -> Iterator[str]:
 def _materials(bins: Bins) -> Iterator[str]:
     rows = zip(bins.E.tolist(), bins.nu.tolist(), bins.rho.tolist(), strict=True)
     for i, (E, nu, rho) in enumerate(rows, 1):
-        yield f"*MATERIAL, NAME=MAT{i}\n*ELASTIC\n{_number(E)}, {_number(nu)}\n"
+        yield f"*MATERIAL, NAME=MAT{i}\n"
+        wooden = bins.grain is not None and bins.grain.axes[i - 1].any()
+        if bins.grain is not None and wooden:
+            yield from _engineering_constants(bins.grain.constants[i - 1])
+        else:
+            yield f"*ELASTIC\n{_number(E)}, {_number(nu)}\n"
         yield f"*DENSITY\n{_number(rho)}\n"
-        yield f"*SOLID SECTION, ELSET=BIN{i}, MATERIAL=MAT{i}\n"
+        section = f"*SOLID SECTION, ELSET=BIN{i}, MATERIAL=MAT{i}"
+        if bins.grain is not None and wooden:
+            plane = ", ".join(map(_number, bins.grain.axes[i - 1, :2].ravel().tolist()))
+            yield f"*ORIENTATION, NAME=GRAIN{i}, SYSTEM=RECTANGULAR\n{plane}\n"
+            section += f", ORIENTATION=GRAIN{i}"
+        yield f"{section}\n"
+
+
+def _engineering_constants(constants: Float[np.ndarray, "9"]) -> Iterator[str]:
+    """Along, radial, tangential: E, then nu, then G; eight values on the first line."""
+    E, G, nu = np.split(constants, 3)
+    values = [_number(value) for value in (*E, *nu, *G)]
+    yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n"
+    yield f"{', '.join(values[:8])}\n{values[8]}\n"
 
 
 def _springs(supports: Supports, first: int) -> Iterator[str]:

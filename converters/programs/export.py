@@ -65,7 +65,7 @@ def export_mesh(
     Raises
     ------
     UsageError
-        For an unknown program, or a suffix that it does not read.
+        For an unknown program, a suffix that it does not read, or fewer bins than ways of a grain.
     InputError
         Where the mesh has no material.
     """
@@ -81,5 +81,5 @@ def export_mesh(
     lost = form.loses(options.items(mesh))
     if not form.binned:
         return Exported(form.write(path, mesh, options), None, None, lost)
-    binned = bin_materials(mesh, bins=bins)
+    binned = bin_materials(mesh, bins=bins, grain=Keeps.GRAIN in form.binned)
     return Exported(form.write(path, mesh, binned, options), len(binned), binned.error, lost)

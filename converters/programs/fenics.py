@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from ...fem.scene.material_properties import OrthotropicConstants
 from ...fem.scene.mesh import TetMesh
 from ..files import writing
 from ..mesh.msh import write_msh
-from ..registry import MATERIAL, Format, Program
+from ..registry import MATERIAL, Format, Keeps, Program
 from .material_bins import Bins
 from .scene_options import SceneOptions
 
@@ -32,7 +34,11 @@ HERE = Path(__file__).parent
 
 
 def load(comm=MPI.COMM_WORLD):
-    """Return (mesh, cell tags, {{"E": E, "nu": nu, "rho": rho}})."""
+    """Return (mesh, cell tags, {{"E": E, "nu": nu, "rho": rho}}) and what else the table has.
+
+    Of a grain that is "grain_axes", its directions L, R, T as rows, and the constants along them,
+    "E_L" to "nu_RT"; all are 0 where a tet has none.
+    """
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     if comm.rank == 0:
@@ -41,27 +47,40 @@ def load(comm=MPI.COMM_WORLD):
     gmsh.finalize()
     table = json.loads((HERE / "{table}").read_text())["bins"]
     make = getattr(fem, "functionspace", getattr(fem, "FunctionSpace", None))
-    space = make(mesh, ("DG", 0))
     fields = {{}}
-    for name in ("E", "nu", "rho"):
-        values = np.zeros(max(map(int, table)) + 1)
+    for name in next(iter(table.values())):
+        shape = np.shape(table["1"][name])
+        values = np.zeros((max(map(int, table)) + 1, *shape))
         for tag, row in table.items():
             values[int(tag)] = row[name]
+        space = make(mesh, ("DG", 0, shape) if shape else ("DG", 0))
         field = fem.Function(space, name=name)
-        field.x.array[cells.indices] = values[cells.values]
+        rows = field.x.array.reshape(-1, values[0].size)
+        rows[cells.indices] = values.reshape(len(values), -1)[cells.values]
         fields[name] = field
     return mesh, cells, fields
 '''
+
+
+_UNITS = {name: "1" if name.startswith("nu") else "Pa" for name in OrthotropicConstants._fields}
+
+
+def _row(bins: Bins, i: int) -> dict[str, Any]:
+    """Values of a bin, and those of its grain where there are grains, 0 where it has none."""
+    row = {"E": float(bins.E[i]), "nu": float(bins.nu[i]), "rho": float(bins.rho[i])}
+    if bins.grain is None:
+        return row
+    constants = dict(zip(_UNITS, bins.grain.constants[i].tolist(), strict=True))
+    return {**row, "grain_axes": bins.grain.axes[i].tolist(), **constants}
 
 
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write STEM.msh, STEM.materials.json and STEM_fenics.py, which reads the other two."""
     table = path.with_name(f"{path.stem}.materials.json")
     loader = path.with_name(f"{path.stem}_fenics.py")
-    rows = zip(bins.E.tolist(), bins.nu.tolist(), bins.rho.tolist(), strict=True)
     document = {
-        "units": {"E": "Pa", "nu": "1", "rho": "kg/m^3"},
-        "bins": {str(i): {"E": E, "nu": nu, "rho": rho} for i, (E, nu, rho) in enumerate(rows, 1)},
+        "units": {"E": "Pa", "nu": "1", "rho": "kg/m^3", "grain_axes": "1", **_UNITS},
+        "bins": {str(i + 1): _row(bins, i) for i in range(len(bins))},
     }
     groups = tuple(f"bin {i + 1}" for i in range(len(bins)))
     write_msh(path, replace(mesh, region=bins.label, region_names=groups))
@@ -72,4 +91,10 @@ def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list
     return [path, table, loader]
 
 
-FENICS = Program((Format("Gmsh 2.2, table and loader", (".msh",), write=_write, binned=MATERIAL),))
+FENICS = Program(
+    (
+        Format(
+            "Gmsh 2.2, table and loader", (".msh",), write=_write, binned=MATERIAL | {Keeps.GRAIN}
+        ),
+    )
+)

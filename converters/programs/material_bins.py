@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fem.errors import InputError
+from ...fem.errors import InputError, UsageError
 from ...fem.scene.material import ElementMaterial
 from ...fem.scene.mesh import TetMesh, material_of
 
@@ -40,15 +40,26 @@ class BinError(NamedTuple):
     mean: tuple[float, float, float]
 
 
+class BinGrain(NamedTuple):
+    """``axes`` and ``constants`` of every bin as an ``ElementMaterial`` has them; 0: no grain."""
+
+    axes: Float[np.ndarray, "bins 3 3"]
+    constants: Float[np.ndarray, "bins 9"]
+
+
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """One material a bin: ``E`` [Pa], ``nu``, ``rho`` [kg/m^3] (bins,), ``label`` (tets,)."""
+    """One material a bin: ``E`` [Pa], ``nu``, ``rho`` [kg/m^3] (bins,), ``label`` (tets,).
+
+    ``grain`` is theirs where it was asked for and some have one.
+    """
 
     E: Float[np.ndarray, "bins"]
     nu: Float[np.ndarray, "bins"]
     rho: Float[np.ndarray, "bins"]
     label: Int[np.ndarray, "tets"]
     error: BinError
+    grain: BinGrain | None = None
 
     def __len__(self) -> int:
         return len(self.E)
@@ -59,11 +70,16 @@ class Bins:
         return ElementMaterial(self.E[self.label], self.nu[self.label], self.rho[self.label])
 
 
-def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
+def bin_materials(mesh: TetMesh, *, bins: int = 64, grain: bool = False) -> Bins:
     """Group tets of like (log10 E, nu, log10 rho); exact where there are no more than ``bins``.
 
     Otherwise by k-means. A bin has the mean log10 E, mean nu and mean rho of its volume, so that
-    the mass stays the same.
+    the mass stays the same. With ``grain``, tets of a bin share its axes and its constants over E.
+
+    Raises
+    ------
+    UsageError
+        Where the grain runs in more ways than there are bins.
     """
     if bins < 1:
         raise InputError(f"bins must be at least 1, got {bins}")
@@ -71,12 +87,17 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
     exact = np.stack([material.E, material.nu, material.rho], axis=1)
     plain = np.stack([np.log10(material.E), material.nu, np.log10(material.rho)], axis=1)
     rounded = np.round(plain, _DIGITS)
-    rows, first, label = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    way = _ways(material) if grain else np.zeros(len(exact), dtype=np.int64)
+    if (ways := way.max() + 1) > bins:
+        raise UsageError(f"--bins {bins}: the grain runs in {ways} ways, each needs a bin")
+    keyed = np.column_stack([way, rounded])
+    rows, first, label = np.unique(keyed, axis=0, return_index=True, return_inverse=True)
     if len(rows) <= bins:
         none = BinError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        return Bins(*exact[first].T, label=label.ravel(), error=none)
+        known = _bin_grain(material, first, exact[first, 0]) if grain else None
+        return Bins(*exact[first].T, label=label.ravel(), error=none, grain=known)
     weight = mesh.volumes
-    label = _cluster(rounded, weight, bins)
+    label = _cluster_ways(keyed, weight, bins)
     share = np.bincount(label, weight)
     logE, nu, rho = (
         np.bincount(label, weight * values) / share
@@ -85,7 +106,45 @@ def bin_materials(mesh: TetMesh, *, bins: int = 64) -> Bins:
     change = np.abs(np.stack([logE, nu, np.log10(rho)], axis=1)[label] - plain)
     error = BinError(_three(change.max(axis=0)), _three(weight @ change / weight.sum()))
     log.info("binned %d materials into %d: %s", len(rows), len(share), error)
-    return Bins(10**logE, nu, rho, label, error)
+    one = np.unique(label, return_index=True)[1]
+    return Bins(
+        10**logE, nu, rho, label, error, _bin_grain(material, one, 10**logE) if grain else None
+    )
+
+
+def _ways(material: ElementMaterial) -> Int[np.ndarray, "tets"]:
+    """Number of the axes and the constants over E of every tet, those that agree sharing one."""
+    if material.axes is None:
+        return np.zeros(len(material.E), dtype=np.int64)
+    share = material.constants.copy()
+    share[:, :6] /= material.E[:, None]
+    rows = np.round(np.column_stack([material.axes.reshape(-1, 9), share]), _DIGITS)
+    return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+
+
+def _bin_grain(material: ElementMaterial, first: np.ndarray, E: np.ndarray) -> BinGrain | None:
+    """Grain of bins of ``E`` [Pa] whose first tets are ``first``."""
+    if material.axes is None:
+        return None
+    constants = material.constants[first].copy()
+    constants[:, :6] *= (E / material.E[first])[:, None]
+    return BinGrain(material.axes[first], constants)
+
+
+def _cluster_ways(keyed: np.ndarray, weight: np.ndarray, bins: int) -> np.ndarray:
+    """Label of every row by k-means among those of one way, its first column.
+
+    Ways share the bins as they differ within.
+    """
+    way = keyed[:, 0].astype(np.int64)
+    kinds = [len(np.unique(keyed[way == w], axis=0)) - 1 for w in range(way.max() + 1)]
+    room, label, used = bins - len(kinds), np.zeros(len(keyed), dtype=np.int64), 0
+    for w, kind in enumerate(kinds):
+        own = way == w
+        share = 1 + room * kind // max(sum(kinds), 1)
+        label[own] = used + _cluster(keyed[own, 1:], weight[own], share)
+        used = label[own].max() + 1
+    return label
 
 
 def _three(values: np.ndarray) -> tuple[float, float, float]:

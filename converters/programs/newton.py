@@ -22,7 +22,8 @@ def _write_vtk(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
     """
     lam, mu = material_of(mesh).lame
     cells, points = {"k_mu": mu, "k_lambda": lam}, {"vertex_mass": vertex_masses(mesh)}
-    write_vtk(path, mesh, point_data=points, cell_data=cells)
+    plain = mesh.with_material(material_of(mesh).without_grain())
+    write_vtk(path, plain, point_data=points, cell_data=cells)
     return [path]
 
 

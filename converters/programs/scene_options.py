@@ -37,8 +37,6 @@ class SceneOptions:
                 yield item
         if self.supports is not None:
             yield from _held(self.supports)
-        if mesh.material is not None and mesh.material.tensor is not None:
-            yield Keeps.GRAIN
         if self.order == 2:
             yield Keeps.QUADRATIC
 

@@ -54,7 +54,7 @@ def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
         factors=_row(material.E / young),
         constraints="\n".join(_constraints(supports.fixed)),
     )
-    write_msh(mesh_path, mesh)
+    write_msh(mesh_path, mesh.with_material(material.without_grain()))
     with writing(path) as target:
         target.write_text(scene, encoding="utf-8")
     return [path, mesh_path]

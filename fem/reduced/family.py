@@ -97,7 +97,7 @@ class LinearFamily:
         for tets, *values in zip(self.groups, *member, strict=True):
             E[tets], nu[tets], rho[tets] = values
         tensor = None if known.tensor is None else self._tensor(E, nu)
-        return ElementMaterial(known.E * E, nu, known.rho * rho, tensor)
+        return ElementMaterial(known.E * E, nu, known.rho * rho, tensor, known.axes)
 
     def _tensor(self, E: np.ndarray, nu: np.ndarray) -> np.ndarray:
         """Stiffness tensors [Pa]: of the grain scaled, of the others anew."""

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
+import numpy as np
+
 from ..errors import InputError
 from .materials import TABLE_PATH, Span
 
@@ -49,18 +51,24 @@ class Strength:
 class OrthotropicConstants(NamedTuple):
     """Elastic constants along L (grain), R (radial), T (tangential): E, G [Pa] and nu [1].
 
-    ``nu_LR`` is the contraction along R under stress along L; nu_RL = nu_LR E_R / E_L.
+    ``nu_LR`` is the contraction along R under stress along L; nu_RL = nu_LR E_R / E_L. Of many
+    solids each is an array.
     """
 
-    E_L: float
-    E_R: float
-    E_T: float
-    G_LR: float
-    G_LT: float
-    G_RT: float
-    nu_LR: float
-    nu_LT: float
-    nu_RT: float
+    E_L: float | np.ndarray
+    E_R: float | np.ndarray
+    E_T: float | np.ndarray
+    G_LR: float | np.ndarray
+    G_LT: float | np.ndarray
+    G_RT: float | np.ndarray
+    nu_LR: float | np.ndarray
+    nu_LT: float | np.ndarray
+    nu_RT: float | np.ndarray
+
+    def times(self, factor: np.ndarray) -> OrthotropicConstants:
+        """Constants of solids ``factor`` [1] times as stiff, one each."""
+        ones = np.ones_like(factor)
+        return OrthotropicConstants(*(c * factor for c in self[:6]), *(c * ones for c in self[6:]))
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ from autophyx_tet.converters.points.splats.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import bin_materials
+from autophyx_tet.fem.grain import axes_about
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.scene.material_properties import load_grains
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
@@ -98,6 +100,25 @@ def test_calculix_sags_as_we_do(order, varying, tolerance, tmp_path):
     assert ours.order == (order or 2)
     largest = np.abs(ours.displacement).max()
     np.testing.assert_allclose(theirs, ours.displacement, atol=tolerance * largest)
+
+
+def test_calculix_bends_wood_as_we_do(tmp_path):
+    """Clamped beam, oak below with the grain across the beam's axis, steel above: as ours."""
+    mesh = beam((10, 3, 3))
+    assert mesh.material is not None
+    oak = load_grains()["white oak (along grain)"].constants(1e6)
+    axes = axes_about(np.array([1.0, 0.5, 0.3]))
+    mesh = mesh.with_material(mesh.material.with_grain(mesh.region == 0, oak, axes))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    done = export_mesh(mesh, "calculix", tmp_path / "deck", supports=held)
+    assert done.lost == ()
+    theirs = calculix_displacements(tmp_path)
+    ours = solve_static(mesh, held, gravity_vector=(0, 0, -9.81)).displacement
+    largest = np.abs(ours).max()
+    np.testing.assert_allclose(theirs, ours, atol=1e-6 * largest)
+    plain = mesh.with_material(mesh.material.without_grain())
+    other = solve_static(plain, held, gravity_vector=(0, 0, -9.81)).displacement
+    assert np.abs(other - ours).max() > 0.1 * largest
 
 
 def test_calculix_stands_on_our_springs(tmp_path):

@@ -25,6 +25,7 @@ from autophyx_tet.converters.registry import (
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.material_properties import load_grains
 from autophyx_tet.fem.scene.mesh import TetMesh
 
 from . import encoders
@@ -38,8 +39,15 @@ MATERIAL = ElementMaterial(
 NAMED = TetMesh(BOX.points, BOX.tets, (BOX.centroids[:, 0] > 0.5).astype(int), ("leg", "seat"))
 
 
+OAK = load_grains()["white oak (along grain)"].constants(1.2e10)
+TURN = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
+WOODEN = MATERIAL.with_grain(np.arange(N) > 2, OAK, TURN)
+
+
 def mesh_with(item):
     """A mesh and further arrays that hold one item to keep, and nothing else of them."""
+    if item is Keeps.GRAIN:
+        return BOX.with_material(WOODEN), {}
     if item is Keeps.POINT_DATA:
         return BOX, {"point_data": {"u": BOX.points * 2}}
     if item is Keeps.CELL_DATA:
@@ -56,6 +64,10 @@ def mesh_back(item, data):
         return np.array_equal(data.point_data["u"], BOX.points * 2)
     if item is Keeps.CELL_DATA:
         return np.array_equal(data.cell_data["s"], BOX.volumes)
+    if item is Keeps.GRAIN:  # the tensors are made anew of nine constants: to round-off
+        scale, found = np.abs(WOODEN.tensor).max(), data.mesh.material
+        same = np.allclose(found.tensor, WOODEN.tensor, rtol=0, atol=1e-12 * scale)
+        return same and np.array_equal(found.axes, WOODEN.axes) and not data.cell_data
     name = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}[item]
     return np.array_equal(getattr(data.mesh.material, name), getattr(MATERIAL, name))
 

@@ -4,12 +4,17 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 from autophyx_tet.converters.mesh.mesh_file import read_data
+from autophyx_tet.converters.mesh.meshdata import lost_words
 from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.converters.programs.export import export_mesh
+from autophyx_tet.converters.programs.material_bins import bin_materials
 from autophyx_tet.converters.registry import MATERIAL, PROGRAMS, Keeps
+from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.material_properties import load_grains
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 
@@ -66,6 +71,46 @@ def test_every_value_that_is_kept_is_in_the_files(tmp_path):
             np.testing.assert_allclose(values_in(done.files)[NAMES[item]], expected, rtol=1e-5)
 
 
+def test_a_grain_is_in_the_files_or_told(tmp_path):
+    """The nine constants and the axes of a wooden part stand in the files, or it is named lost."""
+    oak = load_grains()["white oak (along grain)"].constants(1.2e10)
+    axes = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    region = (BOX.centroids[:, 0] > 0.5).astype(int)
+    plain = ElementMaterial.uniform(N, E=1.2e10, nu=0.3, rho=700)
+    material = plain.with_grain(region == 0, oak, axes)
+    mesh = TetMesh(BOX.points, BOX.tets, region, ("leg", "seat"), material)
+    for name, form in CASES:
+        done = exported(name, form, tmp_path, mesh)
+        keeps = Keeps.GRAIN in form.keeps | form.binned
+        assert (Keeps.GRAIN in done.lost) != keeps, name
+        said = lost_words(done.lost, mesh)
+        assert ("the grain of leg" in said) != keeps, name
+        if keeps:
+            for value in (*oak, 0.6, 0.8):
+                near = np.isclose(numbers_in(done.files), value, rtol=1e-11)
+                assert near.any(), f"{name}: {value}"
+    assert {name for name, form in CASES if Keeps.GRAIN in form.keeps | form.binned} == {
+        "gmsh", "calculix", "fenics"
+    }  # fmt: skip
+
+
+def test_bins_part_by_the_grain():
+    """Two directions never share a bin, however few; E along the grain is that of the bin."""
+    oak = load_grains()["white oak (along grain)"].constants(1.0)
+    material, left = varying(), BOX.centroids[:, 0] < 0.5
+    for own, axes in ((left, np.eye(3)), (~left, np.roll(np.eye(3), 1, axis=0))):
+        material = material.with_grain(own, oak.times(material.E[own]), axes)
+    found = bin_materials(BOX.with_material(material), bins=4, grain=True)
+    assert len(found) <= 4
+    assert not set(found.label[left]) & set(found.label[~left])
+    assert found.grain is not None
+    np.testing.assert_allclose(found.grain.constants[:, 0], found.E, rtol=1e-12)
+    np.testing.assert_allclose(found.grain.constants[:, 1] / found.E, oak.E_R, rtol=1e-9)
+    np.testing.assert_array_equal(found.grain.axes[found.label], material.axes)
+    with pytest.raises(UsageError, match="--bins 1: the grain runs in 2 ways"):
+        bin_materials(BOX.with_material(material), bins=1, grain=True)
+
+
 def numbers_in(files) -> np.ndarray:
     """All numbers of the text files."""
     texts = [file.read_text() for file in files if file.suffix != ".py"]
@@ -82,7 +127,7 @@ def test_few_values_are_exact_in_their_bins(tmp_path):
         done = exported(name, form, tmp_path, mesh)
         assert done.error is not None
         assert done.error.largest == (0, 0, 0)
-        for item in form.binned:
+        for item in MATERIAL & form.binned:
             for value in pairs[item]:
                 near = np.isclose(numbers_in(done.files), value, rtol=1e-12)
                 assert near.any(), f"{name}: {item} {value}"

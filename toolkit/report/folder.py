@@ -58,6 +58,8 @@ def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:
     if bare_mesh:
         write_mesh(home / "mesh.msh", mesh)
         files += [home / "mesh.msh", case.assignment.described().write(home / "mesh.msh")]
+    if len(solved.mesh.tets) == len(mesh.tets):  # with its grain
+        mesh = solved.mesh
     write_mesh(home / "mesh.vtu", mesh, point_data=solved.point_data, cell_data=solved.cell_data)
     npz.save(home / "field.npz", case.assignment.field)
     return [*files, home / "mesh.vtu", home / "field.npz", *solved.write(home / "motion.pvd")]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...fem.errors import UsageError
+from ...fem.grain import grained_parts
 from ..io.document import versions
 from ..options import AssignOptions
 from .assignment import Assignment
@@ -44,6 +45,15 @@ class RunCase:
 
     assignment: Assignment
     simulation: Simulation
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about its words, its answer and what its files hold."""
+        said = (*self.assignment.warnings, *self.simulation.warnings)
+        if parts := grained_parts(self.simulation.mesh):
+            files = "mesh.msh and field.npz hold E, nu and rho, not"
+            said += (f"{files} the grain of {', '.join(parts)}: `simulate` and `export` find it",)
+        return said
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +118,7 @@ class RunResult:
         keys = (*keys, "scenario", "scene", kind)
         warnings = [
             *self.conversion.warnings,
-            *(w for c in self.cases for w in (*c.assignment.warnings, *c.simulation.warnings)),
+            *(warning for case in self.cases for warning in case.warnings),
         ]
         return {
             "files": self.files,

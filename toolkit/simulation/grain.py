@@ -8,8 +8,8 @@ import numpy as np
 
 from ...fem.conditions.selection import numbers
 from ...fem.errors import UsageError
-from ...fem.grain import Grained, has_grain, with_grains
-from ...fem.scene.mesh import TetMesh
+from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
+from ...fem.scene.mesh import TetMesh, material_of
 from ..options import SimulateOptions
 
 METHODS_WITH_GRAIN = ("statics", "modal", "dynamics")
@@ -27,16 +27,18 @@ def grained(
     UsageError
         Where ``--grain`` is not understood, or cannot be followed.
     """
-    stated = _stated(mesh, options.grain)
+    stated = stated_grains(mesh, options.grain)
     if method in METHODS_WITH_GRAIN:
         return with_grains(mesh, materials, stated)
     if stated:
         raise UsageError("--grain: springs, particles and reduced bodies know none")
     note = "wood is taken as stiff across its grain as along it: this method knows no grain"
-    return Grained(mesh, (note,) if has_grain(materials) else ())
+    known = grained_parts(mesh) or parts_of_grain(materials)
+    return Grained(mesh.with_material(material_of(mesh).without_grain()), (note,) if known else ())
 
 
-def _stated(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
+def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
+    """Directions by part of what ``--grain`` says; ``UsageError`` where it is not understood."""
     found = {}
     for entry in entries:
         place, equals, value = entry.rpartition("=")

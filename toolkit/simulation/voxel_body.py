@@ -42,7 +42,7 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     if suffix == ".npz" and path.is_file() and "meta" in npz.load_npz(path):
         found = npz.load(path)
         is_field = isinstance(found, MaterialField)
-        return VoxelBody(tets_of_field(found), (), None, _rows(found)) if is_field else None
+        return VoxelBody(tets_of_field(found), (), None, rows_of_field(found)) if is_field else None
     if suffix not in POINT_FORMATS or not path.is_file():
         return None
     table = read_points(path)
@@ -54,7 +54,7 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     return VoxelBody(tets_of_field(field), (_filled(field),), path, {})
 
 
-def _rows(field: MaterialField) -> dict[str, str]:
+def rows_of_field(field: MaterialField) -> dict[str, str]:
     """The material that most cells of a part are of, by name of part."""
     if field.part is None or field.material is None:
         return {}
