@@ -38,8 +38,10 @@ class Discretisation:
     quadrature: Any
     pattern: Pattern
 
-    def array(self, values: np.ndarray) -> Any:
-        """Array on the device of numbers (n,), or of vectors (n, 3)."""
+    def array(self, values: Any) -> Any:
+        """Array on the device of numbers (n,) or vectors (n, 3); one that is there as it is."""
+        if not isinstance(values, np.ndarray):
+            return values.array
         wp = start_warp()
         dtype = wp.vec3d if values.ndim == 2 else wp.float64
         return wp.array(values, dtype=dtype, device=self.device)

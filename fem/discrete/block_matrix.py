@@ -72,13 +72,18 @@ def add_blocks(matrix: BlockMatrix, i: np.ndarray, j: np.ndarray, blocks: np.nda
     wp.launch(k.add_pairs, len(blocks), inputs=inputs, device=device)
 
 
-def add_diagonal(matrix: BlockMatrix, added: np.ndarray) -> None:
-    """Add 3 x 3 blocks (nodes, 3, 3) [N/m], or their diagonals (nodes, 3), in place."""
+def add_diagonal(matrix: BlockMatrix, added: Any) -> None:
+    """Add 3 x 3 blocks (nodes, 3, 3) [N/m], or their diagonals (nodes, 3), in place.
+
+    Diagonals may be an array of vec3d that is on the device already.
+    """
     from . import kernels_matrix as k
 
     wp = start_warp()
-    device, alone = matrix.values.device, added.ndim == 2
-    given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
+    device, given, alone = matrix.values.device, added, True
+    if isinstance(added, np.ndarray):
+        alone = added.ndim == 2
+        given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
     inputs = [matrix.rows, matrix.columns, given, matrix.values]
     kernel = k.add_diagonal_numbers if alone else k.add_diagonal
     wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)

@@ -51,13 +51,17 @@ def apply_supports(
     matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray | None = None
 ) -> None:
     """Add ``springs`` [N/m] (nodes, 3) and drop the ``fixed`` (nodes, 3) rows, in place."""
-    from . import kernels_matrix as k
-
-    wp = start_warp()
     device = matrix.values.device
     if springs is not None and springs.any():
         add_diagonal(matrix, springs)
-    free = free_components(fixed, device)
+    drop_rows(matrix, free_components(fixed, device))
+
+
+def drop_rows(matrix: BlockMatrix, free: Any) -> None:
+    """Drop the rows and columns that are not ``free``, in place: ``free_components`` says which."""
+    from . import kernels_matrix as k
+
+    wp, device = start_warp(), matrix.values.device
     inputs = [matrix.rows, matrix.columns, free, matrix.values]
     wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
 

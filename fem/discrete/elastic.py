@@ -70,7 +70,7 @@ class ElasticBody:
 
     def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
         """Energy and force at the displacement ``u`` [m]."""
-        energy, force = self._responses(u)
+        energy, force = self.responses(u)
         # On a GPU the sum is made there: one number comes back.
         on_gpu = energy.device.is_cuda
         total = start_warp().utils.array_sum(energy) if on_gpu else energy.numpy().sum()
@@ -78,9 +78,9 @@ class ElasticBody:
 
     def energies(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "tets"]:
         """Energy [J] of every tet at the displacement ``u`` [m]."""
-        return self._responses(u)[0].numpy()
+        return self.responses(u)[0].numpy()
 
-    def _responses(self, u: np.ndarray) -> tuple[Any, Any]:
+    def responses(self, u: Any) -> tuple[Any, Any]:
         """Device arrays of the energy of every tet and of the force on every node."""
         wp = start_warp()
         field = self.grid.array(u)
@@ -95,8 +95,8 @@ class ElasticBody:
             self._launch(k.grain_response, inputs)
         return energy, force
 
-    def tangent(self, u: Float[np.ndarray, "nodes 3"], *, projected: bool = False) -> BlockMatrix:
-        """Second derivative of W [N/m] at ``u`` [m].
+    def tangent(self, u: Any, *, projected: bool = False) -> BlockMatrix:
+        """Second derivative of W [N/m] at ``u`` [m], (nodes, 3) or a ``DeviceVector``.
 
         ``projected``: no tet has a negative part. Where the law offers one of the two only, that is
         what it gives.
@@ -117,7 +117,7 @@ class ElasticBody:
         self._launch(kernel, [*inputs, pattern.slots, values])
         return BlockMatrix(pattern.rows, pattern.columns, values)
 
-    def _second_derivative(self, u: np.ndarray, projected: bool) -> tuple[Any, list]:
+    def _second_derivative(self, u: Any, projected: bool) -> tuple[Any, list]:
         """Kernel of the second derivative and its inputs but the matrix."""
         kernels, p1 = self._kernels, self.grid.space.order == 1
         if kernels.stiffness_p1:

@@ -115,6 +115,54 @@ def inner(
 
 
 @wp.kernel
+def combine(
+    a: wp.array(dtype=wp.vec3d),
+    by_a: wp.float64,
+    b: wp.array(dtype=wp.vec3d),
+    by_b: wp.float64,
+    out: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    out[i] = by_a * a[i] + by_b * b[i]
+
+
+@wp.kernel
+def incremental(
+    u: wp.array(dtype=wp.vec3d),
+    target: wp.array(dtype=wp.vec3d),
+    inertia: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+    load: wp.array(dtype=wp.vec3d),
+    springs: wp.array(dtype=wp.vec3d),
+    free: wp.array(dtype=wp.vec3d),
+    gradient: wp.array(dtype=wp.vec3d),
+    sums: wp.array(dtype=wp.float64),
+):
+    """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
+
+    So do the squares of the inertia and of the gradient; the last block of threads may reach past
+    the end.
+    """
+    i = wp.tid()
+    energy = wp.float64(0.0)
+    pushed = wp.float64(0.0)
+    left = wp.float64(0.0)
+    if i < u.shape[0]:
+        away = u[i] - target[i]
+        push = inertia[i] * away
+        spring = wp.cw_mul(springs[i], u[i])
+        g = wp.cw_mul(free[i], force[i] + push - load[i] + spring)
+        gradient[i] = g
+        half = wp.float64(0.5)
+        energy = half * (wp.dot(push, away) + wp.dot(spring, u[i])) - wp.dot(load[i], u[i])
+        pushed = wp.dot(push, push)
+        left = wp.dot(g, g)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(energy)), offset=0)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(pushed)), offset=1)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(left)), offset=2)
+
+
+@wp.kernel
 def cg_advance(
     p: wp.array(dtype=wp.vec3d),
     q: wp.array(dtype=wp.vec3d),

@@ -1,4 +1,4 @@
-"""Krylov methods on a device: conjugate gradients, the largest eigenvalue by Lanczos."""
+"""Krylov methods on a device: its vectors, and conjugate gradients."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from ..discrete.block_matrix import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
 BLOCK = 256
-# The largest eigenvalue comes from a few Lanczos steps, which stay a little below it.
-LANCZOS_STEPS = 12
-LANCZOS_MARGIN = 1.08
 
 
 # Where slices begin and their columns, of the last patterns, by the identity of these.
@@ -106,6 +103,63 @@ def norm(v: Any) -> float:
     return float(np.sqrt(square.numpy()[0]))
 
 
+class DeviceVector:
+    """Vectors (nodes, 3) that stay on a device, with the arithmetic that Newton's method needs.
+
+    No operation changes one in place; numbers alone come back.
+    """
+
+    def __init__(self, array: Any) -> None:
+        self.array = array
+
+    @classmethod
+    def of(cls, values: np.ndarray, device: str) -> DeviceVector:
+        """Copy of ``values`` (nodes, 3) on ``device``."""
+        wp = start_warp()
+        return cls(wp.array(values, dtype=wp.vec3d, device=device))
+
+    def numpy(self) -> np.ndarray:
+        """Copy of the numbers (nodes, 3)."""
+        return self.array.numpy()
+
+    def plus(self, other: DeviceVector, factor: float, own: float = 1.0) -> DeviceVector:
+        """Return ``own`` times itself plus ``factor`` times the ``other``."""
+        from . import kernels_krylov as k
+
+        wp, out = start_warp(), start_warp().empty_like(self.array)
+        given = [self.array, wp.float64(own), other.array, wp.float64(factor), out]
+        wp.launch(k.combine, len(out), inputs=given, device=out.device)
+        return DeviceVector(out)
+
+    def __add__(self, other: DeviceVector) -> DeviceVector:
+        return self.plus(other, 1.0)
+
+    def __rmul__(self, factor: float) -> DeviceVector:
+        return self.plus(self, 0.0, own=factor)
+
+    def __neg__(self) -> DeviceVector:
+        return -1.0 * self
+
+    def dot(self, other: DeviceVector) -> float:
+        """Inner product of all components."""
+        wp, device = start_warp(), self.array.device
+        total = wp.zeros(1, dtype=wp.float64, device=device)
+        Inner(self.array, other.array, total, 0).launch()
+        return float(total.numpy()[0])
+
+
+def inner_product(a: np.ndarray | DeviceVector, b: np.ndarray | DeviceVector) -> float:
+    """Inner product of two vectors (nodes, 3) that live in the same place."""
+    if isinstance(a, DeviceVector) and isinstance(b, DeviceVector):
+        return a.dot(b)
+    return float((np.asarray(a) * np.asarray(b)).sum())
+
+
+def length(a: np.ndarray | DeviceVector) -> float:
+    """Euclidean length of a vector, wherever it lives."""
+    return norm(a.array) if isinstance(a, DeviceVector) else float(np.linalg.norm(a))
+
+
 class ConjugateGradients:
     """Preconditioned CG for ``matrix``; vectors and scalars live on the device.
 
@@ -195,59 +249,3 @@ class ConjugateGradients:
         self.indefinite = bool(indefinite)
         self.reached = not indefinite and bool(self.scalars.numpy()[5] <= target**2)
         return int(iterations)
-
-
-class LargestEigenvalue:
-    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one.
-
-    Asked again it answers for the values that the matrix has then: on a GPU by one graph.
-    """
-
-    def __init__(self, matrix: BlockMatrix) -> None:
-        from . import kernels_krylov as k
-
-        wp, device = start_warp(), matrix.values.device
-        self.steps, self.device = min(LANCZOS_STEPS, 3 * matrix.nodes), device
-        v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
-        # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
-        self.along, self.square = (
-            wp.zeros(self.steps + 1, dtype=wp.float64, device=device) for _ in range(2)
-        )
-        launch = Recorder(matrix.nodes, device)
-        self.start = launch(k.lanczos_start, [w])
-        self.direction = launch(k.lanczos_direction, [w, self.square, 0, v, old])
-        self.multiply = matrix.product(v, w)
-        self.residual = launch(k.lanczos_residual, [v, old, self.along, self.square, 0, w])
-        self.length, self.curvature = Inner(w, w, self.square, 0), Inner(w, v, self.along, 0)
-        self.vectors, self.graph = (v, old, w), None
-
-    def __call__(self) -> float:
-        """Return the eigenvalue."""
-        wp = start_warp()
-        if not self.device.is_cuda:
-            self._iterate()
-        else:
-            if self.graph is None:
-                with wp.ScopedCapture(device=self.device) as capture:
-                    self._iterate()
-                self.graph = capture.graph
-            wp.capture_launch(self.graph)
-        along, square = self.along.numpy(), self.square.numpy()
-        off = np.sqrt(square[1 : self.steps])
-        # A vector that vanished ended the search: what came after it is no number.
-        good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
-        T = np.diag(along[: good + 1]) + np.diag(off[:good], 1) + np.diag(off[:good], -1)
-        return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1]) if np.isfinite(T).all() else np.nan
-
-    def _iterate(self) -> None:
-        for cleared in (self.along, self.square, *self.vectors):
-            cleared.zero_()
-        self.start.launch()
-        for step in range(self.steps):
-            self.direction.set_param_at_index(2, step)
-            self.residual.set_param_at_index(4, step)
-            self.length.launch(step)
-            self.direction.launch()
-            self.multiply.launch()
-            self.curvature.launch(step)
-            self.residual.launch()

@@ -1,4 +1,4 @@
-"""Lowest vibrations by block Lanczos on the inverse of a factored matrix."""
+"""Eigenvalues by Lanczos: lowest vibrations of a factored matrix, the largest of a matrix."""
 
 from __future__ import annotations
 
@@ -8,11 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..device import Recorder, start_warp
+from ..discrete.block_matrix import BlockMatrix
+from .krylov import Inner
+
 Operator = Callable[[np.ndarray], np.ndarray]
 
 # Directions that a step adds count while they are longer than this share of what made them: less is
 # round-off of those already there.
 DEPENDENT = 1e-12
+# The largest eigenvalue comes from a few Lanczos steps, which stay a little below it.
+LANCZOS_STEPS = 12
+LANCZOS_MARGIN = 1.08
 
 
 class RitzPairs(NamedTuple):
@@ -89,3 +96,59 @@ def _orthonormal(
         keep = square > least**2
         block = block @ (turn[:, keep] / np.sqrt(square[keep]))
     return block, mass(block)
+
+
+class LargestEigenvalue:
+    """Largest eigenvalue of a symmetric ``matrix`` by Lanczos, with a margin; NaN if it has one.
+
+    Asked again it answers for the values that the matrix has then: on a GPU by one graph.
+    """
+
+    def __init__(self, matrix: BlockMatrix) -> None:
+        from . import kernels_krylov as k
+
+        wp, device = start_warp(), matrix.values.device
+        self.steps, self.device = min(LANCZOS_STEPS, 3 * matrix.nodes), device
+        v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
+        # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
+        self.along, self.square = (
+            wp.zeros(self.steps + 1, dtype=wp.float64, device=device) for _ in range(2)
+        )
+        launch = Recorder(matrix.nodes, device)
+        self.start = launch(k.lanczos_start, [w])
+        self.direction = launch(k.lanczos_direction, [w, self.square, 0, v, old])
+        self.multiply = matrix.product(v, w)
+        self.residual = launch(k.lanczos_residual, [v, old, self.along, self.square, 0, w])
+        self.length, self.curvature = Inner(w, w, self.square, 0), Inner(w, v, self.along, 0)
+        self.vectors, self.graph = (v, old, w), None
+
+    def __call__(self) -> float:
+        """Return the eigenvalue."""
+        wp = start_warp()
+        if not self.device.is_cuda:
+            self._iterate()
+        else:
+            if self.graph is None:
+                with wp.ScopedCapture(device=self.device) as capture:
+                    self._iterate()
+                self.graph = capture.graph
+            wp.capture_launch(self.graph)
+        along, square = self.along.numpy(), self.square.numpy()
+        off = np.sqrt(square[1 : self.steps])
+        # A vector that vanished ended the search: what came after it is no number.
+        good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
+        T = np.diag(along[: good + 1]) + np.diag(off[:good], 1) + np.diag(off[:good], -1)
+        return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1]) if np.isfinite(T).all() else np.nan
+
+    def _iterate(self) -> None:
+        for cleared in (self.along, self.square, *self.vectors):
+            cleared.zero_()
+        self.start.launch()
+        for step in range(self.steps):
+            self.direction.set_param_at_index(2, step)
+            self.residual.set_param_at_index(4, step)
+            self.length.launch(step)
+            self.direction.launch()
+            self.multiply.launch()
+            self.curvature.launch(step)
+            self.residual.launch()

@@ -10,7 +10,7 @@ from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import CholeskyFactor, NotPositive
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
-from .krylov import ConjugateGradients
+from .krylov import ConjugateGradients, DeviceVector, length
 from .solver import affordable
 from .two_level import Scaled, TwoLevel, scale
 
@@ -67,10 +67,14 @@ class RepeatedSolver:
         self._kept: _Kept | None = None
         self._usual = 0
 
-    def __call__(self, matrix: BlockMatrix, b: np.ndarray, goal: float) -> np.ndarray:
-        """Return x with |b - A x| <= ``goal`` [N], within the limits; NaN if A is not positive."""
-        share = 0.3 * goal / max(float(np.linalg.norm(b)), 1e-300)
-        target = float(np.clip(share, TIGHTEST, LOOSEST) * np.linalg.norm(b))
+    def __call__(self, matrix: BlockMatrix, b: Any, goal: float) -> Any:
+        """Return x with |b - A x| <= ``goal`` [N], within the limits; NaN if A is not positive.
+
+        Both are arrays (nodes, 3), or vectors on the device of the matrix.
+        """
+        size = length(b)
+        share = 0.3 * goal / max(size, 1e-300)
+        target = float(np.clip(share, TIGHTEST, LOOSEST) * size)
         if self._kept is not None and self._kept.current.columns is not matrix.columns:
             self._kept = _around(matrix, self._kept.system, self._kept.cg.preconditioner)
         if self._kept is not None:
@@ -79,12 +83,12 @@ class RepeatedSolver:
                 return x
             self._kept = None
             if iterations == 0:  # not positive: another preconditioner will not help
-                return np.full_like(b, np.nan)
+                return np.nan * b
         self._kept = self._fresh(matrix)
         if self._kept is None:
-            return np.full_like(b, np.nan)
+            return np.nan * b
         x, self._usual = self._iterate(self._kept, matrix, b, target, LIMIT)
-        return np.full_like(b, np.nan) if x is None else x
+        return np.nan * b if x is None else x
 
     def _fresh(self, matrix: BlockMatrix) -> _Kept | None:
         """Preconditioner of ``matrix``; none if it is seen not to be positive."""
@@ -103,8 +107,8 @@ class RepeatedSolver:
 
     @staticmethod
     def _iterate(
-        kept: _Kept, matrix: BlockMatrix, b: np.ndarray, target: float, limit: int
-    ) -> tuple[np.ndarray | None, int]:
+        kept: _Kept, matrix: BlockMatrix, b: Any, target: float, limit: int
+    ) -> tuple[Any, int]:
         from . import kernels_solver as k
 
         wp = start_warp()
@@ -113,15 +117,19 @@ class RepeatedSolver:
         wp.copy(current.values, matrix.values)
         pattern = [matrix.rows, matrix.columns]
         launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
-        size = float(np.linalg.norm(b)) or 1.0
-        r.assign(b / size)  # the V-cycle may be in single precision, whose range is small
+        size = length(b) or 1.0  # the V-cycle may be in single precision, whose range is small
+        if isinstance(b, DeviceVector):
+            wp.copy(r, ((1 / size) * b).array)
+        else:
+            r.assign(b / size)
         launch(k.block_multiply, [system.inverse, r, False, r]).launch()
         iterations = cg.run(target / size, limit)
         if not cg.reached:
             return None, 0 if cg.indefinite else iterations
         x = wp.empty_like(cg.x)
         launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
-        return size * x.numpy(), iterations
+        found = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
+        return size * found, iterations
 
 
 def _factor_pays(matrix: BlockMatrix) -> bool:

@@ -11,7 +11,8 @@ from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .coarse import coarsen, coarsen_again
 from .corners import CornerLevel
-from .krylov import BLOCK, LargestEigenvalue
+from .krylov import BLOCK
+from .lanczos import LargestEigenvalue
 from .smoother import DEGREE, SingleSmoother, Smoother
 
 # A smoother serves matrices whose largest eigenvalue is this near: its margin covers as much.

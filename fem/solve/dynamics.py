@@ -6,7 +6,6 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from ..contact.barrier import Contact
 from ..damping.rayleigh import Damping, Rayleigh
@@ -17,7 +16,6 @@ from ..discrete.constraints import node_supports
 from ..discrete.elastic import ElasticBody, Response
 from ..discrete.forces import load_vector, node_counts, node_velocities
 from ..discrete.mass import lumped_mass
-from ..discrete.space import Space
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.reused import RepeatedSolver
@@ -30,7 +28,7 @@ from ..validation import checked_count, checked_positive, checked_rows, checked_
 from .discretisation_error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .newton import minimise
-from .potential import Incremental
+from .potential import DeviceConstants, DeviceIncremental, Incremental, nodal_rigidity
 from .schemes import Forecast, Kinematics, Scheme, Step
 
 logger = logging.getLogger(__name__)
@@ -109,8 +107,11 @@ class Dynamics:
         self.damping = Rayleigh(*known, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
-        self.rigidity = _rigidity(mesh, grid.space)
+        self.rigidity = nodal_rigidity(mesh, grid.space)
         self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
+        plain = not (self.contact.acts or self.damping) and grid.pattern.columns.device.is_cuda
+        self.constants = DeviceConstants.of(self, grid.device) if plain else None
+        self._energy: tuple[np.ndarray | None, float] = (None, 0.0)
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
@@ -141,7 +142,7 @@ class Dynamics:
         return self._known[1]
 
     def _measured(self, time: float, motion: Kinematics, iterations: int) -> Motion:
-        u, v, _ = motion
+        (u, v, _), (at, known) = motion, self._energy
         springs = 0.5 * float((self.held.springs * u**2).sum())
         return Motion(
             time,
@@ -152,7 +153,7 @@ class Dynamics:
             pressures=self.contact.pressures(u),
             gap=self.contact.gap(u),
             kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
-            elastic=self.response(u).energy + springs,
+            elastic=(known if at is u else self.response(u).energy) + springs,
             potential=-float((self.load * u).sum()),
             barrier=self.contact.barrier(u),
             iterations=iterations,
@@ -223,6 +224,11 @@ class Dynamics:
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
         target = np.where(fixed, old, step.target)
         potential = Incremental(self, step.factor, target, step.dt, old)
+        if self.constants is not None:
+            there = DeviceIncremental(potential, self.constants)
+            found = there.minimum(u, solve=self._solver, tolerance=self.tolerance)
+            self._energy = (found.u, there.elastic)
+            return found.u, found.iterations
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
@@ -234,14 +240,6 @@ class Dynamics:
         """Solve H x = b with the Hessian [N/m] of a ``step`` that ended at ``u`` [m]."""
         potential = Incremental(self, step.factor, u, step.dt, step.now.u)
         return self._solver(potential.hessian(u, projected=False), b, 0.0)
-
-
-def _rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:
-    """Stiffness [N/m] of the tets around every node, in the mean: E times their size."""
-    k = material_of(mesh).E * np.cbrt(mesh.volumes)
-    nodes, size = space.elements.ravel(), space.elements.shape[1]
-    total = np.bincount(nodes, np.repeat(k, size), len(space.nodes))
-    return (total / np.maximum(np.bincount(nodes, minlength=len(space.nodes)), 1))[:, None]
 
 
 class DynamicMethod:

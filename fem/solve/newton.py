@@ -12,6 +12,7 @@ from jaxtyping import Float
 from ..discrete.block_matrix import add_diagonal
 from ..discrete.constraints import apply_supports
 from ..errors import ConvergenceError
+from ..linalg.krylov import inner_product, length
 
 logger = logging.getLogger(__name__)
 
@@ -38,50 +39,51 @@ class Point(NamedTuple):
     """
 
     energy: float
-    gradient: np.ndarray
+    gradient: Any
     scale: float
 
     @property
     def residual(self) -> float:
         """Size of the unbalanced force [N]."""
-        return float(np.linalg.norm(self.gradient))
+        return length(self.gradient)
 
 
 @runtime_checkable
 class Objective(Protocol):
     """An energy of nodal displacements (nodes, 3), or of other coordinates.
 
+    Both are arrays, or a ``DeviceVector`` that never leaves its device.
     Its Hessian is of the kind that the linear solver takes.
     """
 
-    def evaluate(self, u: np.ndarray, /) -> Point:
+    def evaluate(self, u: Any, /) -> Point:
         """Energy, gradient and scale."""
         ...
 
-    def hessian(self, u: np.ndarray, /, *, projected: bool) -> Any:
+    def hessian(self, u: Any, /, *, projected: bool) -> Any:
         """Hessian [N/m] with prescribed rows dropped; ``projected``: positive semi-definite."""
         ...
 
-    def longest_step(self, u: np.ndarray, step: np.ndarray, /) -> float:
+    def longest_step(self, u: Any, step: Any, /) -> float:
         """Largest share of ``step`` that stays allowed."""
         ...
 
 
 # Solves H step = b so that |b - H step| is well below the goal [N] of Newton.
-LinearSolve = Callable[[Any, np.ndarray, float], np.ndarray]
+LinearSolve = Callable[[Any, Any, float], Any]
 
 
 class Minimum(NamedTuple):
     """Where Newton ended: ``u`` (nodes, 3) [m], ``residual`` |gradient| [N], ``iterations``."""
 
-    u: np.ndarray
+    u: Any
     residual: float
     iterations: int
 
 
 def minimise(
     objective: Objective,
-    u: np.ndarray,
+    u: Any,
     *,
     solve: LinearSolve,
     tolerance: float,
@@ -112,12 +114,10 @@ def minimise(
     )
 
 
-def backtrack(
-    objective: Objective, u: np.ndarray, step: np.ndarray, here: Point
-) -> tuple[np.ndarray, Point] | None:
+def backtrack(objective: Objective, u: Any, step: Any, here: Point) -> tuple[Any, Point] | None:
     """First of the halved ``step`` that lowers the energy; none if it does not descend."""
-    slope = float((here.gradient * step).sum())
-    if not (np.isfinite(step).all() and slope < 0):
+    slope = inner_product(here.gradient, step)  # no number where the step has one that is none
+    if not (np.isfinite(slope) and slope < 0):
         return None
     share = min(1.0, objective.longest_step(u, step))
     for _ in range(HALVINGS):

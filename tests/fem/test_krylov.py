@@ -6,8 +6,19 @@ from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import add_diagonal
 from autophyx_tet.fem.linalg import kernels_krylov
-from autophyx_tet.fem.linalg.krylov import ConjugateGradients, LargestEigenvalue, SlicedMatrix
+from autophyx_tet.fem.linalg.krylov import (
+    ConjugateGradients,
+    DeviceVector,
+    SlicedMatrix,
+    inner_product,
+    length,
+)
+from autophyx_tet.fem.linalg.lanczos import LargestEigenvalue
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.potential import DeviceConstants
 
 
 @pytest.fixture
@@ -87,3 +98,38 @@ def test_a_sliced_matrix_multiplies_as_the_matrix(matrix):
     wp.launch(kernels_krylov.multiply_and_measure, 192, inputs=inputs, device="cpu")
     assert out.numpy() == pytest.approx(matrix.to_scipy() @ p.ravel(), rel=1e-13, abs=1e-13)
     assert scalars.numpy()[kernels_krylov.PAP] == pytest.approx(p.ravel() @ out.numpy(), rel=1e-13)
+
+
+def test_vectors_of_a_device_are_those_of_numpy():
+    """Sums, multiples, inner products and lengths, to round-off; no operation changes one."""
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 700, 3))
+    x, y = (DeviceVector.of(v, "cpu") for v in (a, b))
+    for found, wanted in (
+        (x + y, a + b),
+        (-x, -a),
+        (2.5 * y, 2.5 * b),
+        (x.plus(y, -3.0), a - 3 * b),
+    ):
+        np.testing.assert_allclose(found.numpy(), wanted, rtol=1e-15, atol=1e-15)
+    assert inner_product(x, y) == pytest.approx(inner_product(a, b), rel=1e-12)
+    assert length(x) == pytest.approx(np.linalg.norm(a), rel=1e-12)
+    assert np.isnan(inner_product(x, np.nan * y))
+    np.testing.assert_array_equal(x.numpy(), a)
+
+
+def test_a_step_on_a_device_is_that_of_the_host():
+    """The beam under its weight, its foot held and a spring at its end: alike to round-off."""
+    mesh = box_mesh((1, 0.2, 0.2), (6, 2, 2))
+    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.3, rho=1e3))
+    held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
+    held = held.with_springs(mesh.points[:, 0] == 1, (0.0, 1e2, 3e2))
+    bodies = [
+        Dynamics(mesh, supports=held, gravity_vector=(0, 0, -9.81), order=1, self_contact=False)
+        for _ in range(2)
+    ]
+    bodies[1].constants = DeviceConstants.of(bodies[1], "cpu")
+    for one, two in zip(*(body.run(0.01, 8) for body in bodies), strict=True):
+        np.testing.assert_allclose(two.u, one.u, atol=1e-12 * max(np.abs(one.u).max(), 1e-300))
+        assert two.elastic == pytest.approx(one.elastic, rel=1e-10)
+        assert two.iterations == one.iterations
