@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,57 +36,67 @@ class Safety(NamedTuple):
         return self.limit / self.stress if self.stress > 0 else np.inf
 
 
-def part_safety(result: StaticResult, materials: Mapping[str, str]) -> tuple[Safety, ...]:
+class PartStresses(NamedTuple):
+    """Cauchy ``stress`` (n, 3, 3) [Pa] at the places ``at`` (n, 3) [m] of a ``part``'s ``tets``."""
+
+    part: str
+    tets: np.ndarray
+    stress: np.ndarray
+    at: np.ndarray
+
+    @property
+    def largest(self) -> float:
+        """Largest of von Mises' stress [Pa]."""
+        return float(von_mises(self.stress).max())
+
+
+def part_safety(
+    result: StaticResult,
+    materials: Mapping[str, str],
+    stresses: Sequence[PartStresses] | None = None,
+) -> tuple[Safety, ...]:
     """Safety of every part whose row in ``materials`` (part -> row) has a strength.
 
     What yields is judged by von Mises' stress, what breaks by the principal stresses, the largest
     pull against the tensile and the largest push against the compressive limit. Stresses are those
     at the points, where a bent part has its largest, means of the tets of the part there; of linear
     elements they are constant in a tet. At a sharp inner corner they grow with a finer mesh.
+    ``stresses`` are the ``part_stresses`` of the result, where they are known.
     """
     strengths, found, E = load_strengths(), [], material_of(result.mesh).E
-    for part, tets, here in _by_part(result):
-        row = materials.get(part, "")
-        if row in strengths and is_of_row(E[tets], row):
-            found.append(_worst(here, part, row, strengths[row]))
+    for here in part_stresses(result) if stresses is None else stresses:
+        row = materials.get(here.part, "")
+        if row in strengths and is_of_row(E[here.tets], row):
+            found.append(_worst(here, row, strengths[row]))
     return tuple(found)
 
 
-def largest_von_mises(result: StaticResult) -> float:
-    """Largest of von Mises' stress [Pa] at the points, found as ``part_safety`` finds its own."""
-    return max(float(von_mises(here.stress).max()) for _, _, here in _by_part(result))
-
-
-class _Stresses(NamedTuple):
-    """Cauchy ``stress`` (n, 3, 3) [Pa] at the places ``at`` (n, 3) [m] of a part."""
-
-    stress: np.ndarray
-    at: np.ndarray
-
-
-def _by_part(result: StaticResult) -> Iterator[tuple[str, np.ndarray, _Stresses]]:
-    """Name, tets and stresses of every part that has tets."""
+def part_stresses(result: StaticResult) -> tuple[PartStresses, ...]:
+    """Stresses at the points of every part that has tets; of linear elements by tet."""
     corners = corner_stresses(result) if result.order == 2 else None
-    for region, part in enumerate(result.mesh.region_names):
-        tets = np.flatnonzero(result.mesh.region == region)
-        if tets.size:
-            yield part, tets, _part_stresses(result, corners, tets)
+    tets_of = [
+        (part, np.flatnonzero(result.mesh.region == region))
+        for region, part in enumerate(result.mesh.region_names)
+    ]
+    return tuple(_stresses_of(result, corners, part, t) for part, t in tets_of if t.size)
 
 
-def _part_stresses(result: StaticResult, corners: np.ndarray | None, tets: np.ndarray) -> _Stresses:
+def _stresses_of(
+    result: StaticResult, corners: np.ndarray | None, part: str, tets: np.ndarray
+) -> PartStresses:
     """Stress at the points of a part, the mean of its own tets there; of linear elements by tet."""
     mesh = result.mesh
     if corners is None:
-        return _Stresses(result.stress[tets], mesh.centroids[tets])
+        return PartStresses(part, tets, result.stress[tets], mesh.centroids[tets])
     ids, index = np.unique(mesh.tets[tets], return_inverse=True)
     weight = np.repeat(mesh.volumes[tets], 4)
     flat = corners[tets].reshape(-1, 9) * weight[:, None]
     total = np.stack([np.bincount(index.ravel(), column) for column in flat.T], axis=1)
     mean = total / np.bincount(index.ravel(), weight)[:, None]
-    return _Stresses(mean.reshape(-1, 3, 3), mesh.points[ids])
+    return PartStresses(part, tets, mean.reshape(-1, 3, 3), mesh.points[ids])
 
 
-def _worst(found: _Stresses, part: str, row: str, strength: Strength) -> Safety:
+def _worst(found: PartStresses, row: str, strength: Strength) -> Safety:
     if strength.kind == "yield":
         cases = [("equivalent", von_mises(found.stress), strength.limit())]
     else:
@@ -98,4 +108,6 @@ def _worst(found: _Stresses, part: str, row: str, strength: Strength) -> Safety:
     side, values, limit = max(cases, key=lambda case: case[1].max() / case[2])
     worst = int(np.argmax(values))
     place = tuple(found.at[worst].tolist())
-    return Safety(part, row, strength.kind, side, max(float(values[worst]), 0.0), limit, place)
+    return Safety(
+        found.part, row, strength.kind, side, max(float(values[worst]), 0.0), limit, place
+    )

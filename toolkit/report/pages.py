@@ -180,6 +180,7 @@ def _case(
     parts, doubts = chosen.get("parts", []), chosen.get("doubts")
     rings = isinstance(simulation, Ringing)
     rests = simulation if isinstance(simulation, Settled) else None
+    judged = simulation.verdicts()
     return Case(
         text=text,
         mesh=simulation.mesh,
@@ -193,7 +194,7 @@ def _case(
         state="Under load" if rests else "At the end",
         clock="load" if rests else "time",
         frequencies=simulation.frequencies,
-        verdicts=(*simulation.verdicts(), *(verdicts or ())),
+        verdicts=(*judged, *(verdicts or ())),
         title=simulation.title,
         acting=describe(simulation.scene),
         marks=marks(simulation.scene),

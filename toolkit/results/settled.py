@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
-from ...fem.safety import Safety, largest_von_mises, part_safety
+from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
 from ...fem.uncertainty.intervals import displacement_interval, frequency_intervals, mass_range
 from ...fem.uncertainty.likely import likely_answers
 from ...fem.uncertainty.ranges import material_ranges
@@ -83,12 +83,18 @@ class Settled(Simulation):
     @cached_property
     def max_von_mises(self) -> float:
         """Largest von Mises stress [Pa], at the points as verdicts judge it."""
-        return largest_von_mises(self.solved.static)
+        return max(here.largest for here in self._stresses)
 
     @cached_property
     def safety(self) -> tuple[Safety, ...]:
         """Stress beside strength of every part whose material has one; none where it collapsed."""
-        return part_safety(self.solved.static, self.materials) if self.solved.trusted else ()
+        if not self.solved.trusted:
+            return ()
+        return part_safety(self.solved.static, self.materials, self._stresses)
+
+    @cached_property
+    def _stresses(self) -> tuple[PartStresses, ...]:
+        return part_stresses(self.solved.static)
 
     @cached_property
     def intervals(self) -> dict[str, Any] | None:

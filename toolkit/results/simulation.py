@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -129,7 +130,12 @@ class Simulation(ABC):
 
     def verdicts(self) -> list[Verdict]:
         """Findings in plain words: whether the mesh is the file's body, then every check."""
-        return of_another_body([*map(Verdict.of, self.checks())], self.differences)
+        return of_another_body(list(self._judged), self.differences)
+
+    @cached_property
+    def _judged(self) -> tuple[Verdict, ...]:
+        """Every check in words; what is printed, written and reported is judged once."""
+        return tuple(map(Verdict.of, self.checks()))
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
