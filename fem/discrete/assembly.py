@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ..device import start_warp
 from ..laws.law import LAWS, Law
@@ -37,6 +38,21 @@ class Discretisation:
     elements: Any
     quadrature: Any
     pattern: Pattern
+    _constants: list[tuple[np.ndarray, Any]] = field(default_factory=list, repr=False)
+
+    def constant(self, values: Float[np.ndarray, "tets"]) -> Any:
+        """Array on the device of numbers that are only read; of a material's it is kept.
+
+        What may be written to is copied anew, for nobody would tell.
+        """
+        for known, there in self._constants:
+            if known is values:
+                return there
+        made = self.array(values)
+        if not values.flags.writeable:
+            self._constants.insert(0, (values, made))
+            del self._constants[_CONSTANTS:]
+        return made
 
     def array(self, values: Any) -> Any:
         """Array on the device of numbers (n,) or vectors (n, 3); one that is there as it is."""
@@ -51,6 +67,7 @@ class Discretisation:
 # same tets, while a solve of each order on two meshes is all that alternates in practice.
 _RECENT: list[tuple[np.ndarray, np.ndarray, Discretisation]] = []
 _KEPT = 4
+_CONSTANTS = 4  # lam, mu and rho of one material, and one more
 
 
 def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation:
@@ -128,7 +145,7 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     device, pattern = grid.device, grid.pattern
     kernels = elastic_kernels(LAWS[Law.LINEAR])
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
-    moduli = [wp.array(m, dtype=wp.float64, device=device) for m in (lam, mu)]
+    moduli = [grid.constant(m) for m in (lam, mu)]
     kernel, arrays = kernels.stiffness_p1, [grid.points, grid.elements, *moduli]
     if grid.space.order == 2:
         kernel, arrays = kernels.stiffness_p2, [*arrays[:2], grid.quadrature, *moduli]

@@ -49,7 +49,7 @@ class ElasticBody:
         self.grid, self.law = grid, law
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
         self._tensor, lame = self._split(material)
-        moduli = [grid.array(m) for m in lame]
+        moduli = [grid.constant(m) for m in lame]
         self._p1_arrays = [grid.points, grid.elements, *moduli]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
 

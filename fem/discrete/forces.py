@@ -35,11 +35,10 @@ def gravity_force(
     from . import kernels_field as k
 
     wp = start_warp()
-    given = wp.array(rho, dtype=wp.float64, device=grid.device)
     share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
     share = wp.array(share, dtype=wp.float64, device=grid.device)
     mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, given, share, mass]
+    inputs = [grid.points, grid.elements, grid.constant(rho), share, mass]
     wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
     return mass.numpy()[:, None] * gravity_vector
 

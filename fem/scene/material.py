@@ -197,7 +197,10 @@ class ElementMaterial:
     @cached_property
     def lame(self) -> LameParameters:
         """Lame parameters (lam, mu) [Pa], each (tets,)."""
-        return lame_parameters(self.E, self.nu)
+        found = lame_parameters(self.E, self.nu)
+        for values in found:
+            values.flags.writeable = False
+        return found
 
 
 def material_arrays(material: ElementMaterial | None) -> dict[str, np.ndarray]:
