@@ -138,15 +138,22 @@ def fit_motion(
     moved = root * u[1:].reshape(-1, len(root))
     wanted, total = moved @ span, float((moved**2).sum())
     outside = max(0.0, 1 - float((wanted**2).sum()) / total)
-    start = np.array([0.0, float(np.average(model.nu, weights=model.weights))])[: 1 + with_nu]
 
     def misfit(p: np.ndarray) -> _Misfit:
         path, derivative = _path(model, observed, scheme, law, p)
         return _Misfit((path @ seen.T - wanted).ravel(), (seen @ derivative).reshape(-1, len(p)))
 
-    best, found, first, runs = _gauss_newton(misfit, start)
+    start = np.array([0.0, float(np.average(model.nu, weights=model.weights))])[: 1 + with_nu]
+    try:
+        best, found, first, runs = _gauss_newton(misfit, start)
+    except ConvergenceError:
+        if not with_nu:
+            raise  # with nu it may go along a curved valley for long: E first, nu from there
+        near, _, first, more = _gauss_newton(misfit, start[:1])
+        best, found, _, runs = _gauss_newton(misfit, np.append(near, start[1:]))
+        runs += more + MOST
     error, J = found.size, found.derivative
-    noise = error**2 / max(len(J) - len(start), 1)
+    noise = error**2 / max(len(J) - len(best), 1)
     return MotionFit(
         scale=float(np.exp(best[0])),
         nu=float(best[1]) if with_nu else None,
@@ -198,11 +205,8 @@ def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Fo
     """Least squares of ``misfit`` from ``p``, each step halved until it lowers the sum."""
     here, runs, last = misfit(p), 1, 0.0
     first = here.size
-    longest = LONGEST[: len(p)]
     while runs < MOST:
-        move = np.linalg.lstsq(here.derivative, -here.difference, rcond=None)[0]
-        move = np.clip(move, -longest, longest)
-        move[1:] = np.clip(p[1:] + move[1:], NU_LOW, NU_HIGH) - p[1:]
+        move = _step(here, p)
         last = float(np.abs(move).max())
         while np.abs(move).max() > ENOUGH and runs < MOST:
             there, runs = misfit(p + move), runs + 1
@@ -218,6 +222,18 @@ def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Fo
             "a motion of the same scene"
         )
     return _Found(p, here, first, runs)
+
+
+def _step(here: _Misfit, p: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step from ``p`` within its limits; where nu meets one, E follows from that."""
+    J, longest = here.derivative, LONGEST[: len(p)]
+    free = np.linalg.lstsq(J, -here.difference, rcond=None)[0]
+    move = np.clip(free, -longest, longest)
+    move[1:] = np.clip(p[1:] + move[1:], NU_LOW, NU_HIGH) - p[1:]
+    if (move[1:] != free[1:]).any():
+        rest = -here.difference - J[:, 1:] @ move[1:]
+        move[:1] = np.clip(np.linalg.lstsq(J[:, :1], rest, rcond=None)[0], -longest[0], longest[0])
+    return move
 
 
 def _path(
