@@ -77,7 +77,7 @@ def test_dry_run_writes_nothing_and_estimates_within_its_range(cube, tmp_path, c
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", [(), ("--edge-length", "0.01"), ("--max-tets", "8000")])
+@pytest.mark.parametrize("option", [(), ("--edge-length", "0.01"), ("--max-tets", "30000")])
 def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
     """The demo, by the tets wanted, by an edge and by a budget: as many as were estimated."""
     from autophyx_tet.converters.mesh.mesh_file import read_mesh
@@ -89,6 +89,20 @@ def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
     tets = json.loads(capsys.readouterr().out)["estimates"]["tets"]
     assert main(call) == 0
     assert tets["low"] <= len(read_mesh(target).tets) <= tets["high"]
+
+
+@pytest.mark.slow
+def test_a_budget_too_small_for_one_piece_is_refused(tmp_path, capsys):
+    """With 8,000 tets a fifth of the demo, leaves that hang on twigs, would come off."""
+    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+
+    asset, target = write_bonsai(tmp_path / "bonsai.glb"), tmp_path / "b.msh"
+    call = ["convert", str(asset), "--mesher", "stuffing", "--max-tets", "8000", "-o", str(target)]
+    assert main(call) == 4
+    assert "more --max-tets" in capsys.readouterr().err
+    assert not target.exists()
+    assert main([*call, "--accept-broken"]) == 0
+    assert "fell off" in capsys.readouterr().err
 
 
 @pytest.mark.slow

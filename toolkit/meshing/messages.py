@@ -208,7 +208,7 @@ def no_mesh(asset: Asset, attempts: Sequence[Attempt]) -> str:
     if any(attempt.outcome.startswith(BROKEN) for attempt in attempts):
         what, way = "tet mesh that keeps its guarantees", "--accept-broken gives the best of them"
         if all(attempt.engine == STUFFING for attempt in attempts):
-            way = f"no --edge-length, or a shorter one, may keep them; {way}"
+            way = f"a shorter --edge-length or more --max-tets, or neither, may keep them; {way}"
     elif all(attempt.engine == STUFFING for attempt in attempts):
         what, way = "tet mesh", "a shorter --edge-length or --mesher ftetwild may help"
     else:
