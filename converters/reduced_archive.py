@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -62,11 +63,12 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
             raise InputError(f"{source} has version {meta['version']}, wanted {MODEL_VERSION}")
         if missing := set(_ARRAYS) - set(arrays):
             raise InputError(f"{source} has no {', '.join(sorted(missing))}")
+        held: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
         return ReducedModel(
             kind=Subspace(meta["subspace"]),
             region_names=tuple(meta["region_names"]),
             accuracy=Accuracy(**meta["accuracy"]),
-            **{name: arrays[name] for name in _ARRAYS},
+            **held,
         )
 
 
