@@ -42,6 +42,7 @@ def test_commands_of_the_page_exist(root, name):
         tyro.cli(COMMANDS[command], args=words)
 
 
+@pytest.mark.slow
 def test_commands_of_the_gallery_exist(root):
     """Each runs as it is shown: its options are the program's own; its picture is there, small."""
     rows = json.loads((root / "docs" / "data" / "gallery.json").read_text())["rows"]

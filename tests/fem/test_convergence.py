@@ -58,6 +58,7 @@ def errors(order, n, slope):
     return np.sqrt([(weight * (du**2).sum(-1)).sum(), (weight * (dH**2).sum((-1, -2))).sum()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "cells", "slope"),
     [(1, (8, 16), np.array([1.0, -0.5, 0.7])), (2, (4, 8), np.zeros(3))],

@@ -57,6 +57,7 @@ def shaken(ratio: float):
     return mesh, Supports.clamp(len(mesh.points), mesh.points[:, 0] <= mesh.points[:, 0].min())
 
 
+@pytest.mark.slow
 def test_bad_tets_and_contrasts_take_few_iterations(iterative, monkeypatch):
     """Contrast 1 and 1e4: at most 60 iterations, fewer than over aggregates; the right answer."""
     options = {"gravity_vector": (0, 0, -9.81), "order": 2}

@@ -122,6 +122,7 @@ def test_a_free_cube_keeps_its_spin():
     assert abs(turned[-1] - turned[0]) == pytest.approx(20 * np.pi, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_bar_dies_away_as_its_damping_says():
     """A mode of damping ratio zeta swings as exp(-zeta omega t) within 1 %, neo-Hookean."""
     mesh = with_uniform(box_mesh((1, 0.1, 0.1), (5, 1, 1)), E=1e6, nu=0.3, rho=1e3)

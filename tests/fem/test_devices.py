@@ -25,6 +25,7 @@ def beam():
     return mesh.with_material(ElementMaterial(E, nu, rho))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("order", "tip"), [(1, -0.123679197), (2, -0.148275040)])
 def test_tip_of_the_bench_problem(beam, device, order, tip):
@@ -35,6 +36,7 @@ def test_tip_of_the_bench_problem(beam, device, order, tip):
     assert result.residual <= 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES)
 def test_what_is_kept_of_a_mesh_serves_its_other_bodies(beam, device):
     """Other moduli, a stronger contrast, another support: each the answer of its first time."""
@@ -53,6 +55,7 @@ def test_what_is_kept_of_a_mesh_serves_its_other_bodies(beam, device):
         np.testing.assert_allclose(known, alone, atol=1e-6 * np.abs(alone).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES)
 def test_steps_are_those_of_the_cpu(beam, device):
     """Three implicit steps to a tight residual: the same motion."""

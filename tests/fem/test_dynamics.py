@@ -43,6 +43,7 @@ def test_momentum_is_conserved(scheme):
         assert np.abs((mass * state.v).sum(axis=0) - start).max() < 1e-12 * size
 
 
+@pytest.mark.slow
 def test_energy_of_the_schemes():
     """A ringing rod: trapezoidal keeps its energy, implicit Euler never gains any."""
     mesh = with_uniform(box_mesh((1, 0.1, 0.1), (8, 1, 1)), E=1e6, nu=0.3, rho=1e3)
@@ -61,6 +62,7 @@ def test_energy_of_the_schemes():
     assert energy[Scheme.IMPLICIT_EULER][-1] < energy[Scheme.BDF2][-1] < first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [Scheme.TRAPEZOIDAL, Scheme.BDF2])
 def test_rod_rings_at_its_frequency(scheme):
     """A fixed-free rod with nu = 0 swings with the period 4 L / c, c = sqrt(E / rho)."""
@@ -98,6 +100,7 @@ def settle(body, dt, steps):
     return state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_rest_on_the_ground(order):
     """At rest the contact forces sum to m g, and nothing is below the ground."""
@@ -110,6 +113,7 @@ def test_rest_on_the_ground(order):
     assert state.contact_force.sum(axis=0) == pytest.approx([0, 0, weight], abs=1e-6 * weight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modulus", [1e5, 2e11])
 def test_drop_loses_energy_only(modulus):
     """Dropped rubber and steel: always above the ground, energy never grows."""
@@ -122,6 +126,7 @@ def test_drop_loses_energy_only(modulus):
     assert np.abs(states[-1].u).max() < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slope", "slides"), [(0.25, False), (0.35, True)])
 def test_incline(slope, slides):
     """A block on an incline slides if and only if tan(theta) > mu = 0.3."""

@@ -65,6 +65,7 @@ def test_step_gradient():
     _compare(step, _fields(mesh), rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", list(Scheme))
 @pytest.mark.parametrize("damping", [None, Damping(mass=3.0), Damping(stiffness=0.01)])
 def test_step_gradient_of_every_scheme(scheme, damping):

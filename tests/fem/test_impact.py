@@ -104,6 +104,7 @@ def test_step_that_never_converges_is_told(monkeypatch):
         Dynamics(shaken_box(), gravity_vector=G).step(1e-2)
 
 
+@pytest.mark.slow
 def test_stiffness_damping():
     """Rayleigh's beta takes the energy of a mode as exp(-beta omega^2 t): a rod with nu = 0."""
     L, E, rho, beta = 1.0, 1e6, 1e3, 5e-3

@@ -96,6 +96,7 @@ def test_tet_on_its_corner():
     assert np.isfinite(result.max_displacement)
 
 
+@pytest.mark.slow
 def test_error_is_the_difference_of_the_orders():
     """The reported error of a P1 answer is its distance from the P2 answer, and shrinks with h."""
     errors = []

@@ -24,6 +24,7 @@ def encoder():
     return MiniLM()
 
 
+@pytest.mark.slow
 def test_embeddings_are_unit_vectors_and_the_batch_does_not_matter(encoder):
     together = encoder.text(SENTENCES)
     assert together.shape == (len(SENTENCES), 384)

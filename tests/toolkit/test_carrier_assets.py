@@ -48,6 +48,7 @@ def as_splat_rows(x):
     return rows.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", ".splat"])
 def test_splats_are_the_ball_they_cover(suffix, tmp_path):
     """V = 4/3 pi within 3 %, closed; files of splats name no unit."""
@@ -64,6 +65,7 @@ def test_splats_are_the_ball_they_cover(suffix, tmp_path):
     assert any("no unit" in warning for warning in asset.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".nvdb"])
 def test_a_density_grid_is_its_ball(suffix, tmp_path):
     """V within 1 %; our own archive is metres by contract, NanoVDB is asked about."""

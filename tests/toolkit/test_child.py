@@ -35,6 +35,7 @@ def nothing_left(tmp_path, monkeypatch):
     assert not list(tmp_path.glob("autophyx-tet-*"))
 
 
+@pytest.mark.slow
 def test_arrays_come_back_and_progress_is_told():
     told = []
     result = _run(progress=lambda stage, seconds: told.append((stage, seconds)))
@@ -44,6 +45,7 @@ def test_arrays_come_back_and_progress_is_told():
     assert told == sorted(told, key=lambda item: item[1])
 
 
+@pytest.mark.slow
 def test_time_limit_kills():
     """The engine would take minutes; after a second it is ended, and no process is left of it."""
     with pytest.raises(ChildFailure, match="within 1 s") as failure:

@@ -10,6 +10,7 @@ import time
 
 import autophyx_tet
 import numpy as np
+import pytest
 import tyro
 from autophyx_tet.toolkit.cli import progress
 from autophyx_tet.toolkit.cli.main import COMMANDS, main
@@ -22,6 +23,7 @@ HEAVY = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_help_loads_no_heavy_package():
     """The same for the help of every command, each in a fresh process."""
     for command in (None, *COMMANDS):
@@ -57,6 +59,7 @@ def test_help_names_every_verb_and_every_exit_code():
 SCREEN = 52  # lines of a terminal on a laptop
 
 
+@pytest.mark.slow
 def test_help_fits_two_screens_and_says_where_the_rest_is():
     """Rare options are left out of --help; --help-all has every one; neither shows a None."""
     for name in COMMANDS:
@@ -118,6 +121,7 @@ def test_the_package_is_a_program():
     assert done.returncode == run_cli("materials", "blarg").returncode != 0
 
 
+@pytest.mark.slow
 def test_completion_knows_the_verbs():
     for shell in ("bash", "zsh"):
         script = run_cli("--tyro-print-completion", shell).stdout

@@ -64,6 +64,7 @@ BAD_ASSETS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("verb", ["convert", "run"])
 def test_bad_asset_ends_in_one_line_and_leaves_nothing(verb, call, tmp_path):

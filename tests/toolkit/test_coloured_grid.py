@@ -54,6 +54,7 @@ def field(path):
     write_density(path, DensityGrid(grid.lo, grid.hi, density, fields=fields))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "write"), [("splats.ply", splats), ("cloud.ply", cloud), ("field.npz", field)]
 )

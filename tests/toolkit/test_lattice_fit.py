@@ -115,6 +115,7 @@ def _parted(cells: tuple[int, int, int]) -> dict[int, float]:
     return came_off(points, tets, np.zeros(len(tets), int), solids, 1e-3)
 
 
+@pytest.mark.slow
 def test_a_table_whose_legs_would_fall_off_is_refused():
     """Legs of half an edge, parts of their own, come off the top as crumbs: nothing would stand."""
     top = trimesh.creation.box((1, 0.6, 0.1))
@@ -125,6 +126,7 @@ def test_a_table_whose_legs_would_fall_off_is_refused():
         tetrahedralize(table, mesher="stuffing", edge_length=0.1)
 
 
+@pytest.mark.slow
 def test_a_body_that_would_fall_apart_is_refused():
     """A plate of a third of an edge comes in pieces: exit 4, unless they are accepted."""
     plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))

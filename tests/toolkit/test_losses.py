@@ -165,6 +165,7 @@ def tower():
     return part_of(np.stack([x, y, bump], -1).reshape(-1, 3), faces, "ground").mesh
 
 
+@pytest.mark.slow
 def test_a_tower_on_open_ground_is_closed_below():
     """A scan from above with a closed hut: not the hut alone, but the tower too, as far as seen."""
     hut = trimesh.creation.box((0.5, 0.5, 0.5))

@@ -35,6 +35,7 @@ def test_offset_of_a_ball_is_radial():
     assert move == pytest.approx(np.asarray(ball.vertices), abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mesh", "wall", "inner"),
     [

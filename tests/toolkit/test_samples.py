@@ -28,6 +28,7 @@ def crumbs(seed: int) -> InputVolume:
     return input_volume(solids_of(trimesh.util.concatenate(cubes)), 1, rng=np.random.default_rng(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_volume_of_what_is_scattered_is_known(seed):
     """Some thirty points of the first look are inside: a volume to 70 %, then to a few per cent."""
@@ -36,6 +37,7 @@ def test_the_volume_of_what_is_scattered_is_known(seed):
     assert found.total == pytest.approx(60 * SIDE**3, rel=found.uncertainty)
 
 
+@pytest.mark.slow
 def test_half_of_what_is_scattered_is_no_mesh_of_it():
     """With all cubes the promised volume is kept, with half of them it is not."""
     for count, kept in ((60, True), (30, False)):

@@ -86,6 +86,7 @@ def test_drop_falls_bounces_and_is_written_whole(tmp_path):
     assert [verdict.mark for verdict in result.verdicts()] == marks
 
 
+@pytest.mark.slow
 def test_squeeze_closes_by_the_share():
     """The plates close by a fifth of the width, across the up axis."""
     mesh = box_mesh((0.1, 0.1, 0.1), (2, 2, 2))

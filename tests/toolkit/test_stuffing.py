@@ -68,6 +68,7 @@ def test_a_tilted_box_keeps_its_corners(seed):
     assert mesh.volume == pytest.approx(0.24, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_nested_balls_and_touching_cubes():
     """Volumes to .5 % of the polyhedra, the cubes' common wall to the digit."""
     inner, outer = trimesh.creation.icosphere(2, radius=0.5), trimesh.creation.icosphere(2)

@@ -135,6 +135,7 @@ def test_what_a_killed_supervisor_leaves_the_next_one_removes(tmp_path):
     nothing_left(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_folder_in_use_stays(tmp_path):
     """An old folder of a command that still works is locked: others leave it alone."""
     process = fake("hears", tmp_path)
@@ -147,6 +148,7 @@ def test_a_folder_in_use_stays(tmp_path):
     nothing_left(tmp_path)
 
 
+@pytest.mark.slow
 def test_what_is_to_be_ignored_is_ignored(tmp_path):
     """Under nohup the end of the terminal ends nothing."""
     code = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"

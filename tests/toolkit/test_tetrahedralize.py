@@ -34,6 +34,7 @@ def test_cube():
     json.dumps(report.as_dict())
 
 
+@pytest.mark.slow
 def test_nested_balls():
     """Inner ball and shell keep their volumes within what epsilon allows: area times epsilon."""
     inner, outer = trimesh.creation.icosphere(2, radius=0.5), trimesh.creation.icosphere(2)
@@ -44,6 +45,7 @@ def test_nested_balls():
     assert volume["outer"] == pytest.approx(shell, abs=(inner.area + outer.area) * report.epsilon)
 
 
+@pytest.mark.slow
 def test_touching_cubes_share_their_wall():
     """Two parts face to face: exact volumes, one connected mesh, no node doubled."""
     a = trimesh.creation.box((1, 1, 1))

@@ -50,6 +50,7 @@ def both(model, law, *, gravity=GRAVITY, velocity=(0, 0, 0), scheme=Scheme.BDF2,
     return found, np.stack([s.u for s in states[1:]]), frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", Scheme)
 def test_of_the_linear_law_it_is_exact(scheme):
     """Full path minus reduced path, to the solver's tolerance; a push outside the span counts."""
@@ -85,6 +86,7 @@ def test_a_full_space_has_none():
     assert found.share < 1e-7
 
 
+@pytest.mark.slow
 def test_it_turns_with_a_free_body():
     """A body that spins by a third of a turn and stretches: within a tenth of the truth."""
     model = whole(linear(MESH, free=True), Subspace.SKINNING)

@@ -1,10 +1,12 @@
 """Binding: which clause speaks of which part."""
 
+import pytest
 from autophyx_tet.predictors.language.binding import bind
 from autophyx_tet.predictors.language.reader import parse
 from autophyx_tet.predictors.vocabulary.lexicon import part_name_words
 
 
+@pytest.mark.slow
 def test_more_words_beat_fewer(agree):
     agree("""
         white piece is marble, black piece is slate => white_piece: marble; black_piece: slate

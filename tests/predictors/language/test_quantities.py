@@ -18,6 +18,7 @@ def test_numbers_are_si(clauses_of):
         assert read == pytest.approx(wanted, rel=1e-5), text  # 62.428 is rounded at 1e-5
 
 
+@pytest.mark.slow
 def test_a_number_is_read_in_every_notation(clauses_of):
     """One value each, as it is written by many hands; the unit's dimension says what it is."""
     written = {

@@ -203,6 +203,7 @@ def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
     load_model.cache_clear()
 
 
+@pytest.mark.slow
 def test_no_text_is_too_odd(table):
     """Words in any order are read, and bound, without an error."""
     said = "oak the legs which are same as ( 2 GPa ) -> than : other except 's E 1..3 one of it"

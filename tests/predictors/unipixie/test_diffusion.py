@@ -36,6 +36,7 @@ def test_noising_ends_in_noise():
     assert left[-1].item() == pytest.approx(4.04e-5, rel=0.01)  # Ho et al. 2020, section 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 50])
 def test_who_knows_the_noise_finds_the_matter(steps):
     """From any noise, in any number of steps: the deterministic sampler is exact where eps is."""
