@@ -14,7 +14,9 @@ from ..discrete.block_matrix import BlockMatrix
 
 # A supernode joins its parent while the zeros that it brings stay below this share of the entries:
 # (columns of nodes, share). Few columns cost more in calls than in arithmetic.
-JOIN = ((16, 0.6), (32, 0.3), (64, 0.12), (np.inf, 0.05))
+JOIN = ((6, 1.0), (12, 0.4), (32, 0.1), (64, 0.05), (np.inf, 0.02))
+# Columns of nodes beyond which a supernode is cut: the square of its columns is kept whole.
+WIDEST = 96
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +184,13 @@ def join_supernodes(
             begin, height, true = low, tall, true + inner
             groups.pop()
         groups.append((begin, end, height, true))
-    return np.array([*(g[0] for g in groups), count])
+    return np.array([*(cut for begin, end, *_ in groups for cut in _cuts(begin, end)), count])
+
+
+def _cuts(begin: int, end: int) -> list[int]:
+    """First columns of the equal pieces, ``WIDEST`` at most, of a supernode."""
+    pieces = -(-(end - begin) // WIDEST)
+    return [begin + (end - begin) * piece // pieces for piece in range(pieces)]
 
 
 def _trapezoid(columns: int, rows: int) -> int:

@@ -45,57 +45,95 @@ def lanczos(
     """Eigenpairs of ``operator``, which is symmetric in the inner product of ``mass``.
 
     Block Lanczos with full reorthogonalisation (Golub & Underwood 1977) from the block ``start``,
-    until ``enough`` or ``steps`` blocks; the pairs say which it was.
+    until ``enough`` or ``steps`` blocks; the pairs say which it was. What ``operator`` returns is
+    written to.
     """
-    basis = np.zeros((len(start), 0))
-    images, projected = basis, np.zeros((0, 0))
-    block = operator(mass(start))
-    scale = np.sqrt(max((block * mass(block)).sum(axis=0).max(), 1e-300))
-    block, weighed = _orthonormal(block, basis, images, mass, scale)
+    basis, images = _Columns(), _Columns()
+    projected = np.zeros((0, 0))
+    rest = operator(mass(start))
+    weighed = mass(rest)
+    scale = np.sqrt(max((rest * weighed).sum(axis=0).max(), 1e-300))
+    block, weighed = _orthonormal(rest, weighed, basis, images, mass, scale)
     while True:
-        basis, images = np.hstack([basis, block]), np.hstack([images, weighed])
-        image = operator(weighed)
-        column = images.T @ image
+        basis.append(block)
+        images.append(weighed)
+        rest = operator(weighed)
+        column = images.along(rest)
         size, width = column.shape
         grown = np.zeros((size, size))
         grown[: size - width, : size - width] = projected
         grown[:, size - width :] = column
         grown[size - width :, :] = column.T
         projected = grown
-        rest = image - basis @ column
-        rest -= basis @ (images.T @ rest)
-        pairs = _ritz(projected, basis, rest, mass)
+        basis.take_off(column, rest)
+        basis.take_off(images.along(rest), rest)
+        weighed = mass(rest)
+        pairs = _ritz(projected, basis, rest, weighed)
         steps -= 1
         if not steps or enough(pairs):
             return pairs
-        block, weighed = _orthonormal(rest, basis, images, mass, np.abs(pairs.values).max())
+        scale = np.abs(pairs.values).max()
+        block, weighed = _orthonormal(rest, weighed, basis, images, mass, scale)
         if not block.shape[1]:  # the space is invariant: there is nothing more to find
             return pairs
 
 
-def _ritz(projected: np.ndarray, basis: np.ndarray, rest: np.ndarray, mass: Operator) -> RitzPairs:
+class _Columns(list):
+    """Columns of vectors (n, width) in blocks: one more block moves none of those before it."""
+
+    def along(self, x: Float[np.ndarray, "n width"]) -> Float[np.ndarray, "columns width"]:
+        """Products of all columns with those of ``x``."""
+        return np.concatenate([np.zeros((0, x.shape[1])), *(block.T @ x for block in self)])
+
+    def take_off(self, weights: Float[np.ndarray, "columns width"], x: np.ndarray) -> None:
+        """Subtract from ``x`` (n, width) the sum of all columns by ``weights``, in place."""
+        first = 0
+        for block in self:
+            x -= block @ weights[first : first + block.shape[1]]
+            first += block.shape[1]
+
+
+def _ritz(
+    projected: np.ndarray, basis: _Columns, rest: np.ndarray, weighed: np.ndarray
+) -> RitzPairs:
     values, y = np.linalg.eigh((projected + projected.T) / 2)
     values, y = values[::-1], y[:, ::-1]
     last = y[-rest.shape[1] :]
-    gram = rest.T @ mass(rest)
+    gram = rest.T @ weighed
     errors = np.sqrt(np.maximum(np.einsum("ip,ij,jp->p", last, gram, last), 0.0))
 
     def vectors(first: int) -> np.ndarray:
-        return basis @ y[:, :first] + rest @ (last[:, :first] / values[:first])
+        found = rest @ (last[:, :first] / values[:first])
+        basis.take_off(-y[:, :first], found)
+        return found
 
     return RitzPairs(values, errors, vectors)
 
 
 def _orthonormal(
-    block: np.ndarray, basis: np.ndarray, images: np.ndarray, mass: Operator, scale: float
+    block: np.ndarray,
+    weighed: np.ndarray,
+    basis: _Columns,
+    images: _Columns,
+    mass: Operator,
+    scale: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal directions of ``block`` away from ``basis``, and their mass times them."""
-    for least in (DEPENDENT * scale, 0.5):  # once more: short directions were not orthogonal yet
-        block = block - basis @ (images.T @ block)
-        square, turn = np.linalg.eigh(block.T @ mass(block))
-        keep = square > least**2
-        block = block @ (turn[:, keep] / np.sqrt(square[keep]))
-    return block, mass(block)
+    """Orthonormal directions of ``block`` away from ``basis``, and their mass times them.
+
+    ``block`` is orthogonal to ``basis`` already, ``weighed`` its mass times it.
+    """
+    block = block @ _normalising(block, weighed, DEPENDENT * scale)
+    basis.take_off(images.along(block), block)  # short directions were not orthogonal yet
+    weighed = mass(block)
+    turn = _normalising(block, weighed, 0.5)
+    return block @ turn, weighed @ turn
+
+
+def _normalising(block: np.ndarray, weighed: np.ndarray, least: float) -> np.ndarray:
+    """What makes orthonormal columns of those of ``block`` that are longer than ``least``."""
+    square, turn = np.linalg.eigh(block.T @ weighed)
+    keep = square > least**2
+    return turn[:, keep] / np.sqrt(square[keep])
 
 
 class LargestEigenvalue:

@@ -98,6 +98,23 @@ def test_joined_supernodes_cover_all_columns_in_order():
     assert (np.diff(star) > 0).all()
 
 
+def test_a_dense_front_is_cut_into_equal_pieces():
+    """A full matrix is one supernode, cut so that little of its upper half is kept; solved."""
+    nodes = 2 * elimination.WIDEST + 50
+    rng = np.random.default_rng(2)
+    half = rng.normal(size=(3 * nodes, 3 * nodes))
+    A = half @ half.T + 3 * nodes * np.eye(3 * nodes)
+    matrix = block_matrix(A)
+    plan = plan_elimination(matrix)
+    widths = np.diff(plan.first.numpy())
+    assert widths.max() <= elimination.WIDEST
+    assert np.ptp(widths) <= 1
+    assert plan.entries < 0.7 * A.size  # a half, and a third of the upper triangle's squares
+    b = rng.normal(size=(nodes, 3))
+    x = CholeskyFactor(matrix, plan).solve(b)
+    assert x.ravel() == pytest.approx(np.linalg.solve(A, b.ravel()), rel=1e-9, abs=1e-15)
+
+
 def test_a_matrix_that_is_not_positive_is_named():
     """Indefinite, or no number: an error, never an answer."""
     for bad in (np.diag([1.0] * 6 + [-1.0] * 3), np.diag([1.0] * 8 + [np.nan])):
