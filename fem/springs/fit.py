@@ -228,15 +228,17 @@ def _gauss_newton(
     """Least squares of ``misfit`` from ``p`` on; steps that do not help are halved."""
     here, runs = (misfit(p), 1) if p.any() else (at_zero, 0)
     J: np.ndarray | None = None
+    age = 0  # steps since J was made of differences
     for _ in range(MOST):
         fresh = J is None
         if J is None:
+            age = 0
             columns = [misfit(p + d) - here for d in DIFFERENCE * np.eye(len(p))]
             J, runs = np.stack(columns, 1) / DIFFERENCE, runs + len(p)
         move = _short(p, np.linalg.lstsq(J, -here, rcond=1e-6)[0])
         expected = here + J @ move
         if not expected @ expected < (1 - GAIN) * (here @ here):
-            if fresh:
+            if age < 2:
                 return _Least(p, float(np.linalg.norm(here)), runs)
             J = None  # what was learnt promises nothing: differences
             continue
@@ -251,7 +253,7 @@ def _gauss_newton(
             there, runs = misfit(p + move), runs + 1
         gained = there @ there < (1 - GAIN) * (here @ here)
         J = J + np.outer(there - here - J @ move, move) / (move @ move)
-        p, here = p + move, there
+        p, here, age = p + move, there, age + 1
         if not gained or here @ here < EXACT**2:
             return _Least(p, float(np.linalg.norm(here)), runs)
     raise ConvergenceError(f"the fit of k does not settle within {MOST} steps")

@@ -1,8 +1,9 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
 """Warp kernels of spring networks: what planes push, what springs pull, and the step.
 
-Every anchor gathers its own springs. A spring is evaluated from both ends with the very same
-numbers but for their signs, so that the forces of a pair cancel to the last bit.
+On a GPU every anchor gathers its own springs: a spring is evaluated from both ends with the very
+same numbers but for their signs, so that the forces of a pair cancel to the last bit. On a CPU one
+thread takes each of them once, and its force with either sign.
 """
 
 import warp as wp
@@ -10,7 +11,10 @@ import warp as wp
 
 @wp.struct
 class Springs:
-    """Springs by anchor, ``first`` ... (anchors + 1): far end, stiffness, length, dashpot."""
+    """Springs by anchor, ``first`` ... (anchors + 1): far end, stiffness, length, dashpot.
+
+    ``share`` of a spring [1] is that of an entry: 1 where each has one, 1/2 where both its ends do.
+    """
 
     first: wp.array(dtype=int)
     other: wp.array(dtype=int)
@@ -21,6 +25,7 @@ class Springs:
     ground: wp.array(dtype=wp.vec3d)
     inverse_mass: wp.array(dtype=wp.vec3d)
     rest: wp.array(dtype=wp.vec3d)
+    share: wp.float64
 
 
 @wp.struct
@@ -88,23 +93,45 @@ def push_of(p: int, contacts: Contacts, now: Now, time: wp.float64, dt: wp.float
 
 
 @wp.func
-def acceleration(i: int, springs: Springs, contacts: Contacts, now: Now):
-    """Acceleration [m/s^2] of an anchor by its springs, loads, and contacts around it."""
-    x, v = now.x[i], now.v[i]
-    force = springs.load[i] - wp.cw_mul(springs.ground[i], x - springs.rest[i])
-    for e in range(springs.first[i], springs.first[i + 1]):
-        j = springs.other[e]
-        d = now.x[j] - x
-        length = wp.length(d)
-        pull = springs.stiffness[e] * (length - springs.length[e])
-        c = springs.dashpot[e]
-        if c > wp.float64(0.0):
-            pull += c * wp.dot(now.v[j] - v, d) / length
-        force += (pull / length) * d
-    if contacts.back.shape[0] > 0:
-        for e in range(contacts.back[i], contacts.back[i + 1]):
-            force += contacts.share[e] * now.push[contacts.point[e]]
-    return wp.cw_mul(springs.inverse_mass[i], force)
+def outer_force(i: int, springs: Springs, now: Now):
+    """Force of loads and ground [N] on an anchor."""
+    return springs.load[i] - wp.cw_mul(springs.ground[i], now.x[i] - springs.rest[i])
+
+
+@wp.func
+def spring_force(e: int, x: wp.vec3d, v: wp.vec3d, springs: Springs, now: Now):
+    """Force of a spring [N] on its near end, which is at ``x`` with ``v``."""
+    j = springs.other[e]
+    d = now.x[j] - x
+    length = wp.length(d)
+    pull = springs.stiffness[e] * (length - springs.length[e])
+    c = springs.dashpot[e]
+    if c > wp.float64(0.0):
+        pull += c * wp.dot(now.v[j] - v, d) / length
+    return (pull / length) * d
+
+
+@wp.func
+def accelerate(counted: wp.float64, springs: Springs, contacts: Contacts, now: Now):
+    """Accelerations of all anchors in one thread; impulses of planes count so many times dt."""
+    for p in range(contacts.rest.shape[0]):
+        now.push[p] = push_of(p, contacts, now, now.clock[0], counted * now.clock[1])
+    count = now.x.shape[0]
+    for i in range(count):
+        now.a[i] = outer_force(i, springs, now)
+    for p in range(contacts.rest.shape[0]):
+        for e in range(contacts.first[p], contacts.first[p + 1]):
+            now.a[contacts.anchor[e]] += contacts.weight[e] * now.push[p]
+    for i in range(count):
+        x, v = now.x[i], now.v[i]
+        total = wp.vec3d()
+        for e in range(springs.first[i], springs.first[i + 1]):
+            force = spring_force(e, x, v, springs, now)
+            total += force
+            now.a[springs.other[e]] -= force
+        now.a[i] += total
+    for i in range(count):
+        now.a[i] = wp.cw_mul(springs.inverse_mass[i], now.a[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -118,7 +145,25 @@ def meet(contacts: Contacts, now: Now, counted: wp.float64):
 def pull(springs: Springs, contacts: Contacts, now: Now):
     """Accelerations of the anchors."""
     i = wp.tid()
-    now.a[i] = acceleration(i, springs, contacts, now)
+    force = outer_force(i, springs, now)
+    for e in range(springs.first[i], springs.first[i + 1]):
+        force += spring_force(e, now.x[i], now.v[i], springs, now)
+    if contacts.back.shape[0] > 0:
+        for e in range(contacts.back[i], contacts.back[i + 1]):
+            force += contacts.share[e] * now.push[contacts.point[e]]
+    now.a[i] = wp.cw_mul(springs.inverse_mass[i], force)
+
+
+@wp.kernel(enable_backward=False)
+def hold(springs: Springs, now: Now, energy: wp.array(dtype=wp.float64)):
+    """Elastic energy [J] of the springs of every anchor."""
+    i = wp.tid()
+    away = now.x[i] - springs.rest[i]
+    twice = wp.dot(springs.ground[i], wp.cw_mul(away, away))
+    for e in range(springs.first[i], springs.first[i + 1]):
+        stretch = wp.length(now.x[springs.other[e]] - now.x[i]) - springs.length[e]
+        twice += springs.share * springs.stiffness[e] * stretch * stretch
+    energy[i] = wp.float64(0.5) * twice
 
 
 @wp.kernel(enable_backward=False)
@@ -137,14 +182,17 @@ def tick(now: Now):
 
 
 @wp.kernel(enable_backward=False)
+def balance(counted: wp.float64, springs: Springs, contacts: Contacts, now: Now):
+    """As ``meet`` and ``pull``, in one thread."""
+    accelerate(counted, springs, contacts, now)
+
+
+@wp.kernel(enable_backward=False)
 def follow(steps: int, springs: Springs, contacts: Contacts, now: Now):
     """Take ``steps`` steps in one thread: on a CPU a launch costs as much as many springs."""
     dt = now.clock[1]
     for _step in range(steps):
-        for p in range(contacts.rest.shape[0]):
-            now.push[p] = push_of(p, contacts, now, now.clock[0], dt)
-        for i in range(now.x.shape[0]):
-            now.a[i] = acceleration(i, springs, contacts, now)
+        accelerate(wp.float64(1.0), springs, contacts, now)
         for i in range(now.x.shape[0]):
             now.v[i] += dt * now.a[i]
             now.x[i] += dt * now.v[i]

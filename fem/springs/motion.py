@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,11 +13,10 @@ from ..device import checked_device, start_warp
 from ..errors import ConvergenceError
 from .contact import AnchorLoads, SurfaceContact
 from .network import SpringNetwork
+from .vibration import highest_frequency
 
 # Share of the longest stable step at rest: springs turn and stretch on the way.
 SAFE = 0.8
-# Relative error of the highest frequency; below so many unknowns it is exact.
-PRECISE, DENSE = 1e-3, 64
 # Energy that a network may hold over what was put into it: steps of .8 show up to 2.8 times too
 # much in the fastest vibration. Rounding is worth this share of its stiffness times length squared.
 EXCESS, ROUNDING = 10.0, 1e-20
@@ -55,6 +54,7 @@ class SpringMotion:
     def __post_init__(self) -> None:
         anchors = self.network.anchors
         checked_device(self.device)
+        self._alone = self.device == "cpu"  # one thread takes every spring once, for both its ends
         heavy = anchors.mass > 0
         inverse = np.where(heavy, 1 / np.where(heavy, anchors.mass, 1.0), 0.0)
         self.inverse_mass = np.where(anchors.fixed, 0.0, inverse[:, None])
@@ -67,8 +67,27 @@ class SpringMotion:
 
     def _longest_step(self) -> float:
         """2 / w at the highest frequency [s], less what dashpots take."""
-        highest, damping = highest_frequency(self)
+        highest = highest_frequency(self.inverse_mass, self._linear_force())
+        if self.dashpot is None or not self.dashpot.any():
+            return 2 / highest
+        drag = self.network.matrix(self.dashpot)
+        dragged = highest_frequency(
+            self.inverse_mass, lambda u: (drag @ u.ravel()).reshape(u.shape)
+        )
+        damping = 0.5 * dragged**2 / highest
         return 2 / highest * (np.sqrt(1 + damping**2) - damping)
+
+    def _linear_force(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Force [N] by displacements [m] of the anchors, (n, 3), about rest, contact and all."""
+        springs = self.network.matrix(self.stiffness)
+        ground = 0.0 if self.loads is None else self.loads.ground
+        points = None if self.contact is None else self.contact.matrix
+
+        def force(u: np.ndarray) -> np.ndarray:
+            own = (springs @ u.ravel()).reshape(u.shape) + ground * u
+            return own if points is None else own + points @ u
+
+        return force
 
     @property
     def x(self) -> Float[np.ndarray, "n 3"]:
@@ -94,10 +113,11 @@ class SpringMotion:
     @property
     def elastic(self) -> float:
         """Elastic energy of the springs [J]."""
-        net, x = self.network, self.x
-        stretch = np.linalg.norm(x[net.j] - x[net.i], axis=1) - net.length
-        ground = 0.0 if self.loads is None else (self.loads.ground * (x - net.anchors.x) ** 2).sum()
-        return 0.5 * float(self.stiffness @ stretch**2 + ground)
+        from . import kernels_springs as k
+
+        given, size = [self._springs, self._now, self._energies], self._now.x.shape[0]
+        start_warp().launch(k.hold, size, inputs=given, device=self.device)
+        return float(self._energies.numpy().sum())
 
     def take_impulses(self) -> Float[np.ndarray, "points planes 3"]:
         """Momentum [N s] that every plane gave every point of the surface since asked last."""
@@ -164,7 +184,7 @@ class SpringMotion:
         from . import kernels_springs as k
 
         wp, given = start_warp(), [self._springs, self._contacts, self._now]
-        if self.device == "cpu":
+        if self._alone:
             wp.launch(k.follow, 1, inputs=[count, *given], device="cpu")
             return
 
@@ -188,6 +208,10 @@ class SpringMotion:
         from . import kernels_springs as k
 
         wp, contacts, now = start_warp(), self._contacts, self._now
+        if self._alone:
+            given = [wp.float64(counted), self._springs, contacts, now]
+            wp.launch(k.balance, 1, inputs=given, device=self.device)
+            return
         if self.contact is not None:
             given = [contacts, now, wp.float64(counted)]
             wp.launch(k.meet, now.push.shape[0], inputs=given, device=self.device)
@@ -198,20 +222,24 @@ class SpringMotion:
         from . import kernels_springs as k
 
         net, anchors = self.network, self.network.anchors
-        ends = np.concatenate([net.i, net.j])
+        ends, far = np.concatenate([net.i, net.j]), np.concatenate([net.j, net.i])
+        if self._alone:
+            ends, far = net.i, net.j
         order = np.argsort(ends, kind="stable")
-        twice = lambda values: np.tile(values, 2)[order]  # noqa: E731
+        ordered = lambda values: np.resize(values, len(ends))[order]  # noqa: E731
         dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
         loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
         springs = k.Springs()
         springs.first = self._ints(_starts(ends, len(start)))
-        springs.other = self._ints(np.concatenate([net.j, net.i])[order])
-        springs.stiffness = self._reals(twice(self.stiffness))
-        springs.length = self._reals(twice(net.length))
-        springs.dashpot = self._reals(twice(dashpot))
+        springs.other = self._ints(far[order])
+        springs.stiffness = self._reals(ordered(self.stiffness))
+        springs.length = self._reals(ordered(net.length))
+        springs.dashpot = self._reals(ordered(dashpot))
         springs.load, springs.ground = self._vectors(loads.force), self._vectors(loads.ground)
         springs.inverse_mass = self._vectors(self.inverse_mass)
         springs.rest = self._vectors(anchors.x)
+        springs.share = start_warp().float64(len(net.i) / max(len(ends), 1))
+        self._energies = self._reals(np.zeros(len(start)))
         now = k.Now()
         now.x, now.a = self._vectors(start), self._vectors(0 * start)
         now.v = self._vectors(np.where(self.inverse_mass > 0, velocity, 0.0))
@@ -259,33 +287,3 @@ class SpringMotion:
 
 def _starts(owner: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=count))])
-
-
-def highest_frequency(motion: SpringMotion) -> tuple[float, float]:
-    """Highest angular frequency [1/s] of a network at rest, contact and all, and its damping [1].
-
-    By Lanczos' method: the plain power iteration ends well below it.
-    """
-    from scipy.sparse import diags_array, eye_array, kron
-    from scipy.sparse.linalg import eigsh
-
-    matrix = motion.network.matrix(motion.stiffness)
-    if motion.loads is not None:
-        matrix = matrix + diags_array(motion.loads.ground.ravel())
-    if motion.contact is not None:
-        matrix = matrix + kron(motion.contact.matrix, eye_array(3), format="csr")
-    root = diags_array(np.sqrt(motion.inverse_mass.ravel()))
-    scaled = (root @ matrix @ root).tocsr()
-    start = np.random.default_rng(0).normal(size=scaled.shape[0])
-
-    def top(given: Any) -> float:
-        if given.shape[0] <= DENSE:
-            return float(np.linalg.eigvalsh(given.toarray())[-1])
-        options: dict[str, Any] = {"tol": PRECISE, "v0": start, "return_eigenvectors": False}
-        return float(eigsh(given, k=1, which="LM", **options)[0])
-
-    highest = np.sqrt(top(scaled))
-    if motion.dashpot is None or not motion.dashpot.any():
-        return float(highest), 0.0
-    drag = root @ motion.network.matrix(motion.dashpot) @ root
-    return float(highest), float(0.5 * top(drag) / highest)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..device import start_warp
 from ..errors import InputError
 from .anchors import Anchors
 from .sight import Sight
@@ -137,16 +138,52 @@ class SpringNetwork:
         series = 4 * (a / (a + b)) * (b / (a + b))  # harmonic over arithmetic mean: halves in a row
         return series * (k[self.i] * own + k[self.j] * other) / (2 * self.length)
 
-    def matrix(self, stiffness: Float[np.ndarray, "springs"]) -> Any:
-        """Stiffness matrix [N/m] at rest, (3 n, 3 n) ``scipy.sparse.csr_array``."""
-        from scipy.sparse import csr_array, diags_array
+    @cached_property
+    def pattern(self) -> BlockPattern:
+        """Where the blocks of the stiffness matrix are; kept, and with it what is planned on it."""
+        wp, count = start_warp(), len(self.anchors.x)
+        own = np.arange(count)
+        row = np.concatenate([own, self.i, self.j])
+        keys, slot = np.unique(
+            row * count + np.concatenate([own, self.j, self.i]), return_inverse=True
+        )
+        rows = np.concatenate([[0], np.cumsum(np.bincount(keys // count, minlength=count))])
+        ends = (count, count + len(self.i))
+        ints = (wp.array(a, dtype=wp.int32, device="cpu") for a in (rows, keys % count))
+        return BlockPattern(*ints, *np.split(slot, ends))
 
-        rows, count = np.arange(len(self.i)), len(self.anchors.x)
-        column = np.concatenate([3 * self.j[:, None] + [0, 1, 2], 3 * self.i[:, None] + [0, 1, 2]])
-        value = np.concatenate([self.direction, -self.direction])
-        place = (np.tile(rows, 2).repeat(3), column.ravel())
-        stretch = csr_array((value.ravel(), place), shape=(len(rows), 3 * count))
-        return (stretch.T @ diags_array(stiffness) @ stretch).tocsr()
+    def blocks(self, stiffness: Float[np.ndarray, "springs"]) -> Float[np.ndarray, "blocks 3 3"]:
+        """Blocks of the stiffness matrix [N/m] at rest, as ``pattern`` has them."""
+        pattern, count = self.pattern, len(self.anchors.x)
+        each = stiffness[:, None, None] * self.direction[:, :, None] * self.direction[:, None]
+        out = np.empty((pattern.columns.shape[0], 3, 3))
+        out[pattern.above] = out[pattern.below] = -each
+        ends = np.concatenate([self.i, self.j])
+        for k, m in np.ndindex(3, 3):
+            out[pattern.own, k, m] = np.bincount(ends, np.tile(each[:, k, m], 2), count)
+        return out
+
+    def matrix(self, stiffness: Float[np.ndarray, "springs"]) -> Any:
+        """Stiffness matrix [N/m] at rest, (3 n, 3 n) ``scipy.sparse.bsr_array``."""
+        from scipy.sparse import bsr_array
+
+        size = (3 * len(self.anchors.x),) * 2
+        place = (self.pattern.columns.numpy(), self.pattern.rows.numpy())
+        return bsr_array((self.blocks(stiffness), *place), shape=size)
+
+
+class BlockPattern(NamedTuple):
+    """Compressed ``rows`` and ``columns`` (warp) of blocks, and where those of springs stand.
+
+    Places of the blocks of every anchor's ``own``, and ``above`` and ``below`` the diagonal of
+    every spring.
+    """
+
+    rows: Any
+    columns: Any
+    own: np.ndarray
+    above: np.ndarray
+    below: np.ndarray
 
 
 class _Neighbours(NamedTuple):
