@@ -48,17 +48,15 @@ def lanczos(
     until ``enough`` or ``steps`` blocks; the pairs say which it was. What ``operator`` returns is
     written to.
     """
-    basis, images = _Columns(), _Columns()
-    projected = np.zeros((0, 0))
+    basis, projected = _Columns(), np.zeros((0, 0))
     rest = operator(mass(start))
     weighed = mass(rest)
     scale = np.sqrt(max((rest * weighed).sum(axis=0).max(), 1e-300))
-    block, weighed = _orthonormal(rest, weighed, basis, images, mass, scale)
+    block, weighed = _orthonormal(rest, weighed, basis, mass, scale)
     while True:
         basis.append(block)
-        images.append(weighed)
         rest = operator(weighed)
-        column = images.along(rest)
+        column = basis.along(mass(rest))
         size, width = column.shape
         grown = np.zeros((size, size))
         grown[: size - width, : size - width] = projected
@@ -66,14 +64,13 @@ def lanczos(
         grown[size - width :, :] = column.T
         projected = grown
         basis.take_off(column, rest)
-        basis.take_off(images.along(rest), rest)
         weighed = mass(rest)
         pairs = _ritz(projected, basis, rest, weighed)
         steps -= 1
         if not steps or enough(pairs):
             return pairs
         scale = np.abs(pairs.values).max()
-        block, weighed = _orthonormal(rest, weighed, basis, images, mass, scale)
+        block, weighed = _orthonormal(rest, weighed, basis, mass, scale)
         if not block.shape[1]:  # the space is invariant: there is nothing more to find
             return pairs
 
@@ -82,7 +79,7 @@ class _Columns(list):
     """Columns of vectors (n, width) in blocks: one more block moves none of those before it."""
 
     def along(self, x: Float[np.ndarray, "n width"]) -> Float[np.ndarray, "columns width"]:
-        """Products of all columns with those of ``x``."""
+        """Products of all columns with those of ``x``; with their mass: what lies along them."""
         return np.concatenate([np.zeros((0, x.shape[1])), *(block.T @ x for block in self)])
 
     def take_off(self, weights: Float[np.ndarray, "columns width"], x: np.ndarray) -> None:
@@ -111,19 +108,16 @@ def _ritz(
 
 
 def _orthonormal(
-    block: np.ndarray,
-    weighed: np.ndarray,
-    basis: _Columns,
-    images: _Columns,
-    mass: Operator,
-    scale: float,
+    block: np.ndarray, weighed: np.ndarray, basis: _Columns, mass: Operator, scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal directions of ``block`` away from ``basis``, and their mass times them.
 
-    ``block`` is orthogonal to ``basis`` already, ``weighed`` its mass times it.
+    ``weighed`` is the mass times ``block``, from which ``basis`` was taken off once: once more,
+    for short directions keep of it what round-off left.
     """
-    block = block @ _normalising(block, weighed, DEPENDENT * scale)
-    basis.take_off(images.along(block), block)  # short directions were not orthogonal yet
+    turn = _normalising(block, weighed, DEPENDENT * scale)
+    block, weighed = block @ turn, weighed @ turn
+    basis.take_off(basis.along(weighed), block)
     weighed = mass(block)
     turn = _normalising(block, weighed, 0.5)
     return block @ turn, weighed @ turn

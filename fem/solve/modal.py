@@ -69,8 +69,9 @@ class Vibrations(NamedTuple):
 
     def weigh(self, x: np.ndarray) -> np.ndarray:
         """M x on the free unknowns, shape (3 nodes, vectors)."""
-        out = self.mass @ x.reshape(len(self.free), -1)
-        return out.reshape(x.shape) * self.free.reshape(-1, 1)
+        out = (self.mass @ x.reshape(len(self.free), -1)).reshape(x.shape)
+        out *= self.free.reshape(-1, 1)
+        return out
 
 
 @single_threaded
