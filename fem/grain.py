@@ -78,7 +78,8 @@ def with_grains(
         if way is None or not is_of_row(material.E[tets], row):
             blind.append(part)
             continue
-        along.append(f"{part} ({', '.join(f'{x:.2g}' for x in way / np.linalg.norm(way))})")
+        shown = np.round(way / np.linalg.norm(way), 3) + 0.0
+        along.append(f"{part} ({', '.join(f'{x:g}' for x in shown)})")
         axes = axes_about(way)
         unit = orthotropic_constants(ring_mean(grains[row].constants(1.0), axes), axes)
         material = material.with_grain(tets, unit.times(material.E[tets]), axes)

@@ -107,7 +107,7 @@ for case, words in ((hard, "Oak seat"), (soft, "Foam seat")):
         )
     )
 path = apx.render_animation(
-    "motions.gif", panels, up=result.conversion.asset.up, pixels=160, samples=2
+    "motions.gif", panels, up=result.conversion.asset.up, pixels=144, samples=2
 )
 with Image.open(path) as picture:
     assert picture.n_frames == frames

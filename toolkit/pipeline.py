@@ -276,6 +276,8 @@ def run(
         cases = []
         for text, way in product(texts, ways):
             body = assign(solid.mesh, text, asset=solid.asset, options=way, walls=solid.known_walls)
+            known_of_mesh = body.sidecar.with_record(**solid.described().record)
+            body = replace(body, sidecar=known_of_mesh)
             clock.lap("assign")
             known |= {**body.known_of_parts, "progress": progress}
             cases.append(RunCase(body, simulate(body.mesh, options=simulate_options, **known)))

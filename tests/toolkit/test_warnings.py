@@ -2,6 +2,7 @@
 
 import re
 
+import autophyx_tet as apx
 import numpy as np
 import pytest
 import trimesh
@@ -90,3 +91,18 @@ def test_a_warning_names_both_ends_of_that_interval():
     least, most = (float(number) for number in re.findall(r"([0-9.]+) m\^3", told))
     assert least == pytest.approx(report.losses.volume, abs=0.03)
     assert most == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.slow
+def test_what_a_run_s_mesh_lacks_is_known_to_whoever_simulates_it_again(tmp_path):
+    """Of a thin plate above a cube in a coarse lattice `simulate` says what `run` said."""
+    cube = trimesh.creation.box((1, 1, 1))
+    plate = trimesh.creation.box((1, 1, 0.1)).apply_translation((0, 0, 0.8))
+    trimesh.util.concatenate([cube, plate]).export(tmp_path / "lid.obj")
+    options = apx.ConvertOptions(mesher="stuffing", edge_length=0.2, up="z")
+    ran = apx.run(tmp_path / "lid.obj", ["oak"], output=tmp_path / "out", convert_options=options)
+    lacks = ran.conversion.report.differences
+    assert any("thinner than the lattice's edge" in one for one in lacks)
+    again = apx.simulate(tmp_path / "out" / "mesh.msh").verdicts()
+    assert all(one in again[0].sentence for one in lacks)
+    assert again[0] == ran.cases[0].simulation.verdicts()[0]
