@@ -53,6 +53,18 @@ def test_commands_of_the_gallery_exist(root):
     assert {*pictures} == {*(root / "docs/gallery").iterdir()}
 
 
+def test_laws_of_a_page_have_their_tests(root):
+    """What a page names as ``file.py::test_name``, or as ``::test_name`` after it, is there."""
+    named = 0
+    for page in sorted((root / "docs").glob("*.md")):
+        path = None
+        for file, test in re.findall(r"`([\w/]*\.py)?::(test_\w+)`", page.read_text()):
+            path = root / "tests" / file if file else path
+            assert f"def {test}(" in path.read_text(), (page.name, file, test)
+            named += 1
+    assert named > 15
+
+
 def test_measured_numbers_say_how_and_where(root):
     """Each file of numbers has its command, its machine and at least one row."""
     files = sorted((root / "docs" / "data").glob("*.json"))

@@ -90,11 +90,11 @@ def elastic_kernels(law: ElasticLaw) -> ElasticKernels:
     """Kernels of ``law``, all at once: one more later would compile the others again."""
     change, projected, block = law.stress_change, law.projected_tangent, law.stiffness_block
     at = change or (_change_of_linear(law.energy_and_stress) if block else None)
-    exact = _second_derivative(at) if at else None
+    exact = law.exact_tangent or (_second_derivative(at) if at else None)
     return ElasticKernels(
         _energy_and_force(law),
         _stress(law),
-        _tangent(law, exact) if change else None,
+        _tangent(law, exact) if change or law.exact_tangent else None,
         _tangent(law, projected) if projected else None,
         _tangent_at(law, exact) if exact else None,
         _tangent_at(law, projected) if projected else None,

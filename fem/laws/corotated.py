@@ -20,8 +20,11 @@ def energy_and_stress(H: wp.mat33d, lam: wp.float64, mu: wp.float64):
 
 
 @wp.func
-def projected_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
-    """From the singular values s of F: twists by 2 mu - 2 (2 mu - lam t) / (s_a + s_b)."""
+def tangent_from(H: wp.mat33d, lam: wp.float64, mu: wp.float64, least: wp.float64) -> mat99d:
+    """From the singular values s of F: twists by 2 mu - 2 (2 mu - lam t) / (s_a + s_b), or more.
+
+    Twists resist by ``least`` [Pa] where they would by less; nothing else can be negative.
+    """
     U = wp.mat33d()
     s = wp.vec3d()
     V = wp.mat33d()
@@ -33,15 +36,26 @@ def projected_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
     for i in range(3):
         sides = wp.max(s[(i + 1) % 3] + s[(i + 2) % 3], wp.float64(1.0e-6))
         turn = two - wp.float64(2.0) * (two - lam * t) / sides
-        A = add_mode(A, U, twist(i, wp.float64(-1.0)), V, wp.max(turn, wp.float64(0.0)))
+        A = add_mode(A, U, twist(i, wp.float64(-1.0)), V, wp.max(turn, least))
         A = add_mode(A, U, twist(i, wp.float64(1.0)), V, two)
         for j in range(3):
             by_stretch[i, j] = by_stretch[i, j] + lam
     return add_stretches(A, U, V, by_stretch)
 
 
+@wp.func
+def exact_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
+    return tangent_from(H, lam, mu, wp.float64(-wp.inf))
+
+
+@wp.func
+def projected_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
+    return tangent_from(H, lam, mu, wp.float64(0.0))
+
+
 COROTATED = ElasticLaw(
     title="corotated",
     energy_and_stress=energy_and_stress,
+    exact_tangent=exact_tangent,
     projected_tangent=projected_tangent,
 )

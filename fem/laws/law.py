@@ -23,7 +23,7 @@ class ElasticLaw:
 
     All are functions of warp, of ``H`` (mat33d) and the Lame parameters ``lam`` and ``mu``
     (float64) [Pa]. Write them without cancellation at small H. The kernels of elements, the stress
-    on the host and the gradients are all made of these functions. One of the three second
+    on the host and the gradients are all made of these functions. One of the four second
     derivatives is needed; where only one is there, Newton has no other.
 
     Parameters
@@ -36,9 +36,11 @@ class ElasticLaw:
     stress_change
         (H, dH, lam, mu) -> dP [Pa], the change of P with a change ``dH`` of H: the exact second
         derivative.
+    exact_tangent
+        (H, lam, mu) -> second derivative [Pa] (mat99d, entries of F column by column), of a law
+        that knows it as a whole.
     projected_tangent
-        (H, lam, mu) -> second derivative [Pa] (mat99d, entries of F column by column) with its
-        negative eigenvalues set to zero.
+        (H, lam, mu) -> the same with its negative eigenvalues set to zero.
     stiffness_block
         (p, q, lam, mu) -> second derivative (mat33d) along the shape gradients p and q, of a law
         that is linear in H: it is the same everywhere, and positive.
@@ -52,14 +54,16 @@ class ElasticLaw:
     title: str
     energy_and_stress: Any
     stress_change: Any = None
+    exact_tangent: Any = None
     projected_tangent: Any = None
     stiffness_block: Any = None
     tangent_p1: Any = None
     finite: bool = True
 
     def __post_init__(self) -> None:
-        if not (self.stress_change or self.projected_tangent or self.stiffness_block):
-            raise TypeError(f"the {self.title} law has no second derivative: give it one of three")
+        exact = self.stress_change or self.exact_tangent
+        if not (exact or self.projected_tangent or self.stiffness_block):
+            raise TypeError(f"the {self.title} law has no second derivative: give it one of four")
 
 
 LAWS: Registry[ElasticLaw] = Registry(

@@ -27,8 +27,9 @@ def solve_dense(matrix: np.ndarray, b: np.ndarray, goal: float = 0.0) -> np.ndar
 class KeptInverse:
     """Inverse of a Hessian (dofs, dofs) that serves from step to step, and learns from the moves.
 
-    Between two gradients it is corrected by their secant (Broyden, Fletcher, Goldfarb & Shanno:
-    Nocedal & Wright 2006, eq. 6.17); where that goes slowly, a new one is made.
+    Its lower triangle alone is kept. Between two gradients it is corrected by their secant
+    (Broyden, Fletcher, Goldfarb & Shanno: Nocedal & Wright 2006, eq. 6.17); where that goes slowly,
+    a new one is made.
     """
 
     def __init__(self) -> None:
@@ -43,9 +44,8 @@ class KeptInverse:
         """Take the inverse of ``matrix``; none where that is not positive."""
         from scipy.linalg.lapack import dpotrf, dpotri  # type: ignore  (by f2py)
 
-        factor, failed = dpotrf(matrix.T, lower=1)
-        half = np.tril(dpotri(factor, lower=1)[0])
-        self.inverse = None if failed else half + np.tril(half, -1).T
+        factor, failed = dpotrf(matrix.T, lower=1, clean=0)
+        self.inverse = None if failed else dpotri(factor, lower=1, overwrite_c=1)[0]
 
     def at(
         self,
@@ -75,16 +75,23 @@ class KeptInverse:
 
     def learn(self, move: np.ndarray, change: np.ndarray) -> None:
         """Take in that a ``move`` changed the gradient by ``change``, unless it bends down."""
+        from scipy.linalg.blas import dsymv, dsyr2  # type: ignore  (by f2py)
+
         slope = float(move @ change)
         if self.inverse is not None and slope > 0:
-            made = self.inverse @ change
-            share = (1 + float(change @ made) / slope) / slope
-            cross = np.outer(made / slope, move)
-            self.inverse += share * np.outer(move, move) - cross - cross.T
+            made = dsymv(1 / slope, self.inverse, change, lower=1)
+            made -= (1 + float(change @ made)) / (2 * slope) * move
+            dsyr2(-1.0, made, move, lower=1, a=self.inverse, overwrite_a=1)
 
     def solve(self, b: np.ndarray, goal: float = 0.0) -> np.ndarray:
         """Inverse times ``b``; not a number where the Hessian is not positive."""
-        return np.full_like(b, np.nan) if self.inverse is None else self.inverse @ b
+        from scipy.linalg.blas import dsymv  # type: ignore  (by f2py)
+
+        return (
+            np.full_like(b, np.nan)
+            if self.inverse is None
+            else dsymv(1.0, self.inverse, b, lower=1)
+        )
 
 
 class DeadLoad:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from autophyx_tet.converters.npz import load_npz
 from autophyx_tet.converters.reduced_archive import load_theta, save_theta
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.unipixie.simplicits import (
@@ -59,3 +60,8 @@ def test_round_trip_and_a_foreign_body(tmp_path):
     assert back.weights(points) == pytest.approx(given.weights(points), abs=1e-6)
     with pytest.raises(InputError, match="mean nothing here"):
         Theta(numbers=given.numbers, lo=LO, hi=HI, body_hash="0" * 64)
+    arrays = load_npz(tmp_path / "t.npz")
+    arrays["meta"] = np.array(str(arrays["meta"]).replace(BODY_HASH, "0" * 64))
+    np.savez(tmp_path / "foreign.npz", **arrays)
+    with pytest.raises(InputError, match="mean nothing here"):
+        load_theta(tmp_path / "foreign.npz")
