@@ -215,11 +215,14 @@ def in_the_grid(run: ParticleRun) -> Check:
     )  # fmt: skip
 
 
-def usual_size(mesh: TetMesh) -> Check:
-    """Whether the body is as long as things are; else a unit was likely mistaken."""
+def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:
+    """Whether the body is as long as things are, or as the user ``stated``.
+
+    Else a unit was likely mistaken.
+    """
     longest = float(np.ptp(mesh.bounds, axis=0).max())
     low, high = USUAL_SIZE
-    passed = low <= longest <= high
+    passed = stated or low <= longest <= high
     unit = "--units mm (or cm)" if longest > high else "--units m (or --size METRES)"
     doubt = f": the file's numbers are likely in another unit. Convert with {unit}"
     return Check(
@@ -280,8 +283,8 @@ def span_of_answers(
     )  # fmt: skip
 
 
-def static_checks(result: SagResult) -> tuple[Check, ...]:
-    """Verdicts that a static result alone allows."""
+def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
+    """Verdicts that a static result allows, and whether the user stated the size of its body."""
     mesh = result.static.mesh
     stable = () if result.load_factor is None else (buckling(result.load_factor),)
     return (
@@ -290,6 +293,6 @@ def static_checks(result: SagResult) -> tuple[Check, ...]:
         discretisation(result),
         locking(result.static),
         explicit_step(mesh),
-        usual_size(mesh),
+        usual_size(mesh, stated=size_stated),
         usual_mass(mesh),
     )

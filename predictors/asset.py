@@ -46,7 +46,7 @@ class Asset:
     ``metres_per_unit`` has already been applied to the parts; ``up`` is the axis that points up;
     ``source_hash`` is the SHA-256 of the file and of what it refers to; a ``sampled`` surface was
     made from splats, points or a density grid; ``warnings`` are sentences for the user (missing
-    texture, unit taken as metres ...).
+    texture, unit taken as metres ...); ``size_stated``: the user gave its size or its unit.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Asset:
     source: str | None = None
     source_hash: str | None = None
     sampled: bool = False
+    size_stated: bool = False
     warnings: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -273,6 +273,7 @@ def run(
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
         known = {"up": solid.asset.up, "differences": solid.report.differences}
+        known["size_stated"] = solid.asset.size_stated
         cases = []
         for text, way in product(texts, ways):
             body = assign(solid.mesh, text, asset=solid.asset, options=way, walls=solid.known_walls)

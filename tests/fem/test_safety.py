@@ -106,6 +106,9 @@ def test_a_bracket_of_80_metres_is_asked_for_its_unit():
     assert "likely in another unit. Convert with --units mm" in check.sentence
     small = TetMesh(mesh.points * 1e-5, mesh.tets, mesh.region, material=mesh.material)
     assert "--units m " in usual_size(small).sentence
+    for odd in (mesh, small):  # nobody is asked for what was said
+        assert usual_size(odd, stated=True).passed
+        assert "unit" not in usual_size(odd, stated=True).sentence
     usual = TetMesh(mesh.points * 1e-2, mesh.tets, mesh.region, material=mesh.material)
     assert usual_size(usual).passed
     assert np.isfinite(usual_size(usual).value)

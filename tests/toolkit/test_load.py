@@ -61,7 +61,21 @@ def test_a_forgotten_unit_is_warned_about(tmp_path):
     trimesh.creation.box((80, 80, 80)).export(path)
     assert any("80 m is unusual: likely mm" in w for w in load_asset(path).warnings)
     assert not any("unusual" in w for w in load_asset(path, units="mm").warnings)
-    assert any("0.0008 m is unusual: --size" in w for w in load_asset(path, size=8e-4).warnings)
+    trimesh.creation.box((8e-4, 8e-4, 8e-4)).export(path)
+    assert any("0.0008 m is unusual: --size" in w for w in load_asset(path).warnings)
+
+
+def test_nobody_is_asked_for_a_unit_that_was_given(tmp_path):
+    """An odd size that was stated is said as a fact, not asked about again."""
+    path = tmp_path / "bridge.stl"
+    trimesh.creation.box((80, 10, 10)).export(path)
+    for given in ({"units": "m"}, {"size": 8e-4}):
+        asset = load_asset(path, **given)
+        assert asset.size_stated
+        (said,) = (w for w in asset.warnings if "unusual" in w)
+        assert said.endswith("is unusual: as was stated")
+        assert not any("--units" in w or "--size" in w for w in asset.warnings)
+    assert not load_asset(path).size_stated
 
 
 def test_node_transforms_names_and_materials(tmp_path):

@@ -105,7 +105,8 @@ def scaled(
     if up is None and not stated.up:
         warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
     factor = _metres(asset, size, units, stated.metres, warnings)
-    return _in_metres(replace(asset, up=up or asset.up), factor, warnings)
+    known = size is not None or units is not None
+    return _in_metres(replace(asset, up=up or asset.up, size_stated=known), factor, warnings)
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:
@@ -262,12 +263,10 @@ def _in_metres(asset: Asset, factor: float, warnings: list[str]) -> Asset:
     """Scale to metres and say what was assumed."""
     longest = float(asset.size.max()) * factor
     smallest, largest = USUAL_SIZE
-    if longest > largest:
-        warnings.append(
-            f"a longest side of {longest:.4g} m is unusual: likely mm, --units mm or --size sets it"
-        )
-    elif longest < smallest:
-        warnings.append(f"a longest side of {longest:.4g} m is unusual: --size or --units sets it")
+    if not smallest <= longest <= largest:
+        likely = "likely mm, --units mm or --size" if longest > largest else "--size or --units"
+        said = "as was stated" if asset.size_stated else f"{likely} sets it"
+        warnings.append(f"a longest side of {longest:.4g} m is unusual: {said}")
     if factor != 1:
         for part in asset.parts:
             part.mesh.vertices = part.mesh.vertices * factor

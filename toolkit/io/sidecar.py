@@ -23,7 +23,8 @@ class Sidecar:
     """Where a mesh came from and what its regions are called.
 
     ``labels`` maps a region to the words the asset has for it; ``source`` is the asset file, its
-    SHA-256 and the metres per unit that were applied, so that ``assign --asset`` can replay them.
+    SHA-256, the metres per unit that were applied, so that ``assign --asset`` can replay them, and
+    whether the user stated them.
     """
 
     up: UpAxis
@@ -42,6 +43,7 @@ class Sidecar:
                 "path": asset.source,
                 "sha256": asset.source_hash,
                 "metres_per_unit": asset.metres_per_unit,
+                "size_stated": asset.size_stated,
             },
         )
 
@@ -137,7 +139,8 @@ def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     if known is None or known.source.get("sha256") != asset.source_hash:
         return asset
     factor = known.source["metres_per_unit"] / asset.metres_per_unit
-    return load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
+    again = load_asset(path, size=float(asset.size.max()) * factor, up=known.up)
+    return replace(again, size_stated=known.source.get("size_stated", False))
 
 
 def _check_no_asset(path: Path) -> None:

@@ -135,7 +135,10 @@ class Settled(Simulation):
         """Shape, buckling, discretisation, explicit step, size, strength, frequency, range."""
         from ...fem.verdicts import first_frequency, span_of_answers, static_checks, strength
 
-        checks = [*static_checks(self.solved), *map(strength, self.safety)]
+        checks = [
+            *static_checks(self.solved, size_stated=self.size_stated),
+            *map(strength, self.safety),
+        ]
         if self.modes is not None:
             checks.append(first_frequency(self.modes))
         if self.intervals is not None:

@@ -42,7 +42,7 @@ class Simulation(ABC):
     ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
     moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
     predictor drew of parts that are of none, ``differences`` what the mesh has otherwise than the
-    file that it was made of.
+    file that it was made of; ``size_stated``: the user gave the size or the unit of that file.
     """
 
     scene: Scene
@@ -52,6 +52,7 @@ class Simulation(ABC):
     driven: DriveRecord | None = None
     materials: Mapping[str, str] = field(default_factory=dict)
     differences: tuple[str, ...] = ()
+    size_stated: bool = False
     draws: Draws = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 

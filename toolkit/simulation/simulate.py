@@ -43,6 +43,7 @@ def simulate(
     materials: Mapping[str, str] | None = None,
     classes: Mapping[str, str] | None = None,
     differences: Sequence[str] | None = None,
+    size_stated: bool | None = None,
     draws: Draws | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -57,9 +58,10 @@ def simulate(
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
     they have strengths and a grain; ``classes`` of matter for particles go with them, the
-    ``differences`` of the mesh from its file, which the verdicts say, and what a predictor
-    ``draws``, for intervals. For particles, ``mesh`` may be a field (.npz), or splats or points
-    with E, nu and rho as `transfer` writes them, which follow into a folder ``output``.
+    ``differences`` of the mesh from its file, which the verdicts say, whether its size was
+    ``size_stated``, which they then do not doubt, and what a predictor ``draws``, for intervals.
+    For particles, ``mesh`` may be a field (.npz), or splats or points with E, nu and rho as
+    `transfer` writes them, which follow into a folder ``output``.
 
     Raises InputError where the mesh has no material, UsageError where a place of it is stated that
     is not there, and ConvergenceError where the solver does not reach its tolerance.
@@ -85,7 +87,8 @@ def simulate(
     with logged(output):
         result = _noted(run_scenario(mesh, options, **known), body)
     told = differences_on_record(sidecar) if differences is None else tuple(differences)
-    result = replace(result, differences=told, draws=draws or {})
+    sized = sidecar.source.get("size_stated", False) if size_stated is None else size_stated
+    result = replace(result, differences=told, size_stated=sized, draws=draws or {})
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
