@@ -58,10 +58,9 @@ def simulate(
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
     they have strengths and a grain; ``classes`` of matter for particles go with them, the
-    ``differences`` of the mesh from its file, which the verdicts say, whether its size was
-    ``size_stated``, which they then do not doubt, and what a predictor ``draws``, for intervals.
-    For particles, ``mesh`` may be a field (.npz), or splats or points with E, nu and rho as
-    `transfer` writes them, which follow into a folder ``output``.
+    ``differences`` of the mesh from its file, and whether its size was ``size_stated``, for the
+    verdicts, and what a predictor ``draws``, for intervals. For particles, ``mesh`` may be a field
+    (.npz), or splats or points as `transfer` writes them, which follow into a folder ``output``.
 
     Raises InputError where the mesh has no material, UsageError where a place of it is stated that
     is not there, and ConvergenceError where the solver does not reach its tolerance.
@@ -86,14 +85,26 @@ def simulate(
     known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
         result = _noted(run_scenario(mesh, options, **known), body)
-    told = differences_on_record(sidecar) if differences is None else tuple(differences)
-    sized = sidecar.source.get("size_stated", False) if size_stated is None else size_stated
-    result = replace(result, differences=told, size_stated=sized, draws=draws or {})
+    result = _told(replace(result, draws=draws or {}), sidecar, differences, size_stated)
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
     files = {**wanted, "output": output, "touch": options.touch, "command": again}
     return _shown(result, source.stem, sidecar, **files)
+
+
+def _told(
+    result: Simulation,
+    sidecar: Sidecar,
+    differences: Sequence[str] | None,
+    size_stated: bool | None,
+) -> Simulation:
+    """The result with what is known of the making of its mesh, by default what is on record."""
+    if differences is None:
+        differences = differences_on_record(sidecar)
+    if size_stated is None:
+        size_stated = sidecar.source.get("size_stated", False)
+    return replace(result, differences=tuple(differences), size_stated=size_stated)
 
 
 def _check_material(mesh: TetMesh) -> None:
