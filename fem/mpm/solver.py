@@ -110,7 +110,7 @@ class MpmSolver:
 
     @property
     def elastic_energy(self) -> float:
-        """Elastic energy [J] of the particles; that of damage is not taken off."""
+        """Elastic energy [J] of the particles; torn ones are left out: theirs is not known."""
         cloud, total = self.cloud, 0.0
         volume = cloud.particles.volume
         H, numbers = cloud.read("H"), cloud.read("k")
@@ -119,6 +119,8 @@ class MpmSolver:
             own = cloud.order[span.first : span.first + span.count]
             given = (H[own], lam[own], mu[own], numbers[own, 0])
             found = elastic_density(span.kind, *given, form=span.form)
+            if span.form == Form.TEARING:
+                found = np.where(cloud.read("q")[own] > 1, 0.0, found)
             total += float(volume[own] @ found)
         return total
 

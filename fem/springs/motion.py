@@ -17,6 +17,9 @@ from .vibration import highest_frequency
 
 # Share of the longest stable step at rest: springs turn and stretch on the way.
 SAFE = 0.8
+# The same where planes are met: contact that comes and goes shakes the fastest vibrations. A cube
+# that planes squeeze by 15 % made 8 to 28 % of its energy of nothing at .7 and .8, .1 % at .6.
+IN_CONTACT = 0.5
 # Energy that a network may hold over what was put into it: steps of .8 show up to 2.8 times too
 # much in the fastest vibration. Rounding is worth this share of its stiffness times length squared.
 EXCESS, ROUNDING = 10.0, 1e-20
@@ -178,7 +181,8 @@ class SpringMotion:
 
     def steps_for(self, duration: float) -> int:
         """How many steps ``duration`` [s] takes."""
-        return max(1, int(np.ceil(duration / (SAFE * self.longest_step))))
+        share = SAFE if self.contact is None else IN_CONTACT
+        return max(1, int(np.ceil(duration / (share * self.longest_step))))
 
     def _run(self, count: int) -> None:
         from . import kernels_springs as k
