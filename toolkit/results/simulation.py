@@ -140,16 +140,18 @@ class Simulation(ABC):
 
     def write(self, path: Path) -> list[Path]:
         """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
-        from ...converters.mesh.gltf_motion import write_motion_glb
-        from ...converters.mesh.mesh_file import write_mesh
-        from ...converters.mesh.pvd import write_pvd
-
         if path.suffix.lower() == ".glb":
+            from ...converters.mesh.gltf_motion import write_motion_glb
+
             return [write_motion_glb(path, self.mesh, *self.animation, up=self.scene.up)]
         if path.suffix.lower() != ".pvd":
+            from ...converters.mesh.mesh_file import write_mesh
+
             fields = {"point_data": self.point_data, "cell_data": self.cell_data}
             write_mesh(path, self.mesh, **fields)
             return [path]
+        from ...converters.mesh.pvd import write_pvd
+
         frames = zip(self.animation.times.tolist(), self.animation.displacement, strict=True)
         return write_pvd(path, self.mesh, ((time, {"displacement": u}) for time, u in frames))
 
