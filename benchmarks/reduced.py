@@ -255,6 +255,12 @@ def draw(rows: list[dict], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def keep(rows: list[dict], path: Path | None) -> None:
+    """Write what is known so far."""
+    if path:
+        path.write_text(json.dumps(rows, indent=1) + "\n")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bodies", nargs="*", default=list(BODIES))
@@ -267,14 +273,14 @@ def main() -> None:
     with one_thread():
         for name in options.bodies:
             rows += rows_of(BODIES[name](), False, options.order)
+            keep(rows, options.output)
         for name in [] if options.real is None else options.real or NAMES:
             try:
                 rows += rows_of(real(name), True, options.order)
             except AutophyxError as error:
                 rows.append({"body": name, "failure": str(error)})
                 print(rows[-1], flush=True)
-    if options.output:
-        options.output.write_text(json.dumps(rows, indent=1) + "\n")
+            keep(rows, options.output)
     if options.picture:
         draw(rows, options.picture)
 

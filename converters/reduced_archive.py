@@ -47,7 +47,7 @@ def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
 
 
 def load_reduced(path: str | os.PathLike) -> ReducedModel:
-    """Load what ``save_reduced`` wrote, checked as on construction.
+    """Load what ``save_reduced`` wrote, checked.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def load_reduced(path: str | os.PathLike) -> ReducedModel:
             region_names=tuple(meta["region_names"]),
             accuracy=Accuracy(**meta["accuracy"]),
             **held,
-        )
+        ).checked()
 
 
 def save_fits(path: str | os.PathLike, fits: Sequence[MotionFit]) -> None:

@@ -7,6 +7,7 @@ stiffness about rest, coordinate by coordinate, and states of equilibrium at a f
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from jaxtyping import Float, Int
 from ..errors import ConvergenceError
 from .elasticity import ReducedElasticity
 from .model import ReducedModel
-from .rest import reduced_rest, solve_dense
+from .rest import RIGID, KeptInverse, held_rest, lowest_frequency, reduced_rest, solve_dense
 
 # Largest displacement of a state, in shares of the body's longest side.
 AMPLITUDES = (0.01, 0.15)
@@ -28,8 +29,9 @@ LINEAR_SHARE = 8.0
 DRAWN, CANDIDATES = 1500, 6000
 # Unbalanced force of a state, over its load.
 TOLERANCE = 1e-2
-# Squares of frequencies below this share of the largest are rigid motions.
-RIGID = 1e-9
+# Cells that are tried, until frequency and sag agree with all tets to this share, and forces do.
+CELLS = (60, 90, 120, 180, 250, 320, 400)
+ACCEPTED, RESIDUAL = 3e-3, 2e-3
 # Cells that join before weights are found again: the most needed of those left, at least so many,
 # or so many of a cell there is.
 JOINING, GROWTH = 8, 0.05
@@ -57,15 +59,85 @@ class Training(NamedTuple):
     cells: Int[np.ndarray, "candidates"]
 
 
-def training(
-    elasticity: ReducedElasticity, load: Float[np.ndarray, "dofs"], *, size: float, seed: int = 0
-) -> Training:
-    """Forces of the cells of a model with all of them; ``size`` [m] is the body's longest side.
+def with_cells(
+    whole: ReducedModel,
+    load: Float[np.ndarray, "dofs"],
+    most: int,
+    *,
+    accepted: float = ACCEPTED,
+    seed: int = 0,
+) -> ReducedModel:
+    """Model of at most ``most`` cells, as few as bring frequency and sag within ``accepted``.
 
-    ``load`` are the forces on the coordinates [N/sqrt(kg)] that will act, of weight and others:
-    every other state is loaded by them, scaled either way.
+    The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]; the forces of the
+    snapshots are within ``RESIDUAL``. Where no count is enough, the one with the most cells is
+    returned; its ``accuracy`` tells.
     """
-    square, modes = np.linalg.eigh(elasticity.tangent(np.zeros(elasticity.model.dofs)))
+    elasticity = ReducedElasticity(whole)
+    stiffness = elasticity.tangent(np.zeros(whole.dofs))
+    few, kept = ReducedElasticity(drawn_cells(whole, seed)), KeptInverse()
+    start = held_rest(few, load)
+    if start is not None:
+        kept.renew(few.tangent(start))
+    rest = held_rest(elasticity, load, start=start, kept=None if start is None else kept)
+    known = _Reference(lowest_frequency(stiffness), rest)
+    found = training(elasticity, few, load, stiffness=stiffness, rest=rest, seed=seed)
+    cubature: Cubature | None = None
+    model = whole
+    for count in [n for n in CELLS if n < most] + [most]:
+        if count >= len(whole.cells):
+            break
+        cubature = select_cells(found, count, start=cubature)
+        if cubature.residual > RESIDUAL and count < most:
+            continue
+        model = _checked(whole, found.cells[cubature.cells], cubature.factor, load, known)
+        if model.accuracy.cell_error <= accepted:
+            return model
+    return whole if cubature is None else model
+
+
+class _Reference(NamedTuple):
+    """Lowest frequency [Hz] and coordinates at rest of the model with all tets; None: no rest."""
+
+    frequency: float
+    rest: np.ndarray | None
+
+
+def _checked(
+    whole: ReducedModel,
+    cells: np.ndarray,
+    factor: np.ndarray,
+    load: np.ndarray,
+    known: _Reference,
+) -> ReducedModel:
+    model = whole.on_cells(cells, factor * whole.weights[cells])
+    elasticity = ReducedElasticity(model)
+    ratio = lowest_frequency(elasticity.tangent(np.zeros(model.dofs))) / known.frequency
+    sag = np.nan
+    if known.rest is not None:
+        rest = held_rest(elasticity, load, start=known.rest)
+        size = float(np.linalg.norm(known.rest))
+        sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
+    accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
+    return replace(model, accuracy=accuracy._replace(frequency=whole.accuracy.frequency * ratio))
+
+
+def training(
+    elasticity: ReducedElasticity,
+    few: ReducedElasticity,
+    load: Float[np.ndarray, "dofs"],
+    *,
+    stiffness: Float[np.ndarray, "dofs dofs"],
+    rest: Float[np.ndarray, "dofs"] | None = None,
+    seed: int = 0,
+) -> Training:
+    """Forces of the cells of a model with all of them, in states that ``few`` cells are at rest in.
+
+    ``stiffness`` [1/s^2] is that about zero, ``rest`` the state under ``load``: the forces on the
+    coordinates [N/sqrt(kg)] that will act, of weight and others. Every other state is loaded by
+    them, scaled either way.
+    """
+    square, modes = np.linalg.eigh(stiffness)
     elastic = square > RIGID * square[-1]
     square, modes = square[elastic], modes[:, elastic]
     turn = (modes / np.sqrt(square)).T  # the norm of a force is what it moves the body by
@@ -85,15 +157,15 @@ def training(
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
         linear = forces(step * turn[k], turn[k:]) / step
         blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * linear)
-    few = ReducedElasticity(_drawn(elasticity.model, seed), elasticity.law)
-    for q in _states(few, square, modes, load, size, seed):
+    states = _states(few, square, modes, load, seed)
+    for q in states if rest is None else [rest, *states]:
         bent = forces(q, turn)
         blocks.append(bent / np.linalg.norm(bent[:, -1]))
     found = np.concatenate(blocks)
     return Training(found[:, :-1], found[:, -1], taken)
 
 
-def _drawn(model: ReducedModel, seed: int) -> ReducedModel:
+def drawn_cells(model: ReducedModel, seed: int = 0) -> ReducedModel:
     """The model on some of its cells, drawn by volume: states that are near to rest are enough."""
     if len(model.cells) <= DRAWN:
         return model
@@ -102,11 +174,12 @@ def _drawn(model: ReducedModel, seed: int) -> ReducedModel:
     return model.on_cells(cells, np.full(DRAWN, model.weights.sum() / DRAWN))
 
 
-def _states(elasticity, square, modes, load, size, seed):
+def _states(elasticity, square, modes, load, seed):
     """States of equilibrium under loads that bend the body between the ``AMPLITUDES``."""
-    rng = np.random.default_rng(seed)
+    rng, model = np.random.default_rng(seed), elasticity.model
+    size = float(np.ptp(model.points[model.mass > 0], axis=0).max())
     inverse, taken = modes / square @ modes.T, range(min(LOADED, len(square)))
-    basis = elasticity.model.basis
+    basis = model.basis
     for number in range(STATES):
         mixed = rng.normal(size=len(taken)) * np.sqrt(square[0] * square[taken])
         push = modes[:, taken] @ mixed if number % 2 or not load.any() else load
@@ -133,9 +206,10 @@ def select_cells(
     usable, whole = size > 1e-12 * size.max(), float(np.linalg.norm(y))
     chosen = np.zeros(0, dtype=int) if start is None else start.cells
     factor = np.zeros(0) if start is None else start.factor
+    gram = A[:, chosen].T @ A[:, chosen]
     missing = y - A[:, chosen] @ factor
     while len(chosen) < limit and np.linalg.norm(missing) > tolerance * whole:
-        wanted = np.where(usable, A.T @ missing / np.maximum(size, 1e-300), -np.inf)
+        wanted = np.where(usable, missing @ A / np.maximum(size, 1e-300), -np.inf)
         wanted[chosen] = -np.inf
         most = min(max(JOINING, int(GROWTH * len(chosen))), limit - len(chosen))
         new = np.argpartition(-wanted, most - 1)[:most]
@@ -143,10 +217,13 @@ def select_cells(
         if not new.size:
             break
         grown = np.concatenate([chosen, new])
-        columns = A[:, grown]
+        columns, joined = A[:, grown], A[:, new]
+        beside = joined.T @ columns
+        gram = np.block([[gram, beside[:, : len(chosen)].T], [beside]])
         first = np.concatenate([factor, np.zeros(len(new))])
-        weights = nonnegative_weights(columns.T @ columns, columns.T @ y, first)
+        weights = nonnegative_weights(gram, columns.T @ y, first)
         kept = weights > 0
+        gram = gram[np.ix_(kept, kept)]
         if np.array_equal(grown[kept], chosen):
             usable[new] = False  # they point along what is missed, but by round-off
             continue
@@ -160,34 +237,29 @@ def nonnegative_weights(
 ) -> Float[np.ndarray, "n"]:
     """Minimise x . G x / 2 - b . x over x >= 0, from ``start``, by Lawson & Hanson's active set.
 
-    On the normal equations (Bro & de Jong 1997): from the answer of a smaller set it takes a few
-    small Cholesky solves.
+    On the normal equations (Bro & de Jong 1997). All are free at first, so that from the answer of
+    a smaller set it takes a few small Cholesky solves.
     """
-    x, passive = start.copy(), start > 0
+    x, passive = start.copy(), np.ones(len(start), dtype=bool)
     ridge = 1e-13 * np.diag(gram).max()
     enough = 1e-10 * np.abs(right).max()
     for _ in range(3 * len(right) + 10):
-        slope = np.where(passive, -np.inf, right - gram @ x)
-        if passive.any() or not slope.max() <= enough:
-            if slope.max() > enough:
-                passive[np.argmax(slope)] = True
-        if not passive.any():
-            return x
-        while True:
+        while passive.any():
             ids = np.flatnonzero(passive)
-            inner = gram[np.ix_(ids, ids)] + ridge * np.eye(len(ids))
+            inner = gram[np.ix_(ids, ids)]
+            inner.flat[:: len(ids) + 1] += ridge
             found = solve_dense(inner, right[ids])
-            if (found > 0).all():
-                break
             low = found <= 0
+            if not low.any():
+                x[ids] = found
+                break
             share = (x[ids[low]] / (x[ids[low]] - found[low])).min()
             x[ids] += share * (found - x[ids])
             out = ids[low & (x[ids] <= 1e-14 * max(x.max(), 1e-300))]
             passive[out if out.size else ids[low][:1]] = False
             x[~passive] = 0.0
-        x = np.zeros_like(x)
-        x[ids] = found
         slope = np.where(passive, -np.inf, right - gram @ x)
         if slope.max() <= enough:
             return x
+        passive[np.argmax(slope)] = True
     return x

@@ -119,7 +119,5 @@ def basis_gradients(
 ) -> Float[np.ndarray, "cells 3 3 dofs"]:
     """Gradients d U_a,i / d x_j of ``basis`` at the quadrature points, tet by tet."""
     slopes = np.swapaxes(slopes_at_points(mesh, space), 2, 3)  # (tets, points, j, nodes)
-    nodal = basis[space.elements]  # (tets, nodes, i, dofs)
-    tets, count, _, dofs = nodal.shape
-    found = slopes @ nodal.reshape(tets, 1, count, 3 * dofs)
-    return np.ascontiguousarray(found.reshape(-1, 3, 3, dofs).swapaxes(1, 2))
+    nodal = basis[space.elements].swapaxes(1, 2)  # (tets, i, nodes, dofs)
+    return (slopes[:, :, None] @ nodal[:, None]).reshape(-1, 3, 3, basis.shape[2])

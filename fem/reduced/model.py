@@ -108,19 +108,18 @@ class ReducedModel:
     region_names: tuple[str, ...]
     springs: Float[np.ndarray, "dofs dofs"]
     accuracy: Accuracy = UNMEASURED
-    # Basis and mass that were seen to fit: what is made by ``replace`` need not be looked at again.
-    _fitting: tuple[Any, Any] = (None, None)
 
     def __post_init__(self) -> None:
         if not (self.weights >= 0).all():
             raise InputError(f"cubature weight {self.weights.min():g} m^3: wanted >= 0")
-        if self._fitting[0] is self.basis and self._fitting[1] is self.mass:
-            return
+
+    def checked(self) -> ReducedModel:
+        """The model itself; ``InputError`` where its basis is not orthonormal in mass."""
         flat = self.basis.reshape(-1, self.dofs)
         error = np.abs(flat.T @ (np.repeat(self.mass, 3)[:, None] * flat) - np.eye(self.dofs)).max()
         if not error < ORTHONORMAL:
             raise InputError(f"the basis is orthonormal in mass to {error:.2g}: wanted 1e-8")
-        object.__setattr__(self, "_fitting", (self.basis, self.mass))
+        return self
 
     def __repr__(self) -> str:
         return f"<ReducedModel: {self.kind}, {self.dofs} coordinates, {len(self.cells)} cells>"

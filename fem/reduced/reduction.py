@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ..cholesky.elimination import planned_elimination
+from ..cholesky.factor import CholeskyFactor
 from ..device import single_threaded
+from ..discrete.constraints import apply_supports
+from ..discrete.elastic import ElasticBody
 from ..discrete.forces import load_vector
 from ..discrete.space import element_points
-from ..errors import ConvergenceError
+from ..laws.law import Law
+from ..linalg.solver import MOST_ENTRIES
 from ..model_error import MOTION_LIMIT, too_coarse
 from ..scene.loads import Traction
 from ..scene.mesh import TetMesh, material_of
@@ -20,11 +24,11 @@ from ..scene.supports import Supports
 from ..solve.discretisation_error import motion_elements
 from ..solve.nonlinear import solve_nonlinear
 from ..validation import checked_count
-from .cubature import RIGID, Cubature, select_cells, training
+from .cubature import CELLS, drawn_cells, with_cells
 from .elasticity import ReducedElasticity
 from .gradients import basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
-from .rest import reduced_frequencies, reduced_rest
+from .rest import held_rest, lowest_frequency
 from .skinning import (
     FITTED,
     HANDLES,
@@ -34,12 +38,18 @@ from .skinning import (
     skinned_functions,
     turning_functions,
 )
-from .subspace import DERIVED, LinearBody, linear_body, vector_basis
+from .subspace import (
+    DERIVED,
+    LinearBody,
+    linear_body,
+    orthonormal_fields,
+    principal_fields,
+    vector_basis,
+)
 
 GRAVITY = (0.0, 0.0, -9.81)
-# Cells that are tried, until frequency and sag agree with all tets to this share.
-CELLS = (60, 90, 120, 180, 250, 320, 400)
-ACCEPTED = 2e-3
+# A body swings far whose linear response to SWINGS of its load is beyond this share of its size.
+SWINGS, FAR = (1.0, 2.0), 0.25
 # Of quadratic elements that are reduced where linear ones lock: some ten CPU seconds.
 MOST_UNKNOWNS = 60_000
 # Beyond these the model is not what it says: its frequency and its sag against the full body's.
@@ -96,8 +106,7 @@ def reduce_body(
     dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
     acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
     if kind is not Subspace.SKINNING and not body.is_free:
-        fields = vector_basis(body, dead, checked_count("derived", derived))
-        whole = whole_model(body, fields, Subspace.VECTOR)
+        whole = _vector(body, dead, acting, checked_count("derived", derived))
     else:
         wanted = (checked_count("handles", handles), dead, acting)
         skin = _skinning(body, *wanted) if kind is Subspace.SKINNING else turning_functions(body)
@@ -132,62 +141,11 @@ def whole_model(
         region=mesh.region[cells].astype(np.int64),
         region_names=mesh.region_names,
         springs=flat.T @ (body.held.springs.reshape(-1, 1) * flat),
+    ).checked()
+    ratio = lowest_frequency(ReducedElasticity(model).tangent(np.zeros(model.dofs))) / float(
+        body.modes.frequencies[0]
     )
-    ratio = _lowest(ReducedElasticity(model)) / float(body.modes.frequencies[0])
     return replace(model, accuracy=Accuracy(frequency=ratio))
-
-
-def with_cells(
-    whole: ReducedModel,
-    load: Float[np.ndarray, "dofs"],
-    most: int,
-    *,
-    seed: int = 0,
-    accepted: float = ACCEPTED,
-) -> ReducedModel:
-    """Model of few cells, at most so many: as few as agree with ``whole`` in frequency and sag.
-
-    The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]. Where none do, the one
-    with the most cells is returned; its ``accuracy`` tells.
-    """
-    elasticity = ReducedElasticity(whole)
-    found = training(elasticity, load, size=_size(whole), seed=seed)
-    known = _Reference(_lowest(elasticity), _rest(elasticity, load))
-    cubature: Cubature | None = None
-    model = whole
-    for count in [n for n in CELLS if n < most] + [most]:
-        if count >= len(whole.cells):
-            break
-        cubature = select_cells(found, count, start=cubature)
-        model = _checked(whole, found.cells[cubature.cells], cubature.factor, load, known)
-        if model.accuracy.cell_error <= accepted:
-            return model
-    return whole if cubature is None else model
-
-
-class _Reference(NamedTuple):
-    """Lowest frequency [Hz] and coordinates at rest of the model with all tets; None: no rest."""
-
-    frequency: float
-    rest: np.ndarray | None
-
-
-def _checked(
-    whole: ReducedModel,
-    cells: np.ndarray,
-    factor: np.ndarray,
-    load: np.ndarray,
-    known: _Reference,
-) -> ReducedModel:
-    model = whole.on_cells(cells, factor * whole.weights[cells])
-    elasticity = ReducedElasticity(model)
-    ratio, sag = _lowest(elasticity) / known.frequency, np.nan
-    if known.rest is not None:
-        rest = _rest(elasticity, load, known.rest)
-        size = float(np.linalg.norm(known.rest))
-        sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
-    accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
-    return replace(model, accuracy=accuracy._replace(frequency=whole.accuracy.frequency * ratio))
 
 
 def measured(
@@ -199,7 +157,7 @@ def measured(
     """
     forces = model.mass[:, None] * np.asarray(gravity_vector, dtype=float)
     full = solve_nonlinear(mesh, supports, forces=forces, order=model.order).node_displacement
-    rest = _rest(ReducedElasticity(model), model.weight(gravity_vector))
+    rest = held_rest(ReducedElasticity(model), model.weight(gravity_vector))
     error = np.inf if rest is None else relative_error(model, model.displacement(rest), full)
     return replace(model, accuracy=model.accuracy._replace(sag=error))
 
@@ -235,6 +193,45 @@ def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     return tuple(found)
 
 
+def _vector(body: LinearBody, dead: np.ndarray, acting: np.ndarray, derived: int) -> ReducedModel:
+    """Model of a vector basis with all tets; of as many coordinates where the body swings far."""
+    whole = whole_model(body, vector_basis(body, dead, derived), Subspace.VECTOR)
+    linear = body.compliance(acting[None])[0]
+    if SWINGS[-1] * np.abs(linear).max() < FAR * body.size:
+        return whole
+    swung = swung_fields(body, whole, acting)
+    kept = vector_basis(body, dead, max(0, derived - swung.shape[2]))
+    far = principal_fields(swung, kept, body.mass, swung.shape[2])
+    basis = orthonormal_fields(np.concatenate([kept, far], axis=2), body.mass)
+    return whole_model(body, basis, Subspace.VECTOR)
+
+
+def swung_fields(
+    body: LinearBody, model: ReducedModel, acting: Float[np.ndarray, "nodes 3"]
+) -> Float[np.ndarray, "nodes 3 states"]:
+    """Displacements [m] under the forces ``acting`` [N] and twice these, nearly at rest.
+
+    A body let go under its load swings to twice its sag. Each is the rest of the reduced body and
+    one step of Newton of the full one from there: what bends far needs fields that derivatives at
+    rest, of the second order, do not have.
+    """
+    few = ReducedElasticity(drawn_cells(model))
+    elastic = ElasticBody(body.grid, material_of(body.mesh), Law.NEO_HOOKEAN)
+    plan = planned_elimination(body.grid.pattern, body.space.edges)
+    found, q = [], None
+    for share in SWINGS:
+        q = held_rest(few, share * model.pull_back(acting), start=q)
+        if q is None or plan.entries > MOST_ENTRIES:
+            break
+        u = model.displacement(q)
+        left = share * acting - elastic.response(u).force - body.held.springs * u
+        matrix = elastic.tangent(u, projected=True)
+        apply_supports(matrix, body.held.fixed, body.held.springs)
+        factor = CholeskyFactor(matrix, plan)
+        found.append(u + factor.solve(np.where(body.held.fixed, 0.0, left)))
+    return np.stack(found, axis=2) if found else np.zeros((*acting.shape, 0))
+
+
 def _skinning(
     body: LinearBody, handles: int, forces: np.ndarray, acting: np.ndarray
 ) -> Float[np.ndarray, "nodes _"]:
@@ -259,27 +256,3 @@ def _linear_error(body: LinearBody, model: ReducedModel, acting: np.ndarray) -> 
     K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
     found = model.displacement(np.linalg.solve(K, model.pull_back(acting)))
     return relative_error(model, found, body.compliance(acting[None])[0])
-
-
-def _lowest(elasticity: ReducedElasticity) -> float:
-    """Lowest frequency [Hz] that is no rigid motion."""
-    frequencies = reduced_frequencies(elasticity)
-    return float(frequencies[frequencies > np.sqrt(RIGID) * frequencies[-1]][0])
-
-
-def _rest(
-    elasticity: ReducedElasticity, load: np.ndarray, start: np.ndarray | None = None
-) -> np.ndarray | None:
-    """Coordinates at rest under the load; None of a free body, or where none is found."""
-    K = elasticity.tangent(np.zeros(len(load)))
-    if not load.any() or np.linalg.eigvalsh(K)[0] < RIGID * np.abs(K).max():
-        return None
-    try:
-        return reduced_rest(elasticity, load, start=start).u
-    except ConvergenceError:
-        return None
-
-
-def _size(model: ReducedModel) -> float:
-    """Longest side of the body [m]."""
-    return float(np.ptp(model.points[model.mass > 0], axis=0).max())

@@ -7,11 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
+from ..errors import ConvergenceError
 from ..solve.newton import Minimum, Point, minimise
 from .elasticity import ReducedElasticity
 
 # Unbalanced force of a rest, over the load.
 TOLERANCE = 1e-9
+# Squares of frequencies below this share of the largest are rigid motions.
+RIGID = 1e-9
 # An inverse Hessian serves while every move brings the gradient below this share of the last.
 CONTRACTION = 0.5
 
@@ -97,10 +100,13 @@ class KeptInverse:
 class DeadLoad:
     """Total potential W(q) - f . q of a reduced body under the forces f (dofs,) [N/sqrt(kg)]."""
 
-    def __init__(self, elasticity: ReducedElasticity, load: np.ndarray) -> None:
+    def __init__(
+        self, elasticity: ReducedElasticity, load: np.ndarray, kept: KeptInverse | None = None
+    ) -> None:
         self.elasticity, self.load = elasticity, load
         self.scale = float(np.linalg.norm(load)) or 1.0
-        self._gradient, self._kept = np.zeros_like(load), KeptInverse()
+        self._gradient, self._kept = np.zeros_like(load), kept or KeptInverse()
+        self._kept.begin()
 
     def evaluate(self, q: np.ndarray) -> Point:
         """Energy, gradient, and the size of the load."""
@@ -124,9 +130,12 @@ def reduced_rest(
     load: Float[np.ndarray, "dofs"],
     *,
     start: Float[np.ndarray, "dofs"] | None = None,
+    kept: KeptInverse | None = None,
     tolerance: float = TOLERANCE,
 ) -> Minimum:
     """Coordinates [m sqrt(kg)] at rest under the dead ``load`` [N/sqrt(kg)].
+
+    ``kept`` is the inverse Hessian of a body that is nearly this one, for instance of few cells.
 
     Raises
     ------
@@ -134,7 +143,34 @@ def reduced_rest(
         If Newton's method does not find it.
     """
     first = np.zeros_like(load) if start is None else start
-    return minimise(DeadLoad(elasticity, load), first, solve=KeptInverse.solve, tolerance=tolerance)
+    potential = DeadLoad(elasticity, load, kept)
+    return minimise(potential, first, solve=KeptInverse.solve, tolerance=tolerance)
+
+
+def held_rest(
+    elasticity: ReducedElasticity,
+    load: Float[np.ndarray, "dofs"],
+    *,
+    start: Float[np.ndarray, "dofs"] | None = None,
+    kept: KeptInverse | None = None,
+) -> np.ndarray | None:
+    """``reduced_rest``'s coordinates; None where nothing loads or holds it, or none is found."""
+    if not load.any():
+        return None
+    if kept is None:
+        stiffness = elasticity.tangent(np.zeros(len(load)))
+        if np.linalg.eigvalsh(stiffness)[0] < RIGID * np.abs(stiffness).max():
+            return None
+    try:
+        return reduced_rest(elasticity, load, start=start, kept=kept).u
+    except ConvergenceError:
+        return None
+
+
+def lowest_frequency(stiffness: Float[np.ndarray, "dofs dofs"]) -> float:
+    """Lowest frequency [Hz] that is no rigid motion, of the ``stiffness`` [1/s^2] about rest."""
+    square = np.linalg.eigvalsh(stiffness)
+    return float(np.sqrt(square[square > RIGID * square[-1]][0])) / (2 * np.pi)
 
 
 def reduced_frequencies(elasticity: ReducedElasticity) -> Float[np.ndarray, "dofs"]:
