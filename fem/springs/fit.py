@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -9,12 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, UsageError
 from ..scene.mesh import TetMesh, material_of
 from .body import SpringBody
 from .eta import SOFTEST, stiffened
+from .method import COST, PATIENCE
 from .network import SpringNetwork
 from .vibration import network_frequencies
+
+logger = logging.getLogger(__name__)
 
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
@@ -22,6 +26,8 @@ LOOSE = 1e3
 # ends where the square of the error falls, or would, by less than a share. Derivatives serve while
 # a step gains about what they promise, and learn from it (Broyden).
 DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
+# Motions that a fit takes, about: 9 to 14 were counted.
+USUAL = 12
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
 # Steps are made shorter only where they are too long by more than this share, so that differences
@@ -140,11 +146,24 @@ class _Followed:
         motion = self.body.motion(stiffness, dashpot=self.dashpot)
         needed = motion.steps_for(self.dt)
         self.steps = needed if needed > (1 + LEEWAY) * self.steps else self.steps
+        self._check_time(len(stiffness))
         out = np.empty_like(self.target)
         for frame in range(len(out)):
             motion.advance(self.dt, steps=self.steps)
             out[frame] = self.body.displacement(motion.x)
         return (self.weight * (out - self.target)).ravel()
+
+    def _check_time(self, springs: int) -> None:
+        """``UsageError`` where a fit would take hours."""
+        steps = self.steps * len(self.target)
+        seconds = USUAL * 2 * COST * springs * steps
+        if seconds > PATIENCE:
+            raise UsageError(
+                f"a fit takes some {USUAL} motions of {steps:,} steps, so stiff the springs are: "
+                f"some {seconds / 3600:.1f} hours; fewer --anchors, a shorter or softer motion, or "
+                "--solver lbs"
+            )
+        logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
 
 
 def fit_to_motion(
@@ -168,6 +187,8 @@ def fit_to_motion(
         Where nothing moves, the shapes do not fit, or pieces of the network turn freely.
     ConvergenceError
         Where the fit does not settle, or a motion's steps are unstable.
+    UsageError
+        Where the fit would take hours.
     """
     network, followed = body.network, _Followed(body, wanted, dt, dashpot, steps)
 
@@ -177,10 +198,11 @@ def fit_to_motion(
     def misfit(p: np.ndarray) -> np.ndarray:
         return followed.misfit(stiffness(p))
 
-    first, start = misfit(np.zeros(2)), np.zeros(2)
-    if frequency is not None:
+    start = np.zeros(2)
+    if frequency is not None:  # and before any motion: pieces that turn freely are told here
         scale = scale_to_frequency(network, frequency, eta=eta, surface=PROFILE)
         start = np.array([np.log(scale), PROFILE])
+    first = misfit(np.zeros(2))
     p, error, runs = _gauss_newton(misfit, start, first)
     ratio = np.nan
     if frequency is not None:

@@ -17,8 +17,8 @@ from .body import SpringBody, spring_body
 from .eta import SOFTEST, stiffened
 from .motion import SpringMotion
 
-# CPU time of a spring, from one end, and step [s]: 6 to 9 ns were measured, on a busy machine more.
-COST = 1.2e-8
+# CPU time of half a spring and step [s]: 3.3 to 5 ns were measured, on a busy machine more.
+COST = 6e-9
 # A run that takes longer [s] is refused.
 PATIENCE = 3600.0
 

@@ -278,6 +278,17 @@ def test_both_ends_of_a_twin_come_back():
     assert fit.stiff_error < 0.1  # more neighbours carry it otherwise than larger k
 
 
+def test_a_fit_of_hours_is_refused_before_its_first_motion(monkeypatch):
+    """And one of a network whose pieces turn freely, whatever its motion."""
+    body = spring_body(post(E=1e14), 200, 16)
+    moved = np.broadcast_to(1e-3 * body.scene.mesh.points, (4, *body.scene.mesh.points.shape))
+    monkeypatch.setattr("autophyx_tet.fem.springs.motion.SpringMotion.advance", None)
+    with pytest.raises(UsageError, match="hours; fewer --anchors"):
+        fit_to_motion(body, moved, 1.0)
+    with pytest.raises(InputError, match="turn freely"):
+        fit_to_motion(body, moved, 1e-9, frequency=1e12)
+
+
 def test_a_motion_that_does_not_fit_is_refused():
     body = spring_body(post(), 100, 12)
     with pytest.raises(InputError, match="nothing moves"):
