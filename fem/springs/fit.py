@@ -28,6 +28,8 @@ LOOSE = 1e3
 DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
 # Motions that a fit takes, about: 9 to 14 were counted.
 USUAL = 12
+# Bar and slab are followed within 5 %: a fit that ends at more than twice that is none.
+FOLLOWED = 0.1
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
 # Steps are made shorter only where they are too long by more than this share, so that differences
@@ -80,14 +82,20 @@ class SpringFit:
     stiff_error: float = np.nan
 
 
-def profile_warnings(fit: SpringFit) -> tuple[str, ...]:
+def spring_warnings(fit: SpringFit) -> tuple[str, ...]:
     """What to say where a fit is not what it looks like."""
-    if abs(fit.surface) < STEEPEST:
-        return ()
-    return (
-        f"the springs' profile ended at its limit, {np.exp(STEEPEST):.0f} times from middle to "
-        "surface: the motion wants what springs cannot do",
-    )
+    found = []
+    if abs(fit.surface) >= STEEPEST:
+        found.append(
+            f"the springs' profile ended at its limit, {np.exp(STEEPEST):.0f} times from middle to "
+            "surface: the motion wants what springs cannot do"
+        )
+    if not fit.error <= FOLLOWED:
+        found.append(
+            f"the springs do not follow the motion: {fit.error:.0%} off after the fit (limit "
+            f"{FOLLOWED:.0%}); more --anchors, or a motion of more frames in a period"
+        )
+    return tuple(found)
 
 
 def scale_to_frequency(

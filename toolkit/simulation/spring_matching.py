@@ -9,7 +9,7 @@ from ...fem.scene.scene import Scene
 from ...fem.solve.discretisation_error import linear_stiffening, motion_order
 from ...fem.solve.modal import natural_modes
 from ...fem.springs.body import spring_body
-from ...fem.springs.fit import SpringFit, fit_both_ends, fit_to_motion, profile_warnings
+from ...fem.springs.fit import SpringFit, fit_both_ends, fit_to_motion, spring_warnings
 from ..options import SimulateOptions
 from .motion_reading import EvenMotion
 
@@ -35,4 +35,4 @@ def fitted_springs(
         fit = fit_to_motion(body, u, dt, eta=options.eta, frequency=frequency)
     coarse = too_coarse(linear_stiffening(scene.mesh, scene.supports)) if order == 1 else None
     notes = () if coarse is None else (f"the frequency it is compared with is too high: {coarse}",)
-    return fit, (*notes, *body.notes, *profile_warnings(fit))
+    return fit, (*notes, *body.notes, *spring_warnings(fit))

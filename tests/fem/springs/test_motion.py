@@ -15,8 +15,8 @@ from autophyx_tet.fem.springs.eta import SOFTEST, eta_for_ratio, eta_reach, stif
 from autophyx_tet.fem.springs.fit import (
     fit_both_ends,
     fit_to_motion,
-    profile_warnings,
     scale_to_frequency,
+    spring_warnings,
 )
 from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.springs.vibration import network_frequencies
@@ -187,8 +187,9 @@ def test_a_twin_gives_its_scale_and_profile_back(scale, surface):
     assert fit.surface == pytest.approx(surface, abs=1e-4)
     assert fit.error < 1e-4
     assert fit.calibrated_error > 0.03
-    assert profile_warnings(fit) == ()
-    assert "at its limit" in profile_warnings(dataclasses.replace(fit, surface=-4.0))[0]
+    assert spring_warnings(fit) == ()
+    assert "at its limit" in spring_warnings(dataclasses.replace(fit, surface=-4.0))[0]
+    assert "85% off" in spring_warnings(dataclasses.replace(fit, error=0.85))[0]
 
 
 def test_a_profile_keeps_the_mean():
