@@ -1,6 +1,6 @@
 """Reduced bodies beside the full one and beside peers' ways: error against time, and real pieces.
 
-    python benchmarks/reduced.py [--bodies bar slab bonsai] [--order 1] [--real] [-o FILE]
+    python benchmarks/reduced.py [--bodies bar slab bonsai] [--order 1] [--real] [--made]
 
 Every body sags under its weight and is then let go with a push ("wobble": all frames, in the norm
 of mass). Full body: the elements that are reduced (quadratic where linear ones lock, or --order),
@@ -232,6 +232,12 @@ def rows_of(body: Body, real_piece: bool, order: int | None) -> list[dict]:
     return rows
 
 
+def made_in(body: Body, order: int | None, times: int = 3) -> float:
+    """Least CPU seconds of so many makings of the vector model."""
+    known = {"supports": body.held, "gravity_vector": body.gravity, "order": order}
+    return min(timed(lambda: reduce_body(body.mesh, **known))[1] for _ in range(times))
+
+
 def draw(rows: list[dict], path: Path) -> None:
     """Error of the motion against the CPU time of a step, a panel a body."""
     import matplotlib.pyplot as plt
@@ -268,7 +274,12 @@ def main() -> None:
     parser.add_argument("--order", type=int, help="of the elements; by default as motions take")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--made", action="store_true", help="only how long the making takes")
     options = parser.parse_args()
+    if options.made:
+        with one_thread():
+            print({name: made_in(BODIES[name](), options.order) for name in options.bodies})
+        return
     rows: list[dict] = []
     with one_thread():
         for name in options.bodies:
