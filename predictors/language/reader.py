@@ -144,7 +144,7 @@ def _groups(
             yield from _groups(run[:said], lexicon, before, "", last)
             run = run[said:]
         run = [x for x in run if x.role != "word" or x.part]
-        yield Constituent("W", Draft("whole"))
+        yield Constituent("W", Draft("whole", lexemes=[x for x in run if x.role == "all"]))
     for group in groups_of(run, lexicon, owes=owes, opens=opens):
         part = _full_name(group, last)
         if part and part[-1] in words()["attributes"]["matter"] and after == "=":

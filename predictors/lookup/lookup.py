@@ -30,6 +30,7 @@ from ..language.binding import GENERAL, Bound, BoundPart
 from ..language.clauses import Clause, Sentence, Subject
 from ..language.reader import parse
 from ..prediction import PartChoice
+from ..vocabulary.lexicon import words
 from ..vocabulary.part_names import parts_called
 from .allotment import allot
 from .comparison import with_relations
@@ -198,11 +199,20 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
     """What is said of a part, less what is ``lost``."""
     bonds = [(k, how) for k, how in zip(part.clauses, part.how, strict=True) if k not in lost]
     ways = {how for _, how in bonds}
+    clauses = tuple(sentence.clauses[k] for k, _ in bonds)
+    naming = next((clause for clause in clauses if clause.material), None)
     return PartStatement(
-        tuple(sentence.clauses[k] for k, _ in bonds),
+        clauses,
         borrowed=ways <= {*GENERAL},
-        whole=ways == {"whole"},
+        whole=ways == {"whole"} and not (naming and _leaves_nothing_out(naming)),
     )
+
+
+def _leaves_nothing_out(clause: Clause) -> bool:
+    """Whether it says that it is of every part, as "it is steel" does not."""
+    phrases = (*words()["roles"]["whole"], "whole", "entire")
+    said = f" {' '.join(re.findall(r'[a-z]+', clause.text.lower()))} "
+    return clause.subject.scope == "whole" and any(f" {phrase} " in said for phrase in phrases)
 
 
 def _unread(sentence: Sentence) -> Iterator[str]:

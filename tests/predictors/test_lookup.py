@@ -231,6 +231,21 @@ def test_a_sentence_wins_over_a_name_of_its_kind_and_another_kind_is_told():
     assert any("'glass_top': its name" in warning for warning in settled.warnings)
 
 
+def test_what_is_said_of_everything_wins_over_names_and_what_names_a_part_over_that():
+    """ "Everything" leaves no part out, whatever it is called; one that is named has its own."""
+    parts = "foam_1 cushion leg"
+    steel, foam = TABLE.exact("steel"), TABLE.exact("foam")
+    for text in (
+        "everything is steel", "all parts are steel", "the whole thing is steel",
+        "the whole chair is steel", "all of it is steel", "the entire chair is steel",
+    ):  # fmt: skip
+        assert materials(parts, text) == [steel] * 3, text
+    for text in ("everything is steel, the cushion is foam", "foam cushion, everything is steel"):
+        assert materials(parts, text) == [steel, foam, steel], text
+    assert materials(parts, "everything is steel except the foam")[0] is foam
+    assert materials(parts, "it is steel") == [foam, steel, steel]
+
+
 def test_a_pot_of_clay_is_fired_and_the_clay_in_it_is_soil():
     for text, row in (("pot: clay", "earthenware"), ("pot: stiff clay", "stiff clay")):
         (choice,) = choose([["pot"]], text)
