@@ -55,7 +55,7 @@ class ConvertOptions:
     up: UpAxis | None = None
     """Axis that points up; by default what the format says (glTF and OBJ: y, others: z)."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
-    """ftetwild keeps epsilon, stuffing is quick; auto: for splats, clouds, grids, time-outs."""
+    """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
     edge_length_rel: float | None = None
     """Wanted edge of a tet, share of the bounding box diagonal; .05, stuffing: 50,000 tets."""
     edge_length: float | None = None

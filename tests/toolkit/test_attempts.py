@@ -1,10 +1,13 @@
 """Attempts of the engine: remembered, repeated coarser, judged; what failed is on record."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.meshing import tetrahedralize as module
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.native import cache
 from autophyx_tet.toolkit.native.child import ChildFailure
@@ -63,7 +66,7 @@ def test_a_time_out_is_followed_by_a_lattice_and_said(monkeypatch):
     assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
     assert (report.mesher, report.ok) == ("stuffing", True)
     assert mesh.volume == pytest.approx(1, rel=0.01)  # of which more would be told
-    assert any("took too long" in w and "--mesher ftetwild" in w for w in report.warnings)
+    assert any("takes too long" in w and "--mesher ftetwild" in w for w in report.warnings)
 
 
 def _slow_at_first(monkeypatch):
@@ -133,3 +136,16 @@ def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
     assert mesh.volume == pytest.approx(0.8)
     assert not report.ok
     assert set(report.failed) <= set(report.warnings)
+
+
+def test_a_surface_too_large_for_the_engine_goes_to_a_lattice_at_once(monkeypatch):
+    """A knobbly ball of 5,120 triangles where 4,000 are quick: no engine is waited for; said."""
+    monkeypatch.setattr(module, "QUICK_TRIANGLES", 4000)
+    ball = trimesh.creation.icosphere(4)
+    ball.vertices *= 1 + 0.03 * np.sin(20 * ball.vertices).prod(axis=1, keepdims=True)
+    _, report = tetrahedralize(asset_of(ball=ball), epsilon_rel=1e-4, max_tets=5000)
+    assert [attempt.engine for attempt in report.attempts] == ["tetwild", "stuffing"]
+    left = re.search(r"time: ([\d,]+) triangles are more", report.attempts[0].outcome)
+    assert 4000 < int(left[1].replace(",", "")) <= len(ball.faces)
+    assert any("takes too long" in w and left[1] in w for w in report.warnings)
+    assert (report.mesher, report.ok) == ("stuffing", True)

@@ -39,7 +39,7 @@ class EngineTarget:
 
     ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is. A lattice has
     that edge where it ``edge_is_given``, else one that gives about ``tets``; it keeps ``sharp``
-    edges of the input.
+    edges of the input. The engine gives up at once on more than ``most_triangles``, decimated.
     """
 
     diagonal: float
@@ -50,6 +50,7 @@ class EngineTarget:
     edge_is_given: bool = True
     tets: int = LATTICE_TETS
     sharp: bool = True
+    most_triangles: int | None = None
 
     @classmethod
     def of(
@@ -171,6 +172,7 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
             "epsilon_rel": target.envelope / scale,
             "stop_energy": target.stop_energy,
             "decimate_rel": DECIMATED_SHARE * target.epsilon / scale,
+            "most_triangles": target.most_triangles,
         },
     )
     where = box["points"] * scale + centre

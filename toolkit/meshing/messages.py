@@ -118,8 +118,9 @@ def _of_lattice(report: ConversionReport, layers: int) -> Iterator[str]:
         return
     if report.attempts[0].engine != STUFFING:
         yield (
-            f"fTetWild took too long: a lattice of {report.edge_length:.3g} m was cut to the "
-            "surface instead, which keeps no epsilon; --mesher ftetwild tries on"
+            f"fTetWild takes too long ({report.attempts[0].outcome.removeprefix('time: ')}): a "
+            f"lattice of {report.edge_length:.3g} m was cut to the surface instead, which keeps no "
+            "epsilon; --mesher ftetwild tries on"
         )
     far, at = max(
         (report.distances.to_input, "the boundary is {} from the input"),

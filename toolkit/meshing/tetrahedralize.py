@@ -29,7 +29,7 @@ from .conversion_report import (
 from .engine_run import EngineTarget, Filling, LatticeFit
 from .lattice_guarantees import lattice_guarantees
 from .losses import MOST_LOST
-from .meshers import AUTO, FTETWILD, STUFFING, chosen_mesher
+from .meshers import AUTO, FTETWILD, QUICK_TRIANGLES, STUFFING, chosen_mesher
 from .messages import differences, left_out, likely_hollow, listed, no_mesh, no_volume, said
 from .preparation import Preparation, Prepared
 from .quality import quality
@@ -65,7 +65,7 @@ def tetrahedralize(
     Parameters
     ----------
     mesher
-        Name in ``MESHERS``, or "auto": "stuffing" for sampled assets and after a time-out.
+        Name in ``MESHERS``, or "auto": "stuffing" if sampled, and where fTetWild takes minutes.
         "ftetwild" keeps epsilon, "stuffing" good angles and the volume, in seconds.
     edge_length_rel, epsilon_rel
         Wanted edge, by default .05 or ``LATTICE_TETS`` tets in a lattice, and largest distance
@@ -89,6 +89,7 @@ def tetrahedralize(
     rel = edge_length_rel if edge_length is None else edge_length / diagonal
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
+    target = replace(target, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None)
     held = _held(asset, _walls(asset, wall, part_wall or {}), target.epsilon, solid)
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)

@@ -23,24 +23,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .engines import TASKS, Arrays
+from .engines import TASKS, Arrays, TooLong
 from .guard import guard
 
 log = logging.getLogger(__name__)
 
 Progress = Callable[[str, float], None]
+Kind = Literal["time", "memory", "crash", "error"]
 
 POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
 MEMORY_SHARE = 0.75  # of the machine's memory: the child fails before the machine swaps
+_KINDS: dict[str, Kind] = {"MemoryError": "memory", TooLong.__name__: "time"}
 _JOB, _RESULT, _FAILURE, _LOG = "job.npz", "result.npz", "failure.txt", "log.txt"
 
 
 class ChildFailure(RuntimeError):
     """A child that left no result, with the kind of its end."""
 
-    def __init__(
-        self, kind: Literal["time", "memory", "crash", "error"], reason: str, seconds: float
-    ) -> None:
+    def __init__(self, kind: Kind, reason: str, seconds: float) -> None:
         super().__init__(reason)
         self.kind = kind
         self.seconds = seconds
@@ -142,7 +142,7 @@ def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arr
         return load_npz(folder / _RESULT)
     if (folder / _FAILURE).exists():
         kind, _, reason = (folder / _FAILURE).read_text().partition(": ")
-        raise ChildFailure("memory" if kind == "MemoryError" else "error", reason or kind, seconds)
+        raise ChildFailure(_KINDS.get(kind, "error"), reason or kind, seconds)
     words = (folder / _LOG).read_bytes()[-2000:].decode(errors="replace")
     if "bad_alloc" in words:
         raise ChildFailure("memory", "the engine ran out of its memory limit", seconds)
