@@ -11,7 +11,7 @@ from ..cholesky.factor import CholeskyFactor, NotPositive
 from ..device import Recorder, start_warp
 from ..discrete.block_matrix import BlockMatrix
 from .krylov import ConjugateGradients, DeviceVector, length
-from .solver import affordable
+from .solver import MOST_ENTRIES, iterations_worth
 from .two_level import Scaled, TwoLevel, scale
 
 # Unknowns up to which the preconditioner is a direct factor without anything being estimated.
@@ -60,12 +60,18 @@ class RepeatedSolver:
         Node positions [m], shape (nodes, 3).
     fixed
         Prescribed components, shape (nodes, 3).
+
+    Attributes
+    ----------
+    factors
+        Whether the preconditioner is a factor, as two levels were seen to take longer.
     """
 
     def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:
         self.points, self.fixed = points, fixed
         self._kept: _Kept | None = None
         self._usual = 0
+        self.factors = False
 
     def __call__(self, matrix: BlockMatrix, b: Any, goal: float) -> Any:
         """Return x with |b - A x| <= ``goal`` [N], within the limits; NaN if A is not positive.
@@ -84,11 +90,23 @@ class RepeatedSolver:
             self._kept = None
             if iterations == 0:  # not positive: another preconditioner will not help
                 return np.nan * b
-        self._kept = self._fresh(matrix)
-        if self._kept is None:
-            return np.nan * b
-        x, self._usual = self._iterate(self._kept, matrix, b, target, LIMIT)
-        return np.nan * b if x is None else x
+        return self._anew(matrix, b, target)
+
+    def _anew(self, matrix: BlockMatrix, b: Any, target: float) -> Any:
+        """Solve with a fresh preconditioner: two levels until they take as long as a factor."""
+        worth = _factor_worth(matrix)
+        self.factors |= worth == 0
+        for limit in (LIMIT,) if self.factors else (min(worth, LIMIT), LIMIT):
+            self._kept = self._fresh(matrix)
+            if self._kept is None:
+                break
+            x, self._usual = self._iterate(self._kept, matrix, b, target, limit)
+            if x is not None:
+                return x
+            if self._usual == 0 or worth > LIMIT:
+                break
+            self.factors = True
+        return np.nan * b
 
     def _fresh(self, matrix: BlockMatrix) -> _Kept | None:
         """Preconditioner of ``matrix``; none if it is seen not to be positive."""
@@ -96,14 +114,12 @@ class RepeatedSolver:
         system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
         if np.isnan(system.largest):
             return None
-        if _factor_pays(matrix):
-            try:
-                cycle = FactorCycle(system)
-            except NotPositive:
-                return None
-        else:
-            cycle = TwoLevel(system, self.points, self.fixed, DEGREE)
-        return _around(matrix, system, cycle)
+        if not self.factors:
+            return _around(matrix, system, TwoLevel(system, self.points, self.fixed, DEGREE))
+        try:
+            return _around(matrix, system, FactorCycle(system))
+        except NotPositive:
+            return None
 
     @staticmethod
     def _iterate(
@@ -132,14 +148,17 @@ class RepeatedSolver:
         return size * found, iterations
 
 
-def _factor_pays(matrix: BlockMatrix) -> bool:
-    """Whether a factor takes no longer than CG does on good tets: thin parts take ten times more.
+def _factor_worth(matrix: BlockMatrix) -> int:
+    """Iterations of the two levels that a factor is worth; above ``LIMIT`` where none is made.
 
-    (Slats of concrete were not solved in 600 iterations, and the steps halved: 4 s each, now .1.)
+    Steps of a body of good tets take some ten, slats of concrete took more than 600.
     """
     if matrix.values.device.is_cuda:  # a graph of a GPU could not call it
-        return False
-    return 3 * matrix.nodes <= DIRECT or affordable(planned_elimination(matrix), matrix)
+        return LIMIT + 1
+    if 3 * matrix.nodes <= DIRECT:
+        return 0
+    plan = planned_elimination(matrix)
+    return min(iterations_worth(plan, matrix), LIMIT) if plan.entries <= MOST_ENTRIES else LIMIT + 1
 
 
 def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _Kept:

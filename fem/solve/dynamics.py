@@ -108,7 +108,7 @@ class Dynamics:
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
         self.rigidity = nodal_rigidity(mesh, grid.space)
-        self._solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
+        self.solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         plain = not (self.contact.acts or self.damping) and grid.pattern.columns.device.is_cuda
         self.constants = DeviceConstants.of(self, grid.device) if plain else None
         self._energy: tuple[np.ndarray | None, float] = (None, 0.0)
@@ -226,20 +226,20 @@ class Dynamics:
         potential = Incremental(self, step.factor, target, step.dt, old)
         if self.constants is not None:
             there = DeviceIncremental(potential, self.constants)
-            found = there.minimum(u, solve=self._solver, tolerance=self.tolerance)
+            found = there.minimum(u, solve=self.solver, tolerance=self.tolerance)
             self._energy = (found.u, there.elastic)
             return found.u, found.iterations
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
-            found = minimise(potential, u, solve=self._solver, tolerance=self.tolerance)
+            found = minimise(potential, u, solve=self.solver, tolerance=self.tolerance)
             u, count = found.u, count + found.iterations
         return u, count
 
     def solve_adjoint(self, step: Step, u: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Solve H x = b with the Hessian [N/m] of a ``step`` that ended at ``u`` [m]."""
         potential = Incremental(self, step.factor, u, step.dt, step.now.u)
-        return self._solver(potential.hessian(u, projected=False), b, 0.0)
+        return self.solver(potential.hessian(u, projected=False), b, 0.0)
 
 
 class DynamicMethod:

@@ -232,3 +232,16 @@ def test_a_thin_plate_takes_whole_steps():
     body.step(1 / 60)
     assert body.last_step is not None
     assert body.last_step.dt == 1 / 60
+
+
+def test_a_factor_is_made_where_two_levels_would_take_longer():
+    """A thick beam's steps take ten iterations and no factor, a thin plate's take one."""
+    for size, cells, thin in (
+        ((1, 0.2, 0.2), (27, 8, 8), False),
+        ((1, 0.5, 1e-3), (36, 18, 2), True),
+    ):
+        mesh = with_uniform(box_mesh(size, cells), E=1e8, nu=0.3, rho=1000.0)
+        held = Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
+        body = Dynamics(mesh, supports=held, gravity_vector=G, order=1, self_contact=False)
+        body.step(1e-2)
+        assert body.solver.factors is thin

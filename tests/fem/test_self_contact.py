@@ -196,7 +196,8 @@ def test_a_thin_sheet_is_no_contact_with_itself():
     mesh = with_uniform(box_mesh((1, 1, 2e-4), (8, 8, 1)), E=1e9, nu=0.3, rho=1e3)
     body = Dynamics(lifted(mesh, 1.0), gravity_vector=G)
     state = body.step(1e-2)
-    assert np.abs(state.u - state.u[0]).max() < 1e-9
+    # A barrier across the wall of 2e-4 m would part its sides by far more than round-off does.
+    assert np.abs(state.u - state.u[0]).max() < 1e-4 * 2e-4
     assert state.barrier == 0
     (note,) = body.contact.notes
     assert "two sides of a wall" in note

@@ -31,7 +31,8 @@ def bar(tmp_path):
 def test_a_deck_has_the_grain_along_the_longest_side_or_as_said(bar):
     done = export(bar, "calculix", output=bar.with_name("bar.inp"))
     (said,) = done.warnings
-    assert said.startswith("the grain is taken along leg (") and said.endswith("--grain says otherwise")
+    assert said.startswith("the grain is taken along leg (")
+    assert said.endswith("--grain says otherwise")
     deck = bar.with_name("bar.inp").read_text()
     assert deck.count("ENGINEERING CONSTANTS") == 1
     along = deck.partition("SYSTEM=RECTANGULAR\n")[2].split(",")[:3]
