@@ -84,7 +84,7 @@ class Cascade:
         for role, other in said:
             if other is not draft and role != "keep":
                 _ROLES[role](self, draft, other)
-                kept = role in ("exceptions", rule.keep)
+                kept = role in ("exceptions", "outside", rule.keep)
                 into = self.dropped if role == "drop" else draft.lexemes
                 into += [] if kept else other.lexemes
         if "last" in groups:
@@ -184,7 +184,7 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
     "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
     "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
-    "renamed": _renamed, "drop": lambda *_: None, "keep": lambda *_: None,
+    "renamed": _renamed, "drop": lambda *_: None, "keep": lambda *_: None, "outside": lambda *_: None,
 }  # fmt: skip
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,

@@ -54,18 +54,26 @@ def _fill(
 ) -> list[Lexeme]:
     """Put the words that no phrase took between the lexemes."""
     out = list(chosen)
-    for atom in cut:
+    for i, atom in enumerate(cut):
         if any(c.start < atom.end and atom.start < c.end for c in chosen):
             continue
-        first = atom.text[0]
+        first, named = atom.text[0], atom.stem in known and not _is_article(cut, i, known)
         role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
         out.append(
             Lexeme(
                 atom.text, atom.start, atom.end, role, words=(atom.stem,),
-                known=atom.start not in strange, part=atom.stem in known,
+                known=atom.start not in strange, part=named,
             )
         )  # fmt: skip
     return sorted(out, key=lambda x: x.start)
+
+
+def _is_article(cut: list[Atom], i: int, known: set[str]) -> bool:
+    """Whether an "a" is no label of a part: "a stool" of "leg_a", but "leg a is oak"."""
+    after = cut[i + 1].text.lower() if i + 1 < len(cut) else ""
+    joins = {word for role in ("is", "of", "and") for word in words()["roles"][role]}
+    labels = i > 0 and cut[i - 1].stem in known
+    return cut[i].text.lower() == "a" and after[:1].isalpha() and after not in joins and not labels
 
 
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
