@@ -76,6 +76,8 @@ class PartChoice:
         Whether what the text says of the part was understood.
     draws
         Other plausible materials that a network drew, in the order of their seeds.
+    exact
+        Which of E, nu and rho were stated in numbers.
     """
 
     part: str
@@ -94,6 +96,7 @@ class PartChoice:
     understood: bool = True
     matter: str = ""
     draws: tuple[MaterialValue, ...] = ()
+    exact: tuple[str, ...] = ()
 
     @property
     def matter_class(self) -> str:

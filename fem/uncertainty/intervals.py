@@ -30,6 +30,10 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    def holding(self, other: Interval | None) -> Interval:
+        """Return the interval that holds both."""
+        return Interval(min(self.low, other.low), max(self.high, other.high)) if other else self
+
     def words(self, form: str) -> str:
         """Both ends, in a format of numbers."""
         return f"{self.low:{form}} to {self.high:{form}}"

@@ -7,7 +7,7 @@ draws, one after the other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -25,7 +25,7 @@ from ..scene.supports import Supports
 from ..solve.statics import check_held
 from .intervals import Interval
 from .lattice import shifted_lattice
-from .ranges import Draws, OpenRange, open_ranges
+from .ranges import Draws, Exact, OpenRange, open_ranges
 
 # Draws of E, nu and rho; frequencies, and what of the answers, that are told as likely.
 TONES = 3
@@ -66,6 +66,7 @@ def likely_answers(
     materials: Mapping[str, str],
     *,
     draws: Draws | None = None,
+    exact: Exact | None = None,
     result: SagResult | None = None,
     modes: Modes | None = None,
     samples: int = SAMPLES,
@@ -76,11 +77,11 @@ def likely_answers(
     E and rho of a row are drawn evenly in their logarithm, nu evenly, independent of each other and
     the same for all parts of one row, by ``shifted_lattice``. Parts of ``draws`` have the first of
     theirs in the first body, the second in the second, and so on around; without any row there are
-    as many bodies as draws. How much the answers change is found with linear elements, as in
-    ``displacement_interval``.
+    as many bodies as draws; what is ``exact`` of a part stays. How much the answers change is found
+    with linear elements, as in ``displacement_interval``.
     """
     mesh, held = scene.mesh, scene.held
-    ranges = open_ranges(mesh, materials, draws)
+    ranges = open_ranges(mesh, materials, draws, exact)
     if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
         return None
     family = _family(scene, ranges, modes)
@@ -105,6 +106,22 @@ def likely_answers(
     frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
     mass = _middle(np.array([family.mass(member).sum() for member in members]))
     return Likely(mass, u, frequencies, len(members), error, drawn)
+
+
+def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any]:
+    """Lowest and highest answers by their names, and what is likely, which they hold.
+
+    They leave Poisson's ratio as it is; what is likely does not.
+    """
+    held = dict(ends)
+    for name in held if likely else ():
+        inner = getattr(likely, name)
+        if name == "frequencies":
+            rest = held[name][len(inner) :]
+            held[name] = (*(a.holding(b) for a, b in zip(held[name], inner, strict=False)), *rest)
+        elif held[name] is not None:
+            held[name] = held[name].holding(inner)
+    return {**held, "likely": likely}
 
 
 def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:

@@ -16,6 +16,8 @@ from ..scene.materials import FIELDS, NU_CAP, MaterialValue, Span, load_table
 from ..scene.mesh import TetMesh, material_of
 
 Draws = Mapping[str, Sequence[MaterialValue]]
+# Which of E, nu and rho of a part were stated in numbers: they have no range.
+Exact = Mapping[str, Sequence[str]]
 
 
 class OpenRange(NamedTuple):
@@ -35,14 +37,19 @@ class OpenRange(NamedTuple):
 
 
 def open_ranges(
-    mesh: TetMesh, materials: Mapping[str, str], draws: Draws | None = None
+    mesh: TetMesh,
+    materials: Mapping[str, str],
+    draws: Draws | None = None,
+    exact: Exact | None = None,
 ) -> tuple[OpenRange, ...]:
     """Ranges of the rows in ``materials`` (part -> row) that are in the table, then of ``draws``.
+
+    Parts of one row vary together where the same of them is ``exact``, which stays as it is.
 
     An apparent material, of a hollow part that is meshed solid, has no row: it stays as it is.
     """
     material, rows = material_of(mesh), {row.name: row for row in load_table()}
-    of_row: dict[str, np.ndarray] = {}
+    of_row: dict[tuple[str, frozenset[str]], np.ndarray] = {}
     drawn: dict[str, np.ndarray] = {}
     for region, part in enumerate(mesh.region_names):
         own, row = mesh.region == region, rows.get(materials.get(part, ""))
@@ -51,11 +58,18 @@ def open_ranges(
         if draws and draws.get(part):
             drawn[part] = own
         elif row is not None and is_of_row(material.E[own], row.name):
-            of_row[row.name] = of_row.get(row.name, False) | own
+            alike = row.name, frozenset((exact or {}).get(part, ()))
+            of_row[alike] = of_row.get(alike, False) | own
     found = []
-    for name, own in of_row.items():
+    for (name, fixed), own in of_row.items():
+        if fixed >= {*FIELDS}:
+            continue
         row = rows[name]
         spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
+        spans = [
+            Span(np.inf, -np.inf) if field in fixed else span
+            for field, span in zip(FIELDS, spans, strict=True)
+        ]
         grained = material.tensor is not None and name in load_grains()
         found.append(_open(material, own, spans)._replace(grained=grained))
     for part, own in drawn.items():
@@ -93,10 +107,13 @@ class RangeFactors(NamedTuple):
 
 
 def material_ranges(
-    mesh: TetMesh, materials: Mapping[str, str], draws: Draws | None = None
+    mesh: TetMesh,
+    materials: Mapping[str, str],
+    draws: Draws | None = None,
+    exact: Exact | None = None,
 ) -> RangeFactors | None:
     """Factors of the parts whose range is known, by ``open_ranges``; None: of none."""
-    ranges, material = open_ranges(mesh, materials, draws), material_of(mesh)
+    ranges, material = open_ranges(mesh, materials, draws, exact), material_of(mesh)
     factors = RangeFactors(*np.ones((4, len(mesh.tets))))
     for one in ranges:
         for first, span, values in ((0, one.E, material.E), (2, one.rho, material.rho)):

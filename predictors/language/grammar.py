@@ -179,12 +179,12 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "strange": _unknown, "stuff": _unknown, "excluded": _negated,
     "values": lambda _, head, other: head.add(other),
     "made": lambda _, head, other: head.add(other),
-    "first": lambda _, head, other: head.add(other), "last": lambda *_: None,
+    "first": lambda _, head, other: head.add(other),
     "instead": lambda _, head, other: head.add(other, instead=True),
     "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
     "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
     "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
-    "renamed": _renamed, "drop": lambda *_: None, "keep": lambda *_: None, "outside": lambda *_: None,
+    "renamed": _renamed, **dict.fromkeys(("drop", "keep", "last", "outside"), lambda *_: None),
 }  # fmt: skip
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,

@@ -126,16 +126,16 @@ class Decider:
         if said.override:
             choice = replace(choice, why=f"override: {said.override!r}", settled=True)
         choice = self._placed(choice, said, alpha)
-        numbers = with_numbers(
+        value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, said.numbers,
             blend=said.first("blend"), volume=volume, named=said.naming is not None,
         )  # fmt: skip
-        choice = replace(choice, value=numbers.value, derivation=numbers.derivation)
-        if numbers.derivation and not said.open:
+        choice = replace(choice, value=value, derivation=derivation, exact=exact)
+        if derivation and not said.open:
             choice = replace(choice, settled=True)
         if {*FIELDS} <= {number.measure for number in said.numbers}:
             choice = as_stated(choice)
-        return choice, (*doubts, *_doubts_of(part, said, choice), *numbers.warnings)
+        return choice, (*doubts, *_doubts_of(part, said, choice), *warnings)
 
     def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
         """Choose for a part what a phrase names, a predictor having found the part for it."""

@@ -189,7 +189,8 @@ class Lookup:
             value = MaterialValue(**(choices[i].value._asdict() | dict(numbers)))
             said = ", ".join(f"{key}={number:g}" for key, number in numbers.items())
             how = {"settled": True, "derivation": (f"{said} as set",)}
-            choices[i] = replace(choices[i], value=value, **how)
+            exact = tuple(dict.fromkeys([*choices[i].exact, *numbers]))
+            choices[i] = replace(choices[i], value=value, exact=exact, **how)
             if len(numbers) == len(value):
                 choices[i] = as_stated(choices[i])
         return choices

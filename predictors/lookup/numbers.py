@@ -41,11 +41,12 @@ SETTABLE = {"E": (0.0, math.inf), "nu": (-1.0, 0.5), "rho": (0.0, math.inf)}
 
 
 class Said(NamedTuple):
-    """A value after all numbers, how it came about, and what the user should know of it."""
+    """A value after all numbers, how it came about, what to tell, and what of it is ``exact``."""
 
     value: MaterialValue
     derivation: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    exact: tuple[str, ...] = ()
 
 
 def with_numbers(
@@ -66,7 +67,7 @@ def with_numbers(
     """
     how: list[str] = []
     warnings: list[str] = []
-    said = _one_each(part, numbers, warnings)
+    said, weighed = _one_each(part, numbers, warnings), False
     stress = said.get("E")
     if named and stress and not stress.called and not _near(row.E, stress.value):
         warnings.append(
@@ -75,15 +76,7 @@ def with_numbers(
         )
         del said["E"]
     if blend is not None:
-        fibre = next((name for name in FIBRES if name in blend.material), None)
-        if fibre is None:
-            warnings.append(
-                f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
-                "here: the values are those without it; state E and rho if you know them"
-            )
-        else:
-            value, line = with_fibres(value, fibre, blend.share)
-            how.append(line)
+        value = _of_blend(part, value, blend, how, warnings)
     for measure, relation in HARDNESSES:
         if measure in said:
             E, line = relation(said[measure].value)
@@ -93,7 +86,9 @@ def with_numbers(
         value, line = of_infill(value, said["infill"].value)
         how.append(line)
     if "mass" in said:
+        before = value
         value = _of_mass(part, row, value, said["mass"], volume, how, warnings, named=named)
+        weighed = value != before
     if "thickness" in said and not wall_said(part, [said["thickness"]]):
         warnings.append(
             f"part {part!r}: {said['thickness'].text!r} changes nothing here: the geometry is "
@@ -102,7 +97,9 @@ def with_numbers(
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
-    return Said(_checked(part, value._replace(**exact), warnings), tuple(how), tuple(warnings))
+    value = _checked(part, value._replace(**exact), warnings)
+    stated = tuple(name for name in FIELDS if name in exact or (weighed and name == "rho"))
+    return Said(value, tuple(how), tuple(warnings), stated)
 
 
 def as_stated(choice: PartChoice) -> PartChoice:
@@ -160,6 +157,22 @@ def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> di
         if others:
             warnings.append(f"part {part!r}: {texts} beside {called[0].text!r} is not used")
     return said
+
+
+def _of_blend(
+    part: str, value: MaterialValue, blend: Blend, how: list[str], warnings: list[str]
+) -> MaterialValue:
+    """Value with the fibres of a second matter; of another what it changes is not known, told."""
+    fibre = next((name for name in FIBRES if name in blend.material), None)
+    if fibre is None:
+        warnings.append(
+            f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
+            "here: the values are those without it; state E and rho if you know them"
+        )
+        return value
+    value, line = with_fibres(value, fibre, blend.share)
+    how.append(line)
+    return value
 
 
 def _of_mass(

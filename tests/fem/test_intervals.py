@@ -11,12 +11,13 @@ from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.uncertainty import likely
 from autophyx_tet.fem.uncertainty.intervals import (
+    Interval,
     displacement_interval,
     frequency_intervals,
     mass_range,
 )
 from autophyx_tet.fem.uncertainty.lattice import shifted_lattice
-from autophyx_tet.fem.uncertainty.likely import likely_answers
+from autophyx_tet.fem.uncertainty.likely import Likely, likely_answers, with_likely
 from autophyx_tet.fem.uncertainty.ranges import material_ranges, open_ranges
 from threadpoolctl import threadpool_info
 
@@ -74,6 +75,38 @@ def test_two_materials_enclose_the_answer():
     assert outer.low < inner.low < result.max_displacement < inner.high < outer.high
     assert material_ranges(mesh, {}) is None
     assert material_ranges(mesh, {"foot": "expanded polystyrene"}) is None
+
+
+def test_what_is_exact_has_no_range():
+    """Of E, nu and rho all stated there is none; of E alone u ~ rho; other parts keep theirs."""
+    mesh, rows = bar(), {"foot": "carbon steel", "head": "carbon steel"}
+    exact = dict.fromkeys(rows, ("E", "nu", "rho"))
+    scene = Sag().scene(mesh)
+    assert material_ranges(mesh, rows, exact=exact) is None
+    assert likely_answers(scene, rows, exact=exact) is None
+    ranges = material_ranges(mesh, rows, exact=dict.fromkeys(rows, ("E",)))
+    assert ranges is not None
+    result = StaticMethod().solve(scene)
+    found = displacement_interval(scene, result, ranges)
+    assert found is not None
+    scale = STEEL.rho.max / STEEL.value().rho
+    assert found.high == pytest.approx(result.max_displacement * scale, rel=1e-6)
+    (one,) = open_ranges(mesh, rows, exact={"foot": ("E", "nu", "rho")})
+    assert (one.tets == (mesh.region == 1)).all()
+    two = open_ranges(mesh, rows, exact={"foot": ("nu",)})
+    assert [row.nu.min == row.nu.max for row in two] == [True, False]
+
+
+def test_ends_hold_what_is_likely():
+    """Poisson's ratio moves what is likely, and not the ends: they are widened to it."""
+    ends = {"mass": Interval(1.0, 2.0), "frequencies": (Interval(3.0, 4.0), Interval(5.0, 6.0))}
+    known = Likely(Interval(0.9, 1.5), None, (Interval(3.1, 4.2),), 256, 0.0)
+    found = with_likely({**ends, "max_displacement": None}, known)
+    assert found["mass"] == (0.9, 2.0)
+    assert found["frequencies"] == ((3.0, 4.2), (5.0, 6.0))
+    assert found["max_displacement"] is None
+    assert found["likely"] is known
+    assert with_likely(ends, None) == {**ends, "likely": None}
 
 
 def test_a_lattice_fills_the_cube_evenly():

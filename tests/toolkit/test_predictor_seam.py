@@ -207,3 +207,19 @@ def test_an_unknown_encoder_is_refused_before_the_work(files, capsys):
             options.checked()
     tagged = AssignOptions(encoder="openclip:some_tag")
     assert tagged.checked() is tagged
+
+
+def test_stated_numbers_go_from_assign_to_simulate_as_exact(tmp_path, capsys):
+    """What the user said in numbers is not widened to its row's range; what was not said is."""
+    write_mesh(tmp_path / "bar.msh", two_regions())
+    numbers = "E = 200 GPa, nu = 0.3, density 7850 kg/m3"
+    for text, known in ((f"all steel, {numbers}", None), ("all steel, density 7850 kg/m3", 0.0)):
+        m = str(tmp_path / "m.msh")
+        assert main(["assign", str(tmp_path / "bar.msh"), "--text", text, "-o", m, "-q"]) == 0
+        assert main(["simulate", m, "-o", str(tmp_path / "s.vtu"), "--json", "-q"]) == 0
+        found = json.loads(capsys.readouterr().out)["sag"]["intervals"]
+        if known is None:
+            assert found is None
+        else:
+            assert found["mass"]["high"] == pytest.approx(found["mass"]["low"], rel=1e-12)
+            assert found["max_displacement"]["high"] > 1.05 * found["max_displacement"]["low"]

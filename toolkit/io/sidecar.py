@@ -131,6 +131,12 @@ def draws_on_record(sidecar: Sidecar) -> dict[str, tuple[MaterialValue, ...]]:
     }
 
 
+def exact_on_record(sidecar: Sidecar) -> dict[str, tuple[str, ...]]:
+    """Which of E, nu and rho of parts were stated in numbers, as ``assign`` wrote them down."""
+    parts = sidecar.record.get("assign", {}).get("parts", [])
+    return {part["name"]: tuple(part["exact"]) for part in parts if part.get("exact")}
+
+
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     """Load an asset, scaled and turned as it was for the mesh if that was made of this file."""
     from .load import load_asset

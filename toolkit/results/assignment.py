@@ -77,6 +77,7 @@ class Assignment:
                 "estimated": choice.row.estimated,
                 "why": choice.why,
                 "derivation": choice.derivation,
+                "exact": choice.exact,
                 "guessed": choice.guessed,
                 "understood": choice.understood,
                 "weight": choice.weight,
@@ -94,11 +95,12 @@ class Assignment:
 
     @property
     def known_of_parts(self) -> dict[str, Mapping[str, Any]]:
-        """What ``simulate`` takes of the parts: rows of the table, classes of matter, draws."""
+        """What ``simulate`` takes of the parts: rows, classes of matter, draws, what is exact."""
         return {
             "materials": {choice.part: choice.material for choice in self.choices},
             "classes": {choice.part: choice.matter_class for choice in self.choices},
             "draws": self.draws,
+            "exact": {choice.part: choice.exact for choice in self.choices if choice.exact},
         }
 
     @property

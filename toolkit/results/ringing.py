@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from ...fem.result import Modes
 from ...fem.uncertainty.intervals import frequency_intervals, mass_range
-from ...fem.uncertainty.likely import likely_answers
+from ...fem.uncertainty.likely import likely_answers, with_likely
 from ...fem.uncertainty.ranges import material_ranges
 from .simulation import Animation, Simulation
 
@@ -56,12 +56,14 @@ class Ringing(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
-        ranges = material_ranges(self.mesh, self.materials, self.draws)
+        known = {"draws": self.draws, "exact": self.exact}
+        ranges = material_ranges(self.mesh, self.materials, **known)
         if ranges is None:
             return None
         tones = frequency_intervals(self.mesh, self.modes, ranges)
-        likely = likely_answers(self.scene, self.materials, draws=self.draws, modes=self.modes)
-        return {"mass": mass_range(self.mesh, ranges), "frequencies": tones, "likely": likely}
+        likely = likely_answers(self.scene, self.materials, modes=self.modes, **known)
+        ends = {"mass": mass_range(self.mesh, ranges), "frequencies": tones}
+        return with_likely(ends, likely)
 
     @property
     def point_data(self) -> Mapping[str, np.ndarray]:

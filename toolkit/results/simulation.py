@@ -17,7 +17,7 @@ from ...fem.result import Modes
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.scene import Scene
-from ...fem.uncertainty.ranges import Draws
+from ...fem.uncertainty.ranges import Draws, Exact
 from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
@@ -41,8 +41,9 @@ class Simulation(ABC):
 
     ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
     moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
-    predictor drew of parts that are of none, ``differences`` what the mesh has otherwise than the
-    file that it was made of; ``size_stated``: the user gave the size or the unit of that file.
+    predictor drew of parts that are of none, ``exact`` which numbers of a part were stated,
+    ``differences`` what the mesh has otherwise than the file that it was made of; ``size_stated``:
+    the user gave the size or the unit of that file.
     """
 
     scene: Scene
@@ -54,6 +55,7 @@ class Simulation(ABC):
     differences: tuple[str, ...] = ()
     size_stated: bool = False
     draws: Draws = field(default_factory=dict)
+    exact: Exact = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 
     # Name of the answer's numbers in the document.

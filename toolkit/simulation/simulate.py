@@ -10,7 +10,7 @@ from typing import Any
 from ...fem.errors import InputError, UsageError
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
-from ...fem.uncertainty.ranges import Draws
+from ...fem.uncertainty.ranges import Draws, Exact
 from ...predictors.asset import UpAxis
 from ..config import command_line
 from ..driving import checked_scale
@@ -21,6 +21,7 @@ from ..io.sidecar import (
     classes_on_record,
     differences_on_record,
     draws_on_record,
+    exact_on_record,
     read_known,
     rows_on_record,
 )
@@ -45,6 +46,7 @@ def simulate(
     differences: Sequence[str] | None = None,
     size_stated: bool | None = None,
     draws: Draws | None = None,
+    exact: Exact | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -59,8 +61,9 @@ def simulate(
     ``materials`` are the rows of the table by part, by default those on record beside the mesh:
     they have strengths and a grain; ``classes`` of matter for particles go with them, the
     ``differences`` of the mesh from its file, and whether its size was ``size_stated``, for the
-    verdicts, and what a predictor ``draws``, for intervals. For particles, ``mesh`` may be a field
-    (.npz), or splats or points as `transfer` writes them, which follow into a folder ``output``.
+    verdicts; for intervals what a predictor ``draws``, and which numbers are ``exact``. For
+    particles, ``mesh`` may be a field (.npz), or splats or points as `transfer` writes them, which
+    follow into a folder ``output``.
 
     Raises InputError where the mesh has no material, UsageError where a place of it is stated that
     is not there, and ConvergenceError where the solver does not reach its tolerance.
@@ -75,22 +78,39 @@ def simulate(
     _check_pages(report, picture, touch=options.touch)
     source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
-    mesh, sidecar, *_ = read_known(mesh if body is None else body.mesh, None)
-    sidecar = replace(sidecar, up=up or sidecar.up)
-    _check_material(mesh)
+    mesh, sidecar = _with_material(mesh if body is None else body.mesh, up)
     if materials is None:
-        classes = classes or classes_on_record(sidecar)
-        draws = draws or draws_on_record(sidecar)
-        materials = rows_on_record(sidecar) or (body.materials if body is not None else {})
+        materials, classes, draws, exact = _recorded(sidecar, body, classes, draws, exact)
     known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
     with logged(output):
         result = _noted(run_scenario(mesh, options, **known), body)
-    result = _told(replace(result, draws=draws or {}), sidecar, differences, size_stated)
+    result = replace(result, draws=draws or {}, exact=exact or {})
+    result = _told(result, sidecar, differences, size_stated)
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
     files = {**wanted, "output": output, "touch": options.touch, "command": again}
     return _shown(result, source.stem, sidecar, **files)
+
+
+def _with_material(mesh: TetMesh | str | Path, up: UpAxis | None) -> tuple[TetMesh, Sidecar]:
+    """The mesh, which must have a material, and its sidecar."""
+    mesh, sidecar, *_ = read_known(mesh, None)
+    _check_material(mesh)
+    return mesh, replace(sidecar, up=up or sidecar.up)
+
+
+def _recorded(
+    sidecar: Sidecar,
+    body: VoxelBody | None,
+    classes: Mapping[str, str] | None,
+    draws: Draws | None,
+    exact: Exact | None,
+) -> tuple[Mapping[str, str], Mapping[str, str], Draws, Exact]:
+    """Rows, classes, draws and exact numbers of the parts: on record where they are not given."""
+    rows = rows_on_record(sidecar) or (body.materials if body is not None else {})
+    classes, draws = classes or classes_on_record(sidecar), draws or draws_on_record(sidecar)
+    return rows, classes, draws, exact or exact_on_record(sidecar)
 
 
 def _told(

@@ -1,4 +1,4 @@
-"""What a part bears, hits, stands on or is joined to is of no part, unless it is one; it is told."""
+"""What a part bears, hits or stands on is of no part, unless it is one; it is told."""
 
 from autophyx_tet.predictors.language.reader import parse
 
