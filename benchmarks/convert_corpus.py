@@ -2,7 +2,8 @@
 
     python benchmarks/convert_corpus.py --corpus cgal --peers pytetwild --limit 60 --rows rows.jsonl
 
-One JSON row per input and tool is appended to ``--rows``; a second run skips what is there.
+One JSON row per input and tool is appended to ``--rows``; a second run skips what is there. Inputs
+are drawn in a random order of ``--seed``: ``--drawn 0 40`` are the first forty, a fair sample.
 ``--json`` prints the document ``{"schema": 1, "rows": [...], "summary": {...}}``. The wall and
 processor times of a row are those of the tool's whole process; the measuring of a peer's mesh is
 not in them, ours measures itself.
@@ -44,13 +45,13 @@ def main() -> None:
     if missing := [peer for peer in peers if find_spec(peer) is None]:
         sys.exit(f"not installed, so that no row would say anything: {', '.join(missing)}")
     sample = set(inputs[:: max(1, -(-len(inputs) // SAMPLE))])
-    # In random order, so that a run that is interrupted has seen a fair sample.
-    for path in np.random.default_rng(0).permutation(np.array(inputs, dtype=object)):
+    version = _version()
+    for path in _drawn(inputs, args):
         for tool in [OURS, *(peers if path in sample else [])]:
             name = path.relative_to(root).as_posix()
             if (name, tool) in known:
                 continue
-            row = {"input": name} | run_one(path, tool, args)
+            row = {"input": name, "version": version} | run_one(path, tool, args)
             done.append(row)
             with args.rows.open("a") as rows:
                 rows.write(json.dumps(row) + "\n")
@@ -62,12 +63,28 @@ def main() -> None:
         print(table(document["summary"]))
 
 
+def _drawn(inputs: list[Path], args: argparse.Namespace) -> list[Path]:
+    """Inputs in random order, so that a run that is interrupted has seen a fair sample."""
+    order = np.random.default_rng(args.seed).permutation(np.array(inputs, dtype=object))
+    drawn = order[slice(*args.drawn)].tolist()
+    return sorted(drawn, key=lambda path: path.stat().st_size) if args.smallest_first else drawn
+
+
+def _version() -> str:
+    """Commit of the code that runs, "" where it is none."""
+    command = ["git", "-C", str(HERE.parent), "describe", "--always", "--dirty"]
+    return subprocess.run(command, check=False, capture_output=True, text=True).stdout.strip()
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corpus", default="cgal", help="cgal, sweethome3d or a folder")
     parser.add_argument("--folder", default=".cache/corpora", help="where corpora are unpacked")
     parser.add_argument("--peers", default="", help="comma-separated: pytetwild,tetgen,gmsh")
     parser.add_argument("--limit", type=int, default=None)
+    parser.add_argument("--seed", type=int, default=0, help="of the order that inputs are drawn in")
+    parser.add_argument("--drawn", type=int, nargs=2, default=(0, None), metavar=("FROM", "TO"))
+    parser.add_argument("--smallest-first", action="store_true", help="of those that are drawn")
     parser.add_argument("--rows", type=Path, default=Path("convert_corpus.jsonl"))
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--edge-length-rel", type=float, default=0.05)
