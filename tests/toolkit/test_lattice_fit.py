@@ -76,6 +76,37 @@ def test_a_lattice_is_as_fine_as_thin_walls_want():
     assert resolving(solids_of(turned(cube)), target, most=250_000) == target
 
 
+def test_a_bar_that_touches_a_slab_at_an_edge_hangs_on_it():
+    """Half of its length beside the slab, edge on edge: beads of .6 % join what came apart.
+
+    Five epsilons off it there is none, and two bodies.
+    """
+    slab = trimesh.creation.box((1, 0.6, 0.1))
+    for off, bodies in ((0.0, 1), (0.014, 2)):
+        bar = trimesh.creation.box((0.1, 0.1, 0.8))
+        bar.apply_translation((0.55 + off, 0.35 + off, 0.4))
+        way = {"mesher": "stuffing", "edge_length": 0.07}
+        mesh, report = tetrahedralize(asset_of(slab=turned(slab), bar=turned(bar)), **way)
+        assert report.ok, report.failed
+        assert report.quality.components == bodies
+        assert (report.beads > 0) == (bodies == 1)
+        assert report.beads < 0.01 * mesh.volume
+        assert mesh.volume == pytest.approx(0.068 + report.beads, rel=2e-3)
+        assert any("would come apart" in w for w in report.differences) == (bodies == 1)
+
+
+def test_a_leg_that_its_lattice_cuts_hangs_on_its_cube():
+    """A leg of .6 edges, of which most came off: beads are told, and within the volume promised."""
+    leg = trimesh.creation.box((0.06, 0.06, 0.5)).apply_translation((0, 0, -0.75))
+    asset = asset_of(cube=turned(trimesh.creation.box((1, 1, 1))), leg=turned(leg))
+    mesh, report = tetrahedralize(asset, mesher="stuffing", edge_length=0.1)
+    assert report.ok, report.failed
+    assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "ok"]
+    assert report.quality.components == 1
+    assert 0 < report.beads < 0.005 * mesh.volume
+    assert mesh.volume == pytest.approx(1.0018 + report.beads, rel=2e-3)
+
+
 def test_crumbs_go_and_small_bodies_stay():
     """Beside a block a body of a ten thousandth of it is kept, as small a fragment of it is not."""
     block, screw = box_mesh((1, 1, 1), (2, 2, 2)), box_mesh((0.05,) * 3, (1, 1, 1), lo=(2, 0, 0))

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 from autophyx_tet.toolkit.surfaces.caps import cycle, least_area_cap
 from autophyx_tet.toolkit.surfaces.rows import equal_rows, face_edges
+from autophyx_tet.toolkit.surfaces.surface import Surface, touching_places
+from autophyx_tet.toolkit.surfaces.triangles import edge_components
 
 
 @pytest.mark.parametrize("largest", [5, 10**6, 2**61])
@@ -54,3 +57,19 @@ def test_only_one_cycle_is_a_loop():
     assert cycle(np.concatenate([ring, ring + 3])) is None
     assert cycle(np.concatenate([ring, [[0, 3], [3, 4], [4, 0]]])) is None
     assert cycle(np.array([[0, 1], [1, 2], [2, 3]])) is None
+
+
+def test_places_of_contact_lie_where_bodies_touch():
+    """Two boxes edge on edge, a third one apart: along that edge, none farther than the spacing."""
+    boxes = [trimesh.creation.box((1, 1, 1)).apply_translation(at) for at in ((0, 0, 0), (1, 1, 0))]
+    boxes.append(trimesh.creation.box((1, 1, 1)).apply_translation((0, 0, 1.2)))
+    body = trimesh.util.concatenate(boxes)
+    faces = np.asarray(body.faces)
+    part = np.zeros(len(faces), dtype=np.int64)
+    surface = Surface(np.asarray(body.vertices), faces, part, edge_components(faces))
+    found = touching_places(surface, touching=0.01, spacing=0.1)
+    assert (found.bodies == (0, 1)).all()
+    assert (np.abs(found.where[:, :2] - 0.5) <= 0.01).all()
+    places = np.sort(found.where[:, 2])
+    assert places[[0, -1]] == pytest.approx((-0.5, 0.5))
+    assert np.diff(places).max() < 0.25

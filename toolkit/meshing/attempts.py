@@ -133,16 +133,18 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
 
     A mesh counts at the epsilon of its own attempt, which is what the report states. After a
     time-out or a broken guarantee the coarser ones are next: more repair helps neither. A lattice
-    that cuts a thin part into pieces is followed by finer ones of ``WHOLE_TETS`` at most. Where
-    every mesh breaks a guarantee, the best one is returned as it is.
+    that cuts a thin part into pieces is followed by finer ones of ``WHOLE_TETS`` at most, and by
+    one that joins what touches. Where every mesh breaks a guarantee, the best one is returned.
     """
     record: list[Attempt] = []
     best: Made | None = None
     for engine, aim, prepare in _ways(problem, record):
+        if aim.beads and (best is None or not best.parted):
+            continue
         same = engine != STUFFING and aim is problem.target
         if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
-        mends = engine == STUFFING and aim.tets <= WHOLE_TETS
+        mends = engine == STUFFING and (aim.beads or aim.tets <= WHOLE_TETS)
         if best is not None and not best.broken and not mends:
             break
         filling, attempt = _try(engine, aim, prepare, problem.runner)
@@ -245,7 +247,9 @@ def _ways(problem: Problem, record: Sequence[Attempt]) -> Iterator[Way]:
 def _lattices(problem: Problem) -> Iterator[Way]:
     """A lattice for what is thin, and finer ones where it misses volume; only one of a given edge.
 
-    Surfaces that are samples have thin places by their noise: they get no finer one for these.
+    Where bodies that touch come apart in all of them, beads join these in the finest affordable.
+    Surfaces that are samples have thin places by their noise: they get no finer one for these, and
+    no beads.
     """
     first, free = problem.target, problem.finer and not problem.target.edge_is_given
     if free and first.sharp:
@@ -255,6 +259,9 @@ def _lattices(problem: Problem) -> Iterator[Way]:
         aim = problem.target.coarser(1 / factor)
         if aim.tets > first.tets:
             yield STUFFING, aim, lambda: problem.solids
+            first = aim if aim.tets <= WHOLE_TETS else first
+    if first.sharp:
+        yield STUFFING, replace(first, beads=True), lambda: problem.solids
 
 
 def wrapped(problem: Problem) -> Solids:

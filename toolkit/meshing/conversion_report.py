@@ -134,7 +134,8 @@ class ConversionReport:
     no distance: ``epsilon`` is then the edge of its lattice, ``off_volume`` are the parts whose
     volume it misses, with the relative error, and ``thin_parts`` those thinner than the edge, with
     the share of their surface; of those ``fallen_apart`` a share of volume has come off, and
-    from those with ``closed_gaps`` tets reach to other walls over air, from a share of all surface.
+    from those with ``closed_gaps`` tets reach to other walls over air, from a share of all surface,
+    and ``beads`` [m^3] join bodies that touch in the file.
     ``losses`` are those of the solids against the file as read. ``sheets`` are parts that enclose
     nothing and are not meshed, ``thin`` closed pieces that are not meshed either, ``lost`` are
     parts that enclose a volume but got no tet, ``hollow`` parts taken as solid whose names suggest
@@ -161,6 +162,7 @@ class ConversionReport:
     losses: FileLosses = field(default_factory=FileLosses)
     fallen_apart: tuple[tuple[str, float], ...] = ()
     closed_gaps: tuple[tuple[str, float], ...] = ()
+    beads: float = 0.0
     sheets: tuple[str, ...] = ()
     thin: ThinPieces = field(default_factory=ThinPieces)
     hollow: tuple[str, ...] = ()

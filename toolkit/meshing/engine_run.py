@@ -39,7 +39,8 @@ class EngineTarget:
 
     ``layers`` of tets are wanted through thin places; 1 leaves the edge as it is. A lattice has
     that edge where it ``edge_is_given``, else one that gives about ``tets``; it keeps ``sharp``
-    edges of the input. The engine gives up at once on more than ``most_triangles``, decimated.
+    edges of the input, and with ``beads`` joins bodies that touch in it. The engine gives up at
+    once on more than ``most_triangles``, decimated.
     """
 
     diagonal: float
@@ -50,6 +51,7 @@ class EngineTarget:
     edge_is_given: bool = True
     tets: int = LATTICE_TETS
     sharp: bool = True
+    beads: bool = False
     most_triangles: int | None = None
 
     @classmethod
@@ -129,13 +131,15 @@ class LatticeFit(NamedTuple):
 
     ``volume_errors`` [1] are relative; ``thin_shares`` [1] of a part's surface are where it is
     thinner than the edge; ``parted_shares`` [1] of its volume are in pieces that have come off;
-    from ``closed_shares`` [1] of all surface tets reach over a gap to another wall.
+    from ``closed_shares`` [1] of all surface tets reach over a gap to another wall. Beads of the
+    volume ``beads`` [m^3] join bodies that touch in the file and would come apart.
     """
 
     volume_errors: Mapping[int, float]
     thin_shares: Mapping[int, float]
     parted_shares: Mapping[int, float]
     closed_shares: Mapping[int, float]
+    beads: float = 0.0
 
 
 class Filling(NamedTuple):

@@ -148,6 +148,12 @@ def _misfits(report: ConversionReport) -> Iterator[str]:
     ):
         if shares:
             yield f"{what}: {_worst(shares, form)}; {_finer(report)} keeps them"
+    if report.beads:
+        yield (
+            f"bodies that touch in the file would come apart at {edge}: beads of "
+            f"{report.beads:.2g} m^3 ({report.beads / report.quality.volume:.2%} of the mesh) "
+            f"join them; {_finer(report)} does without"
+        )
 
 
 def _lattice_edge(report: ConversionReport) -> str:

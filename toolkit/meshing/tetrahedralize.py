@@ -259,8 +259,9 @@ def _fit(lattice: LatticeFit | None, names: Sequence[str]) -> dict[str, Any]:
     """Fields of the report for a lattice: the parts that it does not fit."""
     if lattice is None:
         return {}
-    errors, shares, parted, closed = lattice
+    errors, shares, parted, closed, beads = lattice
     return {
+        "beads": beads,
         "off_volume": tuple((names[p], e) for p, e in errors.items() if abs(e) > VOLUME_TOLD),
         "thin_parts": tuple((names[p], s) for p, s in shares.items() if s > THIN_TOLD),
         "fallen_apart": tuple((names[p], s) for p, s in parted.items()),

@@ -1,4 +1,4 @@
-"""A triangle surface in components, and what can be asked of each component."""
+"""A triangle surface in components, what can be asked of each, and where they touch."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .rows import face_edges
-from .triangles import edge_components
+from .samples import sample
+from .triangles import ClosestTo, edge_components
 
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
 FLAT = 1e-3
+PER_SQUARE = 16  # samples on a square of the wanted spacing, so that none is missed
+MOST_SAMPLES = 20_000  # samples on one body
 
 
 class Surface(NamedTuple):
@@ -103,3 +106,49 @@ def component_volumes(surface: Surface) -> Float[np.ndarray, "components"]:
     a, b, c = np.moveaxis(corners - (centre / size[:, None])[surface.component][:, None], 1, 0)
     six = np.einsum("fi,fi->f", np.cross(a, b), c)
     return np.bincount(surface.component, weights=six / 6, minlength=count).astype(np.float64)
+
+
+class TouchingPlaces(NamedTuple):
+    """Places ``where`` (n, 3) [m] on one of two ``bodies`` (n, 2), components of a surface."""
+
+    where: np.ndarray
+    bodies: np.ndarray
+
+
+def touching_places(surface: Surface, *, touching: float, spacing: float) -> TouchingPlaces:
+    """Sampled places where closed bodies are within ``touching`` [m] of each other.
+
+    Samples are nearer than ``spacing`` [m] to each other, and the vertices are among them.
+    """
+    is_open = open_components(surface)
+    numbers = [int(n) for n in np.unique(surface.component) if not is_open[n]]
+    faces = [surface.faces[surface.component == number] for number in numbers]
+    low = np.array([surface.points[own].min(axis=(0, 1)) for own in faces]).reshape(-1, 3)
+    high = np.array([surface.points[own].max(axis=(0, 1)) for own in faces]).reshape(-1, 3)
+    where, bodies = [np.zeros((0, 3))], [np.zeros((0, 2), dtype=np.int64)]
+    for number, own in enumerate(faces):
+        meet = (low <= high[number] + touching) & (high >= low[number] - touching)
+        near = [n for n in np.flatnonzero(meet.all(axis=1)).tolist() if n != number]
+        if not near:
+            continue
+        places = _samples(surface.points, own, spacing)
+        around = [(places >= low[n] - touching) & (places <= high[n] + touching) for n in near]
+        places = places[np.any([both.all(axis=1) for both in around], axis=0)]
+        others = np.concatenate([faces[n] for n in near])
+        owner = np.repeat([numbers[n] for n in near], [len(faces[n]) for n in near])
+        distance, face = ClosestTo(surface.points, others)(places)
+        touch = distance <= touching
+        where.append(places[touch])
+        mine = np.full(int(touch.sum()), numbers[number])
+        bodies.append(np.sort(np.stack([mine, owner[face[touch]]], axis=1), axis=1))
+    return TouchingPlaces(np.concatenate(where), np.concatenate(bodies))
+
+
+def _samples(
+    points: Float[np.ndarray, "points 3"], faces: np.ndarray, spacing: float
+) -> Float[np.ndarray, "n 3"]:
+    """Random points [m] of a body of which each has others within ``spacing`` [m]."""
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    count = int(np.clip(PER_SQUARE * area / spacing**2, 1, MOST_SAMPLES))
+    return sample(points, faces, rng=np.random.default_rng(0), count=count).where

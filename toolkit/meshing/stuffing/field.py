@@ -20,10 +20,36 @@ from ...surfaces.triangles import ClosestTo, Triangles
 REACH = 1.0
 NUDGE = 1e-9  # in place of 0, which is neither inside nor outside
 MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset adds
-
+# Radius of a bead: every place has a node within sqrt(5) / 4, so that one is inside by an eighth.
+BEAD = 0.7
+NOWHERE = np.zeros((0, 3))
+BEAD_STEP = 0.1  # edge of the boxes that its volume is counted in
 
 # Groups of some places, by number, that ways link on which every step is one of ``REACH`` at most.
 Together = Callable[[Int[np.ndarray, "n"]], Int[np.ndarray, "n"]]
+
+
+class Beads:
+    """Balls around places (n, 3) where a lattice cuts apart what touches, added to a shell."""
+
+    def __init__(self, where: Float[np.ndarray, "n 3"]) -> None:
+        from scipy.spatial import KDTree
+
+        self.where, self._tree = where, KDTree(where)
+
+    def value(self, where: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m"]:
+        """Signed distance, positive inside, cut off at ``REACH`` outside."""
+        distance, _ = self._tree.query(where, distance_upper_bound=BEAD + REACH)
+        return BEAD - np.minimum(distance, BEAD + REACH)
+
+    def volume_outside(self, label: Callable[[np.ndarray], np.ndarray]) -> float:
+        """Volume of the balls where ``label`` finds no region, to some percent."""
+        reach = np.arange(-BEAD, BEAD + BEAD_STEP, BEAD_STEP)
+        ball = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
+        boxes = np.round((self.where[:, None] + ball).reshape(-1, 3) / BEAD_STEP).astype(np.int64)
+        middles = np.unique(boxes, axis=0) * BEAD_STEP
+        middles = middles[self.value(middles) > 0]
+        return float((label(middles) == 0).sum()) * BEAD_STEP**3
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +59,7 @@ class ShellField:
     shell: Shell
     parts: np.ndarray
     first: int
+    beads: Beads | None = None
 
     @classmethod
     def of(cls, shell: Shell, origin: np.ndarray, edge: float, first: int) -> ShellField:
@@ -96,6 +123,8 @@ class ShellField:
         signed = np.where(winding > INSIDE, distance, -distance)
         hole = 2 * REACH * np.clip(winding - INSIDE, -INSIDE, INSIDE)
         out = np.where(distance < REACH, signed, hole)
+        if self.beads is not None:
+            out = np.maximum(out, self.beads.value(where))
         return np.where(np.abs(out) < NUDGE, NUDGE, out)
 
     def _winding(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
@@ -121,16 +150,44 @@ class SolidField:
     Where shells overlap the one that holds the smallest volume wins: the last of ``shells``.
     """
 
-    def __init__(self, solids: Solids, *, origin: np.ndarray, edge: float) -> None:
-        """Scale ``solids`` [m] so that a long ``edge`` [m] is one."""
+    def __init__(
+        self,
+        solids: Solids,
+        *,
+        origin: np.ndarray,
+        edge: float,
+        beads: Float[np.ndarray, "n 3"] = NOWHERE,
+    ) -> None:
+        """Scale ``solids`` [m] so that a long ``edge`` [m] is one.
+
+        ``beads`` [m] are around places where shells touch, of the larger one.
+        """
         shells, first = [], 1
         for shell in sorted(solids.shells, key=lambda one: -one.volume):
             shells.append(ShellField.of(shell, origin, edge, first))
             first += len(shells[-1].parts)
+        self.added = np.zeros(len(shells))  # volume of the beads of each, outside of all shells
+        if len(beads):
+            shells = self._beaded(shells, (beads - origin) / edge)
         self.shells = tuple(shells)
         self.part = np.concatenate([[-1], *(shell.parts for shell in shells)])
         sizes = [len(shell.parts) for shell in shells]
         self.rank = np.concatenate([[-1], np.repeat(np.arange(len(shells)), sizes)])
+
+    def _beaded(
+        self, shells: list[ShellField], beads: Float[np.ndarray, "n 3"]
+    ) -> list[ShellField]:
+        """Give each shell the beads that it is the first to be near to, and their volume."""
+        self.shells = tuple(shells)
+        left, out, at_rest = beads, [], np.zeros(len(shells))
+        for rank, shell in enumerate(shells):
+            mine = shell.nearest(left).distance < BEAD
+            if mine.any():
+                own, left = Beads(left[mine]), left[~mine]
+                self.added[rank] = own.volume_outside(lambda at: self.region_at(at, at_rest))
+                shell = replace(shell, beads=own)
+            out.append(shell)
+        return out
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:

@@ -64,7 +64,7 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
             where, own = where[free], own[free]
         for lower in range(rank):
             wanted[lower] -= own[field.shells[lower].shell.contains(where)].sum()
-    return np.where(wanted > HIDDEN * whole, wanted, 0.0)
+    return np.where(wanted > HIDDEN * whole, wanted + field.added, 0.0)
 
 
 def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:

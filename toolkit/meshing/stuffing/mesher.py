@@ -13,6 +13,7 @@ from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
 from ...native.cache import Runner
 from ...surfaces.solids import Solids
+from ...surfaces.surface import TouchingPlaces, touching_places
 from ...surfaces.triangles import Triangles
 from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
@@ -23,11 +24,13 @@ from .field import NodeField, SolidField
 from .fit import closed_shares, thin_shares
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
-from .pieces import came_off, without_crumbs
+from .pieces import BodyTets, came_off, loose_contacts, parted_places, without_crumbs
 from .ridges import filled_ridges
 from .snap import snapped
 
 DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
+MOST_ADDED = 0.04  # of the volume: beads that leave the rest of its 5 % to the lattice
+ROUNDS = 3  # of beads: what some have joined may show other pieces
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +44,41 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     if runner.progress is not None:
         runner.progress("stuffing", 0.0)
     edge = _edge(solids, target)
-    field = SolidField(solids, origin=solids.bounds[0], edge=edge)
+    places = np.zeros((0, 3))
+    filling = _filled(solids, target, edge, places)
+    assert filling.lattice is not None
+    if filling.lattice.parted_shares and not target.beads:
+        return filling  # a finer lattice may keep it in one piece
+    touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
+    for _ in range(ROUNDS):
+        more = _apart(filling, solids, target, touch, edge)
+        if not len(more):
+            break
+        places = np.concatenate([places, more])
+        beaded = _filled(solids, target, edge, places)
+        assert beaded.lattice is not None
+        if beaded.lattice.beads > MOST_ADDED * sum(shell.volume for shell in solids.shells):
+            break
+        filling = beaded
+    return filling
+
+
+def _apart(
+    filling: Filling, solids: Solids, target: EngineTarget, touch: TouchingPlaces, edge: float
+) -> Float[np.ndarray, "n 3"]:
+    """Places [m] where the solids hang together and their tets do not."""
+    assert filling.lattice is not None
+    mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
+    # Surfaces that are samples have thin places by their noise.
+    thin = list(filling.lattice.thin_shares) if target.sharp else []
+    return np.concatenate([loose_contacts(mesh, touch, edge), parted_places(mesh, thin, edge)])
+
+
+def _filled(
+    solids: Solids, target: EngineTarget, edge: float, beads: Float[np.ndarray, "n 3"]
+) -> Filling:
+    """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
+    field = SolidField(solids, origin=solids.bounds[0], edge=edge, beads=beads)
     found = stuff(field, sharp=target.sharp)
     tets, volumes = found.mesh.tets, found.mesh.volumes
     kept = carved(tets, volumes) if len(tets) else np.zeros(0, dtype=bool)
@@ -55,6 +92,7 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     if (flat := int((volumes <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
     off = came_off(mesh.points, mesh.tets, part, solids, target.epsilon)
+    added = float(field.added.sum()) * edge**3
     skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
     closed = closed_shares(solids, edge, skin)
     rel = edge / target.diagonal
@@ -62,7 +100,7 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         mesh,
         part,
         replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed),
+        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed, added),
     )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -9,12 +12,16 @@ from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
 from ...surfaces.samples import facets, sample
 from ...surfaces.solids import INSIDE, Solids
-from ...surfaces.surface import Surface, component_volumes, open_components
-from ...surfaces.triangles import ClosestTo, closest, winding_numbers
+from ...surfaces.surface import Surface, TouchingPlaces, component_volumes, open_components
+from ...surfaces.triangles import ClosestTo, Triangles, closest, winding_numbers
+from .field import BEAD
 
 # Of the volume, and of the body of the input that it comes from: a piece that is smaller than both
 # is a crumb of a thin rim and is dropped, as nothing would hold it.
 CRUMB, CRUMB_OF_BODY = 1e-3, 0.02
+WIDER = 0.25  # long edges that a gap within a body may be wider than where it is narrowest
+REACH = 2.0  # long edges from such a place to the tets that are joined
+LONGEST = 5.0  # long edges of a tip without tets that is joined to what it touches
 SAMPLES = 20_000  # of the surfaces, and their vertices: where a body may touch others
 
 
@@ -67,6 +74,151 @@ def came_off(
     total = np.bincount(part, weights=volumes)
     gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
     return {int(p): float(gone[p] / total[p]) for p in np.flatnonzero(gone)}
+
+
+class BodyTets:
+    """Tets on points [m] with the ``part`` (m,) of each, and which lie in a body of a surface."""
+
+    def __init__(
+        self,
+        points: Float[np.ndarray, "points 3"],
+        tets: Int[np.ndarray, "tets 4"],
+        part: Int[np.ndarray, "tets"],
+        surface: Surface,
+    ) -> None:
+        from scipy.spatial import KDTree
+
+        self.tets, self.part, self.surface = tets, part, surface
+        self.middles = points[tets].mean(axis=1)
+        self._tree = KDTree(self.middles)
+        self._within: dict[int, np.ndarray] = {}
+
+    def triangles(self, body: int) -> Triangles:
+        """Faces of a component of the surface."""
+        return Triangles(self.surface.points, self.surface.faces[self.surface.component == body])
+
+    def within(self, body: int) -> Bool[np.ndarray, "tets"]:
+        """Which tets of a part of a body have their middles in it: all, if it is the only one."""
+        if body not in self._within:
+            own = self.surface.component == body
+            parts = np.unique(self.surface.part[own])
+            held = np.isin(self.part, parts)
+            if not own[np.isin(self.surface.part, parts)].all():
+                held[held] = (
+                    np.abs(winding_numbers(*self.triangles(body), self.middles[held])) > INSIDE
+                )
+            self._within[body] = held
+        return self._within[body]
+
+    def around(self, places: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "m"]:
+        """Tets with their middles within ``reach`` [m] of any of the places."""
+        found = self._tree.query_ball_point(places, reach)
+        return np.unique(np.concatenate([*found, []])).astype(np.int64)
+
+    def samples(self, body: int) -> Float[np.ndarray, "n 3"]:
+        """Places [m] on a body."""
+        own = self.triangles(body)
+        return sample(*own, rng=np.random.default_rng(0), count=SAMPLES).where
+
+
+def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np.ndarray, "n 3"]:
+    """Places [m] on closed bodies of some ``parts`` that are in pieces, where these are nearest.
+
+    A gap wider than ``LONGEST`` long edges [m] of the lattice stays, as one that tets of other
+    bodies reach around.
+    """
+    surface, found, is_open = mesh.surface, [np.zeros((0, 3))], open_components(mesh.surface)
+    for body in np.unique(surface.component[np.isin(surface.part, parts)]).tolist():
+        held = np.flatnonzero(mesh.within(body) & ~is_open[body])
+        piece = _pieces(mesh.tets[held]) if len(held) else held
+        if not piece.any():
+            continue
+        where, numbers = mesh.samples(body), range(piece.max() + 1)
+        gaps = _two_nearest(where, [mesh.middles[held[piece == one]] for one in numbers])
+        for pair in np.unique(gaps.which, axis=0):
+            width = np.where((gaps.which == pair).all(axis=1), gaps.distance.sum(axis=1), np.inf)
+            near = width <= min(width.min() + WIDER * edge, LONGEST * edge)
+            places = _gathered(where[near], BEAD * edge)
+            around = mesh.around(places, REACH * edge)
+            local = _pieces(mesh.tets[around]) if len(around) else around
+            here, there = (local[np.isin(around, held[piece == one])] for one in pair)
+            if not np.isin(here, there).any():
+                found.append(places)
+    return np.concatenate(found)
+
+
+def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[np.ndarray, "n 3"]:
+    """Places [m] of contacts that are ``found``, but not in the mesh.
+
+    There the tets of the one body and those of the other, within ``REACH`` long edges [m] of the
+    lattice, do not hang together.
+    """
+    out = [np.zeros((0, 3))]
+    for bodies in np.unique(found.bodies, axis=0):
+        where = found.where[(found.bodies == bodies).all(axis=1)]
+        for places in _patches(_gathered(where, BEAD * edge), REACH * edge):
+            near = mesh.around(places, REACH * edge)
+            if not len(near):
+                continue
+            piece = _pieces(mesh.tets[near])
+            ends = [np.bincount(piece[mesh.within(body)[near]]) for body in bodies.tolist()]
+            if all(len(end) for end in ends) and ends[0].argmax() == ends[1].argmax():
+                continue
+            lost = [b for b, end in zip(bodies.tolist(), ends, strict=True) if not len(end)]
+            out += [places, *(_way_to(mesh, body, places, edge) for body in lost)]
+    return np.concatenate(out)
+
+
+def _way_to(
+    mesh: BodyTets, body: int, places: Float[np.ndarray, "n 3"], edge: float
+) -> Float[np.ndarray, "m 3"]:
+    """Places [m] on a body, straight from those of a contact to the nearest of its tets.
+
+    None where it is farther than ``LONGEST`` long edges [m] of the lattice.
+    """
+    where, held = mesh.samples(body), mesh.within(body)
+    width = _two_nearest(where, [places, mesh.middles[held]]).distance.sum(axis=1)
+    near = width <= min(width.min() + WIDER * edge, LONGEST * edge)
+    return _gathered(where[near], BEAD * edge)
+
+
+def _patches(where: Float[np.ndarray, "n 3"], apart: float) -> list[Float[np.ndarray, "m 3"]]:
+    """Groups of places [m] that are farther than that ``apart`` [m]."""
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial.distance import cdist
+
+    count, group = connected_components(cdist(where, where) <= apart, directed=False)
+    return [where[group == number] for number in range(count)]
+
+
+def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarray, "fewer 3"]:
+    """Means of groups of places [m], each ``within`` that distance [m] of its first one."""
+    _, one = np.unique(np.floor(4 * where / within), axis=0, return_index=True)
+    where, out = where[one], []
+    while len(where):
+        mine = np.linalg.norm(where - where[0], axis=1) <= within
+        out.append(where[mine].mean(axis=0))
+        where = where[~mine]
+    return np.array(out).reshape(-1, 3)
+
+
+class _Gaps(NamedTuple):
+    """``distance`` (n, 2) [m] of the two nearest pieces of each place, and ``which`` (n, 2)."""
+
+    distance: np.ndarray
+    which: np.ndarray
+
+
+def _two_nearest(where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray]) -> _Gaps:
+    """Distance of the middles (tets, 3) of each piece; infinite where there is only one."""
+    from scipy.spatial import KDTree
+
+    distance = np.full((len(where), max(len(pieces), 2)), np.inf)
+    for number, middles in enumerate(pieces):
+        if len(middles):
+            distance[:, number] = KDTree(middles).query(where)[0]
+    which = np.sort(np.argsort(distance, axis=1, kind="stable")[:, :2], axis=1)
+    return _Gaps(np.sort(distance, axis=1)[:, :2], which)
 
 
 def _have_nodes_within(
