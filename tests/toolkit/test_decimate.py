@@ -27,6 +27,21 @@ def test_a_ball_stays_within_its_tolerance(tolerance):
     assert _volume(coarse) == pytest.approx(_volume(ball), abs=4 * np.pi * tolerance)
 
 
+def test_a_rim_that_pinches_at_a_point_is_left_alone():
+    """A ball with two holes that meet at a vertex, which libigl refuses; the ball beside is not."""
+    ball = trimesh.creation.icosphere(4)
+    around = np.flatnonzero((ball.faces == 0).any(axis=1))
+    first = ball.faces[around[0]]
+    (other,) = [f for f in around if np.isin(ball.faces[f], first).sum() == 1][:1]
+    pinched = np.delete(ball.faces, [around[0], other], axis=0)
+    for beside in (False, True):
+        points = np.concatenate([ball.vertices, ball.vertices + 3.0])
+        faces = np.concatenate([pinched, ball.faces[: len(ball.faces) * beside] + len(points) // 2])
+        found = decimated(Triangles(points, faces.astype(np.int64)), 1e-2)
+        assert found.left_alone == len(pinched)
+        assert (len(found.surface.faces) < len(faces) / 1.5) == beside
+
+
 def test_a_finely_divided_box_keeps_its_edges():
     """Flat faces cost nothing: 12,288 triangles become few, the volume stays to round-off."""
     box = trimesh.creation.box((1, 2, 3))

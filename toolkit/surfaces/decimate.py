@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .rows import equal_rows
+from .rows import equal_rows, face_edges
 from .triangles import Triangles, closest, collapsed, edge_components
 
 FEWEST = 1000  # triangles: with fewer the engine's time goes into the tets
@@ -90,10 +90,13 @@ def _fewer(now: Pieces, share: float) -> Pieces:
 
 
 def _free(surface: Pieces) -> Bool[np.ndarray, "pieces"]:
-    """Which pieces are large, manifold, coherently wound and touch no other one."""
+    """Which pieces are large, manifold with their rims, coherently wound and touch no other one."""
     faces, piece = surface.faces, surface.piece
     _, edge, times = equal_rows(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
     bad = times[edge].reshape(-1, 3).max(axis=1, initial=0) > 1
+    edges = face_edges(faces)
+    rim = edges.directed[edges.count[edges.edge] == 1, 0]  # libigl refuses rims that pinch
+    bad |= (np.bincount(rim, minlength=len(surface.points)) > 1)[faces].any(axis=1)
     place = np.unique(surface.points, axis=0, return_inverse=True)[1].reshape(-1)
     owners = np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)])
     shared = np.flatnonzero(np.bincount(owners[equal_rows(owners).first, 0]) > 1)
