@@ -104,9 +104,11 @@ class BodyTets:
             parts = np.unique(self.surface.part[own])
             held = np.isin(self.part, parts)
             if not own[np.isin(self.surface.part, parts)].all():
-                held[held] = (
-                    np.abs(winding_numbers(*self.triangles(body), self.middles[held])) > INSIDE
-                )
+                skin = self.triangles(body)
+                corners = skin.points[skin.faces]
+                lo, hi = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+                held &= ((self.middles >= lo) & (self.middles <= hi)).all(axis=1)
+                held[held] = np.abs(winding_numbers(*skin, self.middles[held])) > INSIDE
             self._within[body] = held
         return self._within[body]
 
