@@ -154,12 +154,12 @@ def dense_multiply(
 # on those above. Then row ``a`` of what it takes the rows of the matrix to, column ``c``.
 _PIVOT = """
 #if defined(__CUDA_ARCH__)
-    __shared__ double S[2][12][12];
-    __shared__ double least[12];
+    __shared__ double S[2][16][16];
+    __shared__ double least[16];
     const int me = threadIdx.x, all = blockDim.x;
     #define MEET __syncthreads()
 #else
-    double S[2][12][12], least[12];
+    double S[2][16][16], least[16];
     const int me = 0, all = 1;
     #define MEET
 #endif
@@ -172,7 +172,7 @@ _PIVOT = """
     }
     MEET;
     for (int k = 0; k < width; ++k) {
-        const double (*old)[12] = S[k & 1];
+        const double (*old)[16] = S[k & 1];
         const double pivot = old[k][k], inverse = pivot > least[k] ? 1.0 / pivot : 0.0;
         for (int e = me; e < width * width; e += all) {
             const int i = e / width, j = e % width;
@@ -189,12 +189,12 @@ _PIVOT = """
         if (c >= first && c < first + width) total = -S[now][a][c - first];
         else for (int b = 0; b < width; ++b) total -= S[now][a][b] * A[b * size_t(n) + c];
         row.data[a * size_t(n) + c] = total;
-        column.data[12 * c + a] = matrix.data[c * size_t(n) + first + a];
+        column.data[16 * c + a] = matrix.data[c * size_t(n) + first + a];
     }
     #undef MEET
 """
 # Rows that Gauss-Jordan eliminates at once: their inverse has one entry a thread of a block.
-PIVOT = 12
+PIVOT = 16
 
 
 @wp.func_native(_PIVOT)

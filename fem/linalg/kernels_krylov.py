@@ -14,11 +14,13 @@ RZ_NEW = wp.constant(2)
 NORM2 = wp.constant(3)
 TARGET2 = wp.constant(4)
 ENDED = wp.constant(5)
-# Whole numbers of CG: whether it goes on, iterations done, most iterations, negative curvature met.
+DONE = wp.constant(6)
+CURVED = wp.constant(7)
+# (the last three: residual at the end, iterations done, whether negative curvature was met).
+# Whole numbers of CG: whether it goes on, iterations done, most iterations.
 GO = wp.constant(0)
 COUNT = wp.constant(1)
 LIMIT = wp.constant(2)
-INDEFINITE = wp.constant(3)
 
 
 # Nodes of a slice: the threads of a GPU's warp then read numbers that lie together.
@@ -127,42 +129,6 @@ def combine(
 
 
 @wp.kernel
-def incremental(
-    u: wp.array(dtype=wp.vec3d),
-    target: wp.array(dtype=wp.vec3d),
-    inertia: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
-    load: wp.array(dtype=wp.vec3d),
-    springs: wp.array(dtype=wp.vec3d),
-    free: wp.array(dtype=wp.vec3d),
-    gradient: wp.array(dtype=wp.vec3d),
-    sums: wp.array(dtype=wp.float64),
-):
-    """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
-
-    So do the squares of the inertia and of the gradient; the last block of threads may reach past
-    the end.
-    """
-    i = wp.tid()
-    energy = wp.float64(0.0)
-    pushed = wp.float64(0.0)
-    left = wp.float64(0.0)
-    if i < u.shape[0]:
-        away = u[i] - target[i]
-        push = inertia[i] * away
-        spring = wp.cw_mul(springs[i], u[i])
-        g = wp.cw_mul(free[i], force[i] + push - load[i] + spring)
-        gradient[i] = g
-        half = wp.float64(0.5)
-        energy = half * (wp.dot(push, away) + wp.dot(spring, u[i])) - wp.dot(load[i], u[i])
-        pushed = wp.dot(push, push)
-        left = wp.dot(g, g)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(energy)), offset=0)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(pushed)), offset=1)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(left)), offset=2)
-
-
-@wp.kernel
 def cg_advance(
     p: wp.array(dtype=wp.vec3d),
     q: wp.array(dtype=wp.vec3d),
@@ -232,6 +198,22 @@ def cg_direction(
 
 
 @wp.kernel
+def cg_open(
+    target2: wp.float64,
+    limit: wp.int32,
+    scalars: wp.array(dtype=wp.float64),
+    state: wp.array(dtype=wp.int32),
+):
+    """Begin: nothing is summed or done yet."""
+    for k in range(scalars.shape[0]):
+        scalars[k] = wp.float64(0.0)
+    scalars[TARGET2] = target2
+    state[GO] = 1
+    state[COUNT] = 0
+    state[LIMIT] = limit
+
+
+@wp.kernel
 def cg_close(scalars: wp.array(dtype=wp.float64), state: wp.array(dtype=wp.int32)):
     """End an iteration: decide whether to go on, and clear the sums for the next one."""
     count = state[COUNT] + 1
@@ -239,9 +221,10 @@ def cg_close(scalars: wp.array(dtype=wp.float64), state: wp.array(dtype=wp.int32
     indefinite = scalars[PAP] < wp.float64(0.0)
     # A residual that is no number compares false, and so ends the loop.
     more = scalars[NORM2] > scalars[TARGET2] and count < state[LIMIT] and not indefinite
-    state[INDEFINITE] = wp.where(indefinite, 1, 0)
     state[GO] = wp.where(more, 1, 0)
     scalars[ENDED] = scalars[NORM2]
+    scalars[DONE] = wp.float64(count)
+    scalars[CURVED] = wp.where(indefinite, wp.float64(1.0), wp.float64(0.0))
     scalars[RZ] = scalars[RZ_NEW]
     scalars[RZ_NEW] = wp.float64(0.0)
     scalars[PAP] = wp.float64(0.0)

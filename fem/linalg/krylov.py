@@ -106,11 +106,14 @@ def norm(v: Any) -> float:
 class DeviceVector:
     """Vectors (nodes, 3) that stay on a device, with the arithmetic that Newton's method needs.
 
-    No operation changes one in place; numbers alone come back.
+    It is a ``factor`` times the numbers of the array ``raw``, whose length may be known as
+    ``size``. No operation changes one in place; numbers alone come back.
     """
 
-    def __init__(self, array: Any) -> None:
-        self.array = array
+    __array_ufunc__ = None  # a number of numpy leaves its product to the vector
+
+    def __init__(self, raw: Any, factor: float = 1.0, size: float | None = None) -> None:
+        self.raw, self.factor, self._size = raw, float(factor), size
 
     @classmethod
     def of(cls, values: np.ndarray, device: str) -> DeviceVector:
@@ -118,34 +121,59 @@ class DeviceVector:
         wp = start_warp()
         return cls(wp.array(values, dtype=wp.vec3d, device=device))
 
+    @property
+    def array(self) -> Any:
+        """Array of vec3d with the numbers, not to be written to."""
+        if self.factor == 1.0:
+            return self.raw
+        out = start_warp().empty_like(self.raw)
+        self.write(out)
+        return out
+
+    def write(self, out: Any, share: float = 1.0) -> None:
+        """Write ``share`` times the numbers to an array."""
+        self._combine(share * self.factor, self, 0.0, out)
+
+    def _combine(self, own: float, other: DeviceVector, factor: float, out: Any) -> None:
+        from . import kernels_krylov as k
+
+        wp = start_warp()
+        given = [self.raw, wp.float64(own), other.raw, wp.float64(factor), out]
+        wp.launch(k.combine, len(out), inputs=given, device=out.device)
+
     def numpy(self) -> np.ndarray:
         """Copy of the numbers (nodes, 3)."""
         return self.array.numpy()
 
-    def plus(self, other: DeviceVector, factor: float, own: float = 1.0) -> DeviceVector:
-        """Return ``own`` times itself plus ``factor`` times the ``other``."""
-        from . import kernels_krylov as k
-
-        wp, out = start_warp(), start_warp().empty_like(self.array)
-        given = [self.array, wp.float64(own), other.array, wp.float64(factor), out]
-        wp.launch(k.combine, len(out), inputs=given, device=out.device)
+    def __add__(self, other: DeviceVector) -> DeviceVector:
+        out = start_warp().empty_like(self.raw)
+        self._combine(self.factor, other, other.factor, out)
         return DeviceVector(out)
 
-    def __add__(self, other: DeviceVector) -> DeviceVector:
-        return self.plus(other, 1.0)
-
     def __rmul__(self, factor: float) -> DeviceVector:
-        return self.plus(self, 0.0, own=factor)
+        return DeviceVector(self.raw, factor * self.factor, self._size)
+
+    def __truediv__(self, divisor: float) -> DeviceVector:
+        return (1 / divisor) * self
 
     def __neg__(self) -> DeviceVector:
         return -1.0 * self
 
+    def __sub__(self, other: DeviceVector) -> DeviceVector:
+        return self + -other
+
     def dot(self, other: DeviceVector) -> float:
         """Inner product of all components."""
-        wp, device = start_warp(), self.array.device
+        wp, device = start_warp(), self.raw.device
         total = wp.zeros(1, dtype=wp.float64, device=device)
-        Inner(self.array, other.array, total, 0).launch()
-        return float(total.numpy()[0])
+        Inner(self.raw, other.raw, total, 0).launch()
+        return self.factor * other.factor * float(total.numpy()[0])
+
+    def length(self) -> float:
+        """Euclidean length, measured once."""
+        if self._size is None:
+            self._size = norm(self.raw)
+        return abs(self.factor) * self._size
 
 
 def inner_product(a: np.ndarray | DeviceVector, b: np.ndarray | DeviceVector) -> float:
@@ -157,7 +185,7 @@ def inner_product(a: np.ndarray | DeviceVector, b: np.ndarray | DeviceVector) ->
 
 def length(a: np.ndarray | DeviceVector) -> float:
     """Euclidean length of a vector, wherever it lives."""
-    return norm(a.array) if isinstance(a, DeviceVector) else float(np.linalg.norm(a))
+    return a.length() if isinstance(a, DeviceVector) else float(np.linalg.norm(a))
 
 
 class ConjugateGradients:
@@ -175,12 +203,13 @@ class ConjugateGradients:
 
         wp = start_warp()
         self.preconditioner, self.device = preconditioner, r.device
-        self.scalars = wp.zeros(6, dtype=wp.float64, device=r.device)
-        self.state = wp.zeros(4, dtype=wp.int32, device=r.device)
+        self.scalars = wp.zeros(8, dtype=wp.float64, device=r.device)
+        self.state = wp.zeros(3, dtype=wp.int32, device=r.device)
         self.x, self.p, q = (wp.zeros_like(r) for _ in range(3))
         self.z, self.graph, self.sliced = z, None, None
         launch = Recorder(matrix.nodes, r.device)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
+        self.open = launch(k.cg_open, [0.0, 0, self.scalars, self.state], size=1)
         self.close = launch(k.cg_close, [self.scalars, self.state], size=1)
         self.first, self.next = (Inner(r, z, self.scalars, slot) for slot in (0, 2))
         known = (matrix, lower, q, r)
@@ -234,8 +263,9 @@ class ConjugateGradients:
         """Iterate until the unscaled residual is below ``target``; return the iterations."""
         wp = start_warp()
         self.x.zero_()
-        self.scalars.assign(np.array([0, 0, 0, 0, target**2, 0]))
-        self.state.assign(np.array([1, 0, limit, 0], dtype=np.int32))
+        self.open.set_param_at_index(0, target**2)
+        self.open.set_param_at_index(1, limit)
+        self.open.launch()
         if self.sliced is not None:
             self.sliced.refresh()
             if self.graph is None:
@@ -245,7 +275,7 @@ class ConjugateGradients:
             wp.capture_launch(self.graph)
         else:
             self._loop()
-        _, iterations, _, indefinite = self.state.numpy()
+        ended, iterations, indefinite = self.scalars.numpy()[5:]
         self.indefinite = bool(indefinite)
-        self.reached = not indefinite and bool(self.scalars.numpy()[5] <= target**2)
+        self.reached = not indefinite and bool(ended <= target**2)
         return int(iterations)

@@ -135,7 +135,7 @@ class RepeatedSolver:
         launch(k.scale_blocks, [*pattern, system.inverse, current.values]).launch()
         size = length(b) or 1.0  # the V-cycle may be in single precision, whose range is small
         if isinstance(b, DeviceVector):
-            wp.copy(r, ((1 / size) * b).array)
+            b.write(r, 1 / size)
         else:
             r.assign(b / size)
         launch(k.block_multiply, [system.inverse, r, False, r]).launch()

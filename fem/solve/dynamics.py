@@ -28,7 +28,7 @@ from ..validation import checked_count, checked_positive, checked_rows, checked_
 from .discretisation_error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
 from .newton import minimise
-from .potential import DeviceConstants, DeviceIncremental, Incremental, nodal_rigidity
+from .potential import DeviceSteps, Incremental, nodal_rigidity
 from .schemes import Forecast, Kinematics, Scheme, Step
 
 logger = logging.getLogger(__name__)
@@ -110,8 +110,7 @@ class Dynamics:
         self.rigidity = nodal_rigidity(mesh, grid.space)
         self.solver = RepeatedSolver(grid.space.nodes, self.held.fixed)
         plain = not (self.contact.acts or self.damping) and grid.pattern.columns.device.is_cuda
-        self.constants = DeviceConstants.of(self, grid.device) if plain else None
-        self._energy: tuple[np.ndarray | None, float] = (None, 0.0)
+        self.steps = DeviceSteps(self, grid.device) if plain else None
         u = np.where(self.held.fixed, self.held.values, 0.0)
         v = np.where(self.held.fixed, 0.0, node_velocities(velocity, self.space))
         if not (gap := self.contact.gap(u)) > 0:
@@ -119,13 +118,18 @@ class Dynamics:
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
         start = Kinematics(u, v, self._acceleration(u, v))
         self.state = self._measured(0.0, start, 0)
-        self.last_step: Step | None = None  # shorter than the one asked for where that was halved
+        self._step_made: tuple | None = None
         self._forget()
 
     def _forget(self) -> None:
         """Start anew from the state: its past has other steps, or none."""
         self._before: Kinematics | None = None  # for BDF2
         self._forecast, self._dt = Forecast(), 0.0
+
+    @property
+    def last_step(self) -> Step | None:
+        """The step made last: shorter than the one asked for where that was halved."""
+        return Step.of(*self._step_made) if self._step_made else None
 
     def _acceleration(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         force = self.load - self.response(u).force - self.held.springs * u
@@ -142,8 +146,7 @@ class Dynamics:
         return self._known[1]
 
     def _measured(self, time: float, motion: Kinematics, iterations: int) -> Motion:
-        (u, v, _), (at, known) = motion, self._energy
-        springs = 0.5 * float((self.held.springs * u**2).sum())
+        springs = 0.5 * float((self.held.springs * (u := motion.u) ** 2).sum())
         return Motion(
             time,
             *motion,
@@ -152,8 +155,8 @@ class Dynamics:
             piece_forces=self.contact.piece_forces(u),
             pressures=self.contact.pressures(u),
             gap=self.contact.gap(u),
-            kinetic=0.5 * float((self.mass[:, None] * v**2).sum()),
-            elastic=(known if at is u else self.response(u).energy) + springs,
+            kinetic=0.5 * float((self.mass[:, None] * motion.v**2).sum()),
+            elastic=self.response(u).energy + springs,
             potential=-float((self.load * u).sum()),
             barrier=self.contact.barrier(u),
             iterations=iterations,
@@ -189,21 +192,25 @@ class Dynamics:
     def _advance(self, dt: float) -> None:
         if dt != self._dt:
             self._forget()
-        state = self.state
-        now = Kinematics(state.u, state.v, state.a)
-        step = Step.of(self.scheme, dt, now, self._before)
+        now = Kinematics((state := self.state).u, state.v, state.a)
+        made = (self.scheme, dt, now, self._before)
+        if self.steps is not None:
+            self.state = self.steps.advance(dt)
+            self._before, self._dt, self._step_made = now, dt, made
+            return
+        step = Step.of(*made)
         self.contact.begin(state.u, state.time + dt, dt)
         u, iterations = self._solve(step)
         if leapt := self._leaps(step, u):  # what was before it is of no use
             self._forecast = Forecast()
             if step.before is not None:
-                step = step.restarted
+                made, step = (*made[:3], None), step.restarted
                 u, iterations = self._solve(step)
         u, v, a = step.ended(u)
         v, a = (np.where(self.held.fixed, 0.0, w) for w in (v, a))
         self.contact.check_sizes(u)
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
-        self._before, self._dt, self.last_step = None if leapt else now, dt, step
+        self._before, self._dt, self._step_made = None if leapt else now, dt, made
         self._forecast.add(a)
 
     def _leaps(self, step: Step, u: np.ndarray) -> bool:
@@ -224,11 +231,6 @@ class Dynamics:
         u = start + min(1.0, self.contact.longest_step(start, ahead)) * ahead
         target = np.where(fixed, old, step.target)
         potential = Incremental(self, step.factor, target, step.dt, old)
-        if self.constants is not None:
-            there = DeviceIncremental(potential, self.constants)
-            found = there.minimum(u, solve=self.solver, tolerance=self.tolerance)
-            self._energy = (found.u, there.elastic)
-            return found.u, found.iterations
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
@@ -265,7 +267,7 @@ class DynamicMethod:
         states, halved = [body.state], 0
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
-            halved += body.last_step is not None and body.last_step.dt != dt
+            halved += body._dt != dt
             if progress is not None:
                 progress(frame, frames)
         locks, notes = locking_share(scene.mesh) if order == 1 else 0.0, body.contact.notes

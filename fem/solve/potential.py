@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +13,11 @@ from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, drop_rows, free_components
 from ..discrete.space import Space
 from ..linalg.krylov import DeviceVector, whole_blocks
+from ..result import Motion
 from ..scene.mesh import TetMesh, material_of
-from .newton import LinearSolve, Minimum, Point, minimise
+from .newton import Point, minimise
+from .schemes import DEGREE as FORECAST
+from .schemes import Kinematics, Step
 
 # Forces of inertia and elasticity are known to this share of what |u| would make of them.
 ROUND_OFF = 2e-15
@@ -78,51 +82,61 @@ class Incremental:
 
 
 class DeviceConstants(NamedTuple):
-    """What of a body stays the same from step to step, on its device: arrays of vec3d (nodes,)."""
+    """What of a body stays the same from step to step, on its device: an entry a node."""
 
+    mass: Any
+    rigidity: Any
     load: Any
     springs: Any
     free: Any
 
     @classmethod
     def of(cls, body: Any, device: str) -> DeviceConstants:
-        """Load [N], springs [N/m] and free components of a body in motion."""
+        """Mass [kg], rigidity [N/m], load [N], springs [N/m], free components of a body."""
+        wp = start_warp()
+        mass, rigidity = (
+            wp.array(np.ravel(v), dtype=wp.float64, device=device)
+            for v in (body.mass, body.rigidity)
+        )
         load, springs = (DeviceVector.of(v, device).array for v in (body.load, body.held.springs))
-        return cls(load, springs, free_components(body.held.fixed, device))
+        return cls(mass, rigidity, load, springs, free_components(body.held.fixed, device))
 
 
 class DeviceIncremental:
     """The same potential without contact and damping: vectors stay on the device.
 
-    ``elastic`` is the elastic energy [J] where it was evaluated last.
+    ``elastic`` is the elastic energy [J] where it was evaluated last; ``diagonal`` the inertia and
+    springs [N/m], an array of vec3d.
     """
 
-    def __init__(self, plain: Incremental, known: DeviceConstants) -> None:
-        wp, device = start_warp(), str(known.free.device)
-        self.plain, self.known, self.elastic = plain, known, 0.0
-        self.target = DeviceVector.of(plain.target, device)
-        self.inertia = wp.array(plain.inertia[:, 0], dtype=wp.float64, device=device)
-        diagonal = plain.inertia + plain.of.held.springs
-        self.diagonal = DeviceVector.of(diagonal, device).array
+    def __init__(
+        self, body: Any, known: DeviceConstants, factor: float, target: Any, diagonal: Any
+    ) -> None:
+        self.of, self.known, self.factor = body, known, factor
+        self.target, self.diagonal, self.elastic = target, diagonal, 0.0
+        self.loaded = _size(body.load)
 
     def evaluate(self, u: DeviceVector) -> Point:
         """Energy, gradient, and size of the external and inertial force."""
-        from ..linalg import kernels_krylov as k
+        from ..discrete import kernels_field as k
 
-        wp, known = start_warp(), self.known
-        energy, force = self.plain.of.body.responses(u)
+        wp, (mass, rigidity, *known) = start_warp(), self.known
+        energy, force = self.of.body.responses(u)
         gradient = wp.empty_like(force)
-        sums = wp.zeros(3, dtype=wp.float64, device=force.device)
-        given = [u.array, self.target.array, self.inertia, force, *known, gradient, sums]
+        sums = wp.zeros(5, dtype=wp.float64, device=force.device)
+        inertia = [self.target, wp.float64(self.factor), mass, rigidity]
+        given = [u.array, *inertia, force, *known, gradient, sums]
         wp.launch(k.incremental, whole_blocks(len(force)), inputs=given, device=force.device)
-        self.elastic = float(wp.utils.array_sum(energy))
-        rest, push, _ = sums.numpy().tolist()
-        scale = max(self.plain.loaded, float(np.sqrt(push)), self.plain.least)
-        return Point(self.elastic + rest, DeviceVector(gradient), scale)
+        wp.utils.array_sum(energy, out=sums[4:])
+        rest, push, left, target, self.elastic = sums.numpy().tolist()
+        least = max(self.of.noise, ROUND_OFF * np.sqrt(target) / self.of.tolerance)
+        scale = max(self.loaded, float(np.sqrt(push)), least)
+        found = DeviceVector(gradient, size=float(np.sqrt(left)))
+        return Point(self.elastic + rest, found, scale)
 
     def hessian(self, u: DeviceVector, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
-        matrix = self.plain.of.body.tangent(u, projected=projected)
+        matrix = self.of.body.tangent(u, projected=projected)
         add_diagonal(matrix, self.diagonal)
         drop_rows(matrix, self.known.free)
         return matrix
@@ -131,11 +145,81 @@ class DeviceIncremental:
         """All of it: nothing is in the way."""
         return 1.0
 
-    def minimum(self, u: np.ndarray, *, solve: LinearSolve, tolerance: float) -> Minimum:
-        """What ``minimise`` finds from ``u`` [m] (nodes, 3), back as an array."""
-        start = DeviceVector.of(u, str(self.known.free.device))
-        found = minimise(self, start, solve=solve, tolerance=tolerance)
-        return found._replace(u=found.u.numpy())
+
+class DeviceSteps:
+    """Steps of a body in motion without contact and damping: its past stays on the device too."""
+
+    def __init__(self, body: Any, device: str) -> None:
+        wp = start_warp()
+        self.of, self.device = body, device
+        self.known = DeviceConstants.of(body, device)
+        shape = (FORECAST + 1, len(body.mass))
+        self._differences = wp.zeros(shape, dtype=wp.vec3d, device=device)
+        self._ended: Motion | None = None  # whose motion ``_now`` is
+        self._now: Any = None
+        self._diagonal: tuple[float, Any] = (np.nan, None)
+        self._forget(np.nan)
+
+    def _forget(self, dt: float) -> None:
+        """Start anew: the past has other steps, or none."""
+        self._before: Kinematics | None = None
+        self._dt = dt
+        self._count, self._terms = 0, 0  # differences of accelerations, those of the forecast
+
+    def advance(self, dt: float) -> Motion:
+        """The state after a step of ``dt`` [s] from that of the body."""
+        body = self.of
+        if dt != self._dt or body.state is not self._ended:
+            self._forget(dt)
+            arrays = (body.state.u, body.state.v, body.state.a)
+            self._now = Kinematics(*(DeviceVector.of(x, self.device) for x in arrays))
+        step = Step.of(body.scheme, dt, self._now, self._before)
+        aim, start = self._foreseen(step)
+        there = DeviceIncremental(body, self.known, step.factor, aim, self._inertia(step.factor))
+        found = minimise(there, start, solve=body.solver, tolerance=body.tolerance)
+        known = (there.elastic, found.iterations)
+        self._ended = self._settled(body.state.time + dt, step.ended(found.u), *known)
+        return self._ended
+
+    def _foreseen(self, step: Step) -> tuple[Any, DeviceVector]:
+        """Target with what is held in its place, and where the forecast leads."""
+        from ..discrete import kernels_field as k
+
+        wp, old = start_warp(), step.now.u.array
+        aim, start = wp.empty_like(old), wp.empty_like(old)
+        ahead = [self._differences, self._terms, wp.float64(1 / step.factor)]
+        given = [old, step.target.array, self.known.free, *ahead, aim, start]
+        wp.launch(k.foresee, len(old), inputs=given, device=self.device)
+        return aim, DeviceVector(start)
+
+    def _inertia(self, factor: float) -> Any:
+        """Inertia of a step and springs [N/m], an array of vec3d."""
+        if self._diagonal[0] != factor:
+            diagonal = factor * self.of.mass[:, None] + self.of.held.springs
+            self._diagonal = (factor, DeviceVector.of(diagonal, self.device).array)
+        return self._diagonal[1]
+
+    def _settled(self, time: float, ended: Kinematics, elastic: float, iterations: int) -> Motion:
+        """The motion that a step ended with, and its part in the next forecast."""
+        from ..discrete import kernels_field as k
+
+        wp, (mass, _, load, springs, free) = start_warp(), self.known
+        self._count = min(self._count + 1, FORECAST + 1)
+        nodes = len(mass)
+        motion = wp.empty((3, nodes), dtype=wp.vec3d, device=self.device)
+        sums = wp.zeros(3 + self._count, dtype=wp.float64, device=self.device)
+        moved = [ended.u.array, ended.v.raw, wp.float64(ended.v.factor), ended.a.raw]
+        given = [*moved, wp.float64(ended.a.factor), free, mass, load, springs, self._count]
+        out = [motion, self._differences, sums]
+        wp.launch(k.settle, whole_blocks(nodes), inputs=[*given, *out], device=self.device)
+        kinetic, sprung, lifted, *squares = sums.numpy().tolist()
+        self._terms = int(np.argmin(squares))
+        self._before, rows = self._now, motion.numpy()
+        self._now = Kinematics(*(DeviceVector(motion[row]) for row in range(3)))
+        known = dict(zip(("u", "v", "a"), rows, strict=True)) | {"iterations": iterations}
+        energies = {"kinetic": kinetic, "elastic": elastic + sprung, "potential": lifted}
+        # What the state says of contact stays: there is none.
+        return replace(self.of.state, time=time, **known, **energies)
 
 
 def nodal_rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:

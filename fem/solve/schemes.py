@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,14 @@ class Scheme(Enum):
 
 
 class Kinematics(NamedTuple):
-    """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (nodes, 3)."""
+    """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (nodes, 3).
 
-    u: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
+    Arrays, or vectors of a device.
+    """
+
+    u: Any
+    v: Any
+    a: Any
 
 
 class Step(NamedTuple):
@@ -36,7 +39,7 @@ class Step(NamedTuple):
     scheme: Scheme
     dt: float
     factor: float
-    target: np.ndarray
+    target: Any
     now: Kinematics
     before: Kinematics | None
 
@@ -65,7 +68,7 @@ class Step(NamedTuple):
         change = self.ended(u).v - self.now.v
         return 0.5 * float((mass * change**2).sum()) > LEAP * energy
 
-    def ended(self, u: np.ndarray) -> Kinematics:
+    def ended(self, u: Any) -> Kinematics:
         """Motion at the end of the step, where the displacement is ``u``."""
         now, before, dt = self.now, self.before, self.dt
         a = self.factor * (u - self.target)
