@@ -140,7 +140,7 @@ def cg_advance(
 ):
     """Update x += alpha p, r -= alpha q; ``unscaled`` is the residual of the original system."""
     i = wp.tid()
-    alpha = scalars[RZ] / scalars[PAP]
+    alpha = scalars[RZ_NEW] / scalars[PAP]
     x[i] = x[i] + alpha * p[i]
     res = r[i] - alpha * q[i]
     r[i] = res
@@ -179,7 +179,7 @@ def advance_and_measure(
     i = wp.tid()
     square = wp.float64(0.0)
     if i < p.shape[0]:
-        alpha = scalars[RZ] / scalars[PAP]
+        alpha = scalars[RZ_NEW] / scalars[PAP]
         x[i] = x[i] + alpha * p[i]
         res = r[i] - alpha * q[i]
         r[i] = res
@@ -204,9 +204,10 @@ def cg_open(
     scalars: wp.array(dtype=wp.float64),
     state: wp.array(dtype=wp.int32),
 ):
-    """Begin: nothing is summed or done yet."""
+    """Begin: nothing is summed or done yet, and the first direction has none before it."""
     for k in range(scalars.shape[0]):
         scalars[k] = wp.float64(0.0)
+    scalars[RZ] = wp.float64(1.0)
     scalars[TARGET2] = target2
     state[GO] = 1
     state[COUNT] = 0

@@ -206,12 +206,12 @@ class ConjugateGradients:
         self.scalars = wp.zeros(8, dtype=wp.float64, device=r.device)
         self.state = wp.zeros(3, dtype=wp.int32, device=r.device)
         self.x, self.p, q = (wp.zeros_like(r) for _ in range(3))
-        self.z, self.graph, self.sliced = z, None, None
+        self.graph, self.sliced, self.target = None, None, 0.0
         launch = Recorder(matrix.nodes, r.device)
         self.direction = launch(k.cg_direction, [z, self.scalars, self.p])
         self.open = launch(k.cg_open, [0.0, 0, self.scalars, self.state], size=1)
         self.close = launch(k.cg_close, [self.scalars, self.state], size=1)
-        self.first, self.next = (Inner(r, z, self.scalars, slot) for slot in (0, 2))
+        self.along = Inner(r, z, self.scalars, 2)
         known = (matrix, lower, q, r)
         self.forward = self._fused(*known) if r.device.is_cuda else self._plain(*known)
 
@@ -244,38 +244,45 @@ class ConjugateGradients:
         ]
 
     def step(self) -> None:
-        """One iteration, from a direction p to the next."""
+        """One iteration: a new direction p, and as far along it as is best."""
+        self.preconditioner.apply()
+        self.along.launch()
+        self.direction.launch()
         for command in self.forward:
             command.launch()
-        self.preconditioner.apply()
-        self.next.launch()
-        self.direction.launch()
         self.close.launch()
 
     def _loop(self) -> None:
-        wp = start_warp()
-        self.preconditioner.apply()
-        wp.copy(self.p, self.z)
-        self.first.launch()
-        wp.capture_while(self.state[:1], self.step)
+        if self.sliced is not None:
+            self.sliced.refresh()
+        self.x.zero_()
+        self.p.zero_()
+        start_warp().capture_while(self.state[:1], self.step)
 
     def run(self, target: float, limit: int) -> int:
         """Iterate until the unscaled residual is below ``target``; return the iterations."""
+        self.start(target, limit)
+        return self.finish()
+
+    def start(self, target: float, limit: int) -> None:
+        """The same without a wait for the device: what needs ``x`` may be launched at once."""
         wp = start_warp()
-        self.x.zero_()
+        self.target = target
         self.open.set_param_at_index(0, target**2)
         self.open.set_param_at_index(1, limit)
         self.open.launch()
-        if self.sliced is not None:
-            self.sliced.refresh()
-            if self.graph is None:
-                with wp.ScopedCapture(device=self.device) as capture:
-                    self._loop()
-                self.graph = capture.graph
-            wp.capture_launch(self.graph)
-        else:
+        if self.sliced is None:
             self._loop()
+            return
+        if self.graph is None:
+            with wp.ScopedCapture(device=self.device) as capture:
+                self._loop()
+            self.graph = capture.graph
+        wp.capture_launch(self.graph)
+
+    def finish(self) -> int:
+        """Wait for what was started; return the iterations."""
         ended, iterations, indefinite = self.scalars.numpy()[5:]
         self.indefinite = bool(indefinite)
-        self.reached = not indefinite and bool(ended <= target**2)
+        self.reached = not indefinite and bool(ended <= self.target**2)
         return int(iterations)

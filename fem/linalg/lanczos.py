@@ -143,9 +143,9 @@ class LargestEigenvalue:
         self.steps, self.device = min(LANCZOS_STEPS, 3 * matrix.nodes), device
         v, old, w = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(3))
         # Entry k of `along` is v A v of step k, of `square` the squared length of w before it.
-        self.along, self.square = (
-            wp.zeros(self.steps + 1, dtype=wp.float64, device=device) for _ in range(2)
-        )
+        count = self.steps + 1
+        self.sums = wp.zeros(2 * count, dtype=wp.float64, device=device)
+        self.along, self.square = self.sums[:count], self.sums[count:]
         launch = Recorder(matrix.nodes, device)
         self.start = launch(k.lanczos_start, [w])
         self.direction = launch(k.lanczos_direction, [w, self.square, 0, v, old])
@@ -165,7 +165,7 @@ class LargestEigenvalue:
                     self._iterate()
                 self.graph = capture.graph
             wp.capture_launch(self.graph)
-        along, square = self.along.numpy(), self.square.numpy()
+        along, square = self.sums.numpy().reshape(2, -1)
         off = np.sqrt(square[1 : self.steps])
         # A vector that vanished ended the search: what came after it is no number.
         good = int(np.argmin(off > 1e-12)) if (off <= 1e-12).any() else len(off)
@@ -173,7 +173,7 @@ class LargestEigenvalue:
         return LANCZOS_MARGIN * float(np.linalg.eigvalsh(T)[-1]) if np.isfinite(T).all() else np.nan
 
     def _iterate(self) -> None:
-        for cleared in (self.along, self.square, *self.vectors):
+        for cleared in (self.sums, *self.vectors):
             cleared.zero_()
         self.start.launch()
         for step in range(self.steps):

@@ -139,11 +139,12 @@ class RepeatedSolver:
         else:
             r.assign(b / size)
         launch(k.block_multiply, [system.inverse, r, False, r]).launch()
-        iterations = cg.run(target / size, limit)
-        if not cg.reached:
-            return None, 0 if cg.indefinite else iterations
+        cg.start(target / size, limit)
         x = wp.empty_like(cg.x)
         launch(k.block_multiply, [system.inverse, cg.x, True, x]).launch()
+        iterations = cg.finish()
+        if not cg.reached:
+            return None, 0 if cg.indefinite else iterations
         found = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
         return size * found, iterations
 

@@ -195,13 +195,13 @@ def solve_iterative(
     # The V-cycle may be in single precision, whose range is small.
     given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
     launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
-    iterations = cg.run(tolerance, limit)
+    cg.start(tolerance, limit)
     solution, rest = wp.empty_like(given), wp.empty_like(given)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
     system.matrix.multiply(cg.x, cycle.z)
     launch(k.remainder, [given, system.lower, cycle.z, rest]).launch()
-    error = norm(rest)
+    error, iterations = norm(rest), cg.finish()
     x = size * solution.numpy()
     if error <= tolerance:
         return Solution(x, error, iterations, 0.0, solver=name)
