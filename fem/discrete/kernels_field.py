@@ -155,7 +155,7 @@ def incremental(
 
 
 @wp.kernel
-def settle(
+def end_of_step(
     u: wp.array(dtype=wp.vec3d),
     v: wp.array(dtype=wp.vec3d),
     by_v: wp.float64,

@@ -211,7 +211,7 @@ class DeviceSteps:
         moved = [ended.u.array, ended.v.raw, wp.float64(ended.v.factor), ended.a.raw]
         given = [*moved, wp.float64(ended.a.factor), free, mass, load, springs, self._count]
         out = [motion, self._differences, sums]
-        wp.launch(k.settle, whole_blocks(nodes), inputs=[*given, *out], device=self.device)
+        wp.launch(k.end_of_step, whole_blocks(nodes), inputs=[*given, *out], device=self.device)
         kinetic, sprung, lifted, *squares = sums.numpy().tolist()
         self._terms = int(np.argmin(squares))
         self._before, rows = self._now, motion.numpy()
