@@ -1,6 +1,6 @@
 """Reduced bodies beside the full one and beside peers' ways: error against time, and real pieces.
 
-    python benchmarks/reduced.py [--bodies bar slab bonsai] [--order 1] [--real] [--made]
+    python benchmarks/reduced.py [--bodies bar slab bonsai] [--order 1] [--real] [--made] [--steps]
 
 Every body sags under its weight and is then let go with a push ("wobble": all frames, in the norm
 of mass). Full body: the elements that are reduced (quadratic where linear ones lock, or --order),
@@ -13,16 +13,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
 from autophyx_tet.fem.device import one_thread
-from autophyx_tet.fem.discrete.constraints import node_supports
-from autophyx_tet.fem.discrete.mass import lumped_mass
-from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
@@ -31,115 +26,10 @@ from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
 from autophyx_tet.fem.reduced.reduction import MOST_UNKNOWNS, reduce_body, relative_error
 from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
 from autophyx_tet.fem.reduced.step import ReducedDynamics
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.support_finder import find_supports
-from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.discretisation_error import motion_elements
-from autophyx_tet.fem.solve.dynamics import TOLERANCE, Dynamics
-from autophyx_tet.fem.solve.modal import natural_modes
-from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
-from autophyx_tet.fem.solve.schemes import Scheme
-from real_meshes import NAMES, cache_folder, demo_mesh, real_mesh
+from real_meshes import NAMES
+from reduced_bodies import BODIES, DT, Body, Full, real, solved_in_full
 from reduced_peers import Reduced, equal_weights, modal_path, peers, timed
-
-DT = 1 / 60
-# Of the full body's steps that others are compared with: the usual 1e-4 moves a real chair by .3 %.
-EXACT = 1e-7
-SOFT = {"foliage": 3e5, "trunk": 1e7, "soil": 2e6, "pot": 2e8}
-
-
-@dataclass(frozen=True)
-class Body:
-    """What is reduced: mesh, supports, weight (3,) [m/s^2], push (3,) [m/s], frames, elements."""
-
-    name: str
-    mesh: TetMesh
-    held: Supports
-    gravity: np.ndarray
-    push: np.ndarray
-    frames: int
-    order: int = 1
-
-    @property
-    def velocity(self) -> np.ndarray:
-        """Of the nodes at the start [m/s]."""
-        held = node_supports(self.held, make_space(self.mesh, self.order))
-        return np.where(held.fixed, 0.0, self.push)
-
-
-@dataclass(frozen=True)
-class Full:
-    """The full body's answers: rest, frames, first frequency, CPU seconds of a step."""
-
-    rest: np.ndarray
-    frames: np.ndarray
-    frequency: float
-    step: float
-
-
-def clamped(mesh: TetMesh) -> Supports:
-    return Supports.clamp(len(mesh.points), mesh.points[:, 0] < 1e-9)
-
-
-def bar() -> Body:
-    mesh = box_mesh((1.0, 0.12, 0.12), (24, 4, 4))
-    E = np.where(mesh.centroids[:, 0] < 0.5, 1e6, 1e5)
-    mesh = mesh.with_material(ElementMaterial(E, np.full_like(E, 0.35), np.full_like(E, 1000.0)))
-    return Body("bar", mesh, clamped(mesh), np.array([0, 0, -1.0]), np.array([0, 0.35, 0]), 120)
-
-
-def slab() -> Body:
-    mesh = box_mesh((0.4, 0.3, 0.06), (12, 9, 3))
-    mesh = mesh.with_material(ElementMaterial.uniform(len(mesh.tets), E=5e4, nu=0.45, rho=500.0))
-    weight = np.array([0, 0, -9.81 * 0.15])
-    return Body("slab", mesh, clamped(mesh), weight, np.array([0, 0, 0.5]), 120)
-
-
-def bonsai() -> Body:
-    mesh = read_mesh(demo_mesh(cache_folder()))
-    part = np.array(mesh.region_names)[mesh.region]
-    material = mesh.material
-    rho = np.where(part == "foliage", 300.0, material.rho)
-    E = np.array([SOFT[name] for name in part])
-    mesh = mesh.with_material(ElementMaterial(E, material.nu, rho))
-    low = mesh.points[:, 1] < mesh.bounds[0][1] + 1e-3 * np.ptp(mesh.bounds[:, 1])
-    held = Supports.clamp(len(mesh.points), low)
-    return Body("bonsai", mesh, held, np.array([0, -9.81, 0]), np.array([0.5, 0, 0]), 60)
-
-
-def real(name: str) -> Body:
-    """A piece as it stands, without the grain of wood, pushed sideways at 1 mm/s."""
-    mesh = read_mesh(real_mesh(name, cache_folder()))
-    mesh = mesh.with_material(replace(mesh.material, tensor=None))
-    sidecar = json.loads(real_mesh(name, cache_folder()).with_suffix(".msh.json").read_text())
-    axis = "xyz".index(sidecar["up"])
-    held = find_supports(mesh, axis).supports
-    push = 1e-3 * np.eye(3)[(axis + 1) % 3]
-    return Body(name, mesh, held, -9.81 * np.eye(3)[axis], push, 20)
-
-
-BODIES = {"bar": bar, "slab": slab, "bonsai": bonsai}
-
-
-def solved_in_full(body: Body) -> Full:
-    options = {"supports": body.held, "order": body.order}
-    velocity = body.velocity
-    first = natural_modes(body.mesh, 1, lumped=True, **options).frequencies[0]
-    mass = lumped_mass(body.mesh, make_space(body.mesh, body.order))
-    weight = mass[:, None] * body.gravity
-    rest = solve_nonlinear(body.mesh, body.held, forces=weight, order=body.order).node_displacement
-    known = {"gravity_vector": body.gravity, "velocity": velocity, "self_contact": False}
-    usual, exact = (
-        Dynamics(body.mesh, scheme=Scheme.BDF2, tolerance=tolerance, **known, **options)
-        for tolerance in (TOLERANCE, EXACT)
-    )
-    started = time.process_time()
-    for _ in range(body.frames):
-        usual.step(DT)
-    step = (time.process_time() - started) / body.frames
-    return Full(rest, np.stack([exact.step(DT).u for _ in range(body.frames)]), float(first), step)
 
 
 def measure(body: Body, full: Full, made: Reduced) -> dict:
@@ -148,7 +38,7 @@ def measure(body: Body, full: Full, made: Reduced) -> dict:
     row = {"body": body.name, "model": made.label, "dofs": model.dofs, "cells": len(model.cells)}
     row |= {"made_s": round(made.made, 2)}
     elasticity = ReducedElasticity(model, **law)
-    row["frequency"] = float(reduced_frequencies(elasticity)[0] / full.frequency - 1)
+    row["frequency"] = float(reduced_frequencies(elasticity)[0] / float(full.frequency) - 1)
     load = model.weight(body.gravity)
     velocity = model.coordinates(body.velocity)
     try:
@@ -158,7 +48,8 @@ def measure(body: Body, full: Full, made: Reduced) -> dict:
         row["step_ms"] = round(seconds / body.frames * 1e3, 3)
         found = np.stack([model.displacement(q) for q in path])
         row["wobble"] = relative_error(model, found, full.frames)
-        row |= estimate(body, model, load, velocity, **law)
+        if made.told:
+            row |= estimate(body, model, load, velocity)
     except AutophyxError as error:
         row["failure"] = str(error)
     return row
@@ -173,11 +64,15 @@ def followed(model, elasticity, load, velocity, body: Body, law: dict) -> list[n
     return [moving.advance(DT).u for _ in range(body.frames)]
 
 
-def estimate(body: Body, model: ReducedModel, load, velocity, law=Law.NEO_HOOKEAN) -> dict:
+def estimate(body: Body, model: ReducedModel, load, velocity) -> dict:
     """What a motion says of its own error, and the CPU seconds of that, every frame."""
-    moving = ReducedDynamics(model, load=load, velocity=velocity, law=law)
+    moving = ReducedDynamics(model, load=load, velocity=velocity)
     states = [moving.state, *(moving.step(DT) for _ in range(body.frames))]
-    known = {"load": model.mass[:, None] * body.gravity, "velocity": body.velocity, "law": law}
+    known = {
+        "load": model.mass[:, None] * body.gravity,
+        "velocity": body.velocity,
+        "law": Law.NEO_HOOKEAN,
+    }
     known["order"] = body.order
     found, seconds = timed(lambda: motion_error(body.mesh, body.held, states, **known))
     share = None if found is None else found.share
@@ -216,17 +111,18 @@ def rows_of(body: Body, real_piece: bool, order: int | None) -> list[dict]:
             "order": order,
             "sag_share": sag,
         }
-        | {"step_ms": round(full.step * 1e3, 3), "sag": 0.0, "wobble": 0.0, "frequency": 0.0}
+        | {"step_ms": round(float(full.step) * 1e3, 3), "sag": 0.0, "wobble": 0.0, "frequency": 0.0}
     ]
     print(rows[-1], flush=True)
     if real_piece:
         model, seconds = timed(
             lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity, order=body.order)
         )
-        every = [Reduced("vector", model, seconds)]
+        every = [Reduced("vector", model, seconds, told=True)]
     else:
         every = models(body)
     for made in every:
+        print(f"{body.name}: {made.label}, {made.made:.1f} CPU s to make", flush=True)
         rows.append(measure(body, full, made))
         print(rows[-1], flush=True)
     return rows
@@ -236,6 +132,23 @@ def made_in(body: Body, order: int | None, times: int = 3) -> float:
     """Least CPU seconds of so many makings of the vector model."""
     known = {"supports": body.held, "gravity_vector": body.gravity, "order": order}
     return min(timed(lambda: reduce_body(body.mesh, **known))[1] for _ in range(times))
+
+
+def steps_of(body: Body, order: int | None, times: int = 5) -> dict:
+    """Steps in a CPU second, the most of so many runs, of 34 and 120 coordinates."""
+    known = {"supports": body.held, "gravity_vector": body.gravity, "order": order}
+    row: dict = {"body": body.name}
+    for kind in Subspace:
+        model = reduce_body(body.mesh, kind=kind, **known)
+        found = replace(body, order=model.order)
+        load, velocity = model.weight(found.gravity), model.coordinates(found.velocity)
+        seconds = min(
+            timed(lambda m=model, f=load, v=velocity: followed(m, None, f, v, body, {}))[1]
+            for _ in range(times)
+        )
+        said = f"{kind}, {model.dofs} coordinates, {len(model.cells)} cells"
+        row[said] = round(body.frames / seconds)
+    return row
 
 
 def draw(rows: list[dict], path: Path) -> None:
@@ -275,7 +188,13 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--made", action="store_true", help="only how long the making takes")
+    parser.add_argument("--steps", action="store_true", help="only the steps in a CPU second")
     options = parser.parse_args()
+    if options.steps:
+        with one_thread():
+            for name in options.bodies:
+                print(steps_of(BODIES[name](), options.order), flush=True)
+        return
     if options.made:
         with one_thread():
             print({name: made_in(BODIES[name](), options.order) for name in options.bodies})

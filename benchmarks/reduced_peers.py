@@ -28,12 +28,16 @@ PINNED = 1.0
 
 @dataclass(frozen=True)
 class Reduced:
-    """A model with its ``label``, CPU seconds to make it, and ``law`` of its motion."""
+    """A model with its ``label``, CPU seconds to make it, and ``law`` of its motion.
+
+    ``told``: whether the motion says how far off it is.
+    """
 
     label: str
     model: ReducedModel
     made: float
     options: dict[str, Any] = field(default_factory=dict)
+    told: bool = False
 
 
 def timed(make):

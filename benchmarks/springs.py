@@ -40,7 +40,7 @@ from autophyx_tet.fem.springs.fit import fit_to_motion
 from autophyx_tet.fem.springs.method import COST
 from autophyx_tet.fem.springs.vibration import network_frequencies
 from real_meshes import NAMES
-from reduced import BODIES, DT, Body, real
+from reduced_bodies import BODIES, DT, Body, real
 
 FRAMES, STEPS = 30, 8
 ANCHORS = (1024, 2048)

@@ -25,13 +25,15 @@ STATES = 12
 LOADED = 8
 # The stiffness about rest counts as much as so many states.
 LINEAR_SHARE = 8.0
+# And the rest under the load, about which the body moves: its sag is what cells are accepted by.
+REST_SHARE = 100.0
 # Cells that states are found with, and that weights are sought for: a draw where there are more.
 DRAWN, CANDIDATES = 1500, 6000
 # Unbalanced force of a state, over its load.
 TOLERANCE = 1e-2
 # Cells that are tried, until frequency and sag agree with all tets to this share, and forces do.
 CELLS = (60, 90, 120, 180, 250, 320, 400)
-ACCEPTED, RESIDUAL = 3e-3, 2e-3
+ACCEPTED, RESIDUAL = 3e-3, 1e-3
 # Cells that join before weights are found again: the most needed of those left, at least so many,
 # or so many of a cell there is.
 JOINING, GROWTH = 8, 0.05
@@ -157,10 +159,10 @@ def training(
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
         linear = forces(step * turn[k], turn[k:]) / step
         blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * linear)
-    states = _states(few, square, modes, load, seed)
-    for q in states if rest is None else [rest, *states]:
+    states = [(q, 1.0) for q in _states(few, square, modes, load, seed)]
+    for q, share in states if rest is None else [(rest, REST_SHARE), *states]:
         bent = forces(q, turn)
-        blocks.append(bent / np.linalg.norm(bent[:, -1]))
+        blocks.append(np.sqrt(share) / np.linalg.norm(bent[:, -1]) * bent)
     found = np.concatenate(blocks)
     return Training(found[:, :-1], found[:, -1], taken)
 

@@ -15,6 +15,8 @@ from ..discrete.space import EDGES, Space, element_points
 from ..scene.mesh import TetMesh
 from .model import ReducedModel, Subspace
 
+# Cells whose gradients are multiplied at once: these and what comes of them stay in the cache.
+TOGETHER = 80
 # Pairs of axes k <= l: the other blocks of a symmetric matrix follow.
 _K, _L = np.triu_indices(3)
 
@@ -42,8 +44,7 @@ class VectorGradients:
     def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
         self._each = np.ascontiguousarray(gradients.reshape(len(gradients), 9, -1))
         self._flat = self._each.reshape(-1, gradients.shape[3])
-        # Kept, since to get memory of this size takes longer than to fill it.
-        self._right = np.empty_like(self._each)
+        self._right = np.empty_like(self._each[:TOGETHER])
 
     def of(self, q: np.ndarray) -> np.ndarray:
         """Displacement gradients H [1], shape (cells, 3, 3)."""
@@ -55,8 +56,13 @@ class VectorGradients:
 
     def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
         """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
-        np.matmul(tangent, self._each, out=self._right)
-        return self._flat.T @ self._right.reshape(self._flat.shape)
+        total = np.zeros((self._flat.shape[1],) * 2)
+        for first in range(0, len(tangent), TOGETHER):
+            some = slice(first, first + TOGETHER)
+            left = self._each[some]
+            right = np.matmul(tangent[some], left, out=self._right[: len(left)])
+            total += left.reshape(-1, len(total)).T @ right.reshape(-1, len(total))
+        return total
 
 
 class SkinnedGradients:

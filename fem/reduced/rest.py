@@ -38,10 +38,19 @@ class KeptInverse:
     def __init__(self) -> None:
         self.inverse: np.ndarray | None = None
         self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._load, self._first = np.zeros(()), True
 
-    def begin(self) -> None:
-        """Go on to another function of nearly the same Hessian."""
-        self._last = None
+    def begin(self, load: np.ndarray | None = None) -> None:
+        """Go on to another function of nearly the same Hessian.
+
+        ``load``: it is the last one but for the term -load . q; none: it is any.
+        """
+        self._first = True
+        if load is None or self._load.shape != load.shape:
+            self._last = None
+        elif self._last is not None:
+            self._last = self._last[0], self._last[1] + self._load - load
+        self._load = np.zeros(()) if load is None else load
 
     def renew(self, matrix: np.ndarray) -> None:
         """Take the inverse of ``matrix``; none where that is not positive."""
@@ -66,10 +75,9 @@ class KeptInverse:
             found = KeptInverse()
             found.renew(matrix())
             return found
-        last, self._last = self._last, (q, gradient)
-        slow = last is not None and not (
-            np.linalg.norm(gradient) < CONTRACTION * np.linalg.norm(last[1])
-        )
+        last, self._last, first, self._first = self._last, (q, gradient), self._first, False
+        far = np.inf if first or last is None else CONTRACTION * float(np.linalg.norm(last[1]))
+        slow = not np.linalg.norm(gradient) < far
         if self.inverse is None or slow:
             self.renew(matrix())
         elif last is not None:

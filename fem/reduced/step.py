@@ -40,7 +40,7 @@ class _Potential:
         stiffness = factor + body.stiffest
         self.least = ROUND_OFF * stiffness * float(np.linalg.norm(target)) / body.tolerance
         self._gradient = np.zeros_like(target)  # of what was evaluated last
-        body.kept.begin()
+        body.kept.begin(factor * target)
 
     def evaluate(self, q: np.ndarray) -> Point:
         """Energy, infinite on contact; gradient; size of the external and inertial force."""

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ..errors import ConvergenceError, InputError, UsageError
-from ..scene.mesh import TetMesh, material_of
+from ..errors import ConvergenceError, InputError
+from ..solve.method import FrameProgress
 from .body import SpringBody
 from .eta import SOFTEST, stiffened
-from .method import COST, PATIENCE
+from .misfit import SpringMisfit
 from .network import SpringNetwork
 from .vibration import network_frequencies
-
-logger = logging.getLogger(__name__)
 
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
@@ -26,15 +23,10 @@ LOOSE = 1e3
 # ends where the square of the error falls, or would, by less than a share. Derivatives serve while
 # a step gains about what they promise, and learn from it (Broyden).
 DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
-# Motions that a fit takes, about: 9 to 14 were counted.
-USUAL = 12
 # Bar and slab are followed within 5 %: a fit that ends at more than twice that is none.
 FOLLOWED = 0.1
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
-# Steps are made shorter only where they are too long by more than this share, so that differences
-# are not those of another step.
-LEEWAY = 0.05
 # The profile [exp] that a fit starts from where it knows a frequency: between compact and thin.
 PROFILE = 1.0
 # The surface is at most so many times [exp] stiffer or softer than the middle.
@@ -123,55 +115,22 @@ def fit_both_ends(
     dt: tuple[float, float],
     *,
     frequency: float | None = None,
+    **told: Any,
 ) -> SpringFit:
     """As ``fit_to_motion`` of a ``soft`` motion at the softest eta, and how stiff another is.
 
     ``dt`` [s] are the intervals of both. The stiff motion is fitted at the same eta; how many times
-    more its springs carry is what eta, and k beyond its reach, has to make.
+    more its springs carry is what eta, and k beyond its reach, has to make. Both fits are ``told``
+    of, as there.
     """
-    one = fit_to_motion(body, soft, dt[0], eta=SOFTEST, frequency=frequency)
-    two = fit_to_motion(body, stiff, dt[1], eta=SOFTEST, frequency=frequency)
+    one = fit_to_motion(body, soft, dt[0], eta=SOFTEST, frequency=frequency, **told)
+    two = fit_to_motion(body, stiff, dt[1], eta=SOFTEST, frequency=frequency, **told)
     square = body.network.length**2
     ends = [f.scale * body.network.stiffness(SOFTEST, surface=f.surface) for f in (one, two)]
     ratio = float((ends[1] @ square) / (ends[0] @ square))
     k = one.scale * body.network.constants(SOFTEST, one.surface)
-    error = np.linalg.norm(_Followed(body, stiff, dt[1]).misfit(stiffened(body.network, k, ratio)))
+    error = np.linalg.norm(SpringMisfit(body, stiff, dt[1]).of(stiffened(body.network, k, ratio)))
     return replace(one, stiffer=ratio, stiff_error=float(error), runs=one.runs + two.runs + 1)
-
-
-class _Followed:
-    """A motion that a body's springs are compared with; steps grow shorter as springs need it."""
-
-    def __init__(
-        self, body: SpringBody, wanted: np.ndarray, dt: float, dashpot: float = 0.0, steps: int = 1
-    ) -> None:
-        self.body, self.dt, self.dashpot, self.steps = body, dt, dashpot, steps
-        self.target = np.asarray(wanted, dtype=float)[1:]
-        self.weight = _weights(body.scene.mesh, self.target)
-
-    def misfit(self, stiffness: Float[np.ndarray, "springs"]) -> np.ndarray:
-        """Weighted difference (n,) of the springs' displacement, over the motion's size."""
-        motion = self.body.motion(stiffness, dashpot=self.dashpot)
-        needed = motion.steps_for(self.dt)
-        self.steps = needed if needed > (1 + LEEWAY) * self.steps else self.steps
-        self._check_time(len(stiffness))
-        out = np.empty_like(self.target)
-        for frame in range(len(out)):
-            motion.advance(self.dt, steps=self.steps)
-            out[frame] = self.body.displacement(motion.x)
-        return (self.weight * (out - self.target)).ravel()
-
-    def _check_time(self, springs: int) -> None:
-        """``UsageError`` where a fit would take hours."""
-        steps = self.steps * len(self.target)
-        seconds = USUAL * 2 * COST * springs * steps
-        if seconds > PATIENCE:
-            raise UsageError(
-                f"a fit takes some {USUAL} motions of {steps:,} steps, so stiff the springs are: "
-                f"some {seconds / 3600:.1f} hours; fewer --anchors, a shorter or softer motion, or "
-                "--solver lbs"
-            )
-        logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
 
 
 def fit_to_motion(
@@ -183,11 +142,14 @@ def fit_to_motion(
     dashpot: float = 0.0,
     frequency: float | None = None,
     steps: int = 1,
+    announce: Callable[[str], None] | None = None,
+    progress: FrameProgress | None = None,
 ) -> SpringFit:
     """Scale and profile of k with which ``body`` follows displacements [m] every ``dt`` [s] best.
 
     The first frame is the start. Gauss-Newton from the scale of the first ``frequency`` [Hz] where
     that is known. k and eta are one number: eta stays. At least ``steps`` are taken every ``dt``.
+    ``announce`` hears before what the fit takes, ``progress`` every frame how many are done.
 
     Raises
     ------
@@ -198,13 +160,15 @@ def fit_to_motion(
     UsageError
         Where the fit would take hours.
     """
-    network, followed = body.network, _Followed(body, wanted, dt, dashpot, steps)
+    network = body.network
+    told = {"announce": announce, "progress": progress}
+    followed = SpringMisfit(body, wanted, dt, dashpot=dashpot, steps=steps, **told)
 
     def stiffness(p: np.ndarray) -> np.ndarray:
         return np.exp(p[0]) * network.stiffness(eta, surface=p[1])
 
     def misfit(p: np.ndarray) -> np.ndarray:
-        return followed.misfit(stiffness(p))
+        return followed.of(stiffness(p))
 
     start = np.zeros(2)
     if frequency is not None:  # and before any motion: pieces that turn freely are told here
@@ -226,22 +190,6 @@ def fit_to_motion(
         neighbours=network.neighbours,
         eta=eta,
     )
-
-
-def _weights(
-    mesh: TetMesh, target: Float[np.ndarray, "frames points 3"]
-) -> Float[np.ndarray, "points 1"]:
-    """Roots of the points' mass, so that the motion to fit to is of length one."""
-    if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
-        raise InputError(
-            f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
-        )
-    share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
-    weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
-    size = float(np.linalg.norm(weight * target))
-    if not size > 0:
-        raise InputError("nothing moves in the motion: there is nothing to fit to")
-    return weight / size
 
 
 class _Least(NamedTuple):

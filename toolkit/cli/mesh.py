@@ -273,10 +273,12 @@ class MatchCommand:
     def __call__(self) -> dict[str, Any]:
         """Run the command and return its document."""
         from ..simulation.reducing import match
+        from .progress import progress
 
         known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
         ends = {"stiff": self.to_stiff, "output": self.output}
-        return match(self.mesh, self.to, **ends, **known).document()
+        with progress(quiet=self.common.quiet) as tell:
+            return match(self.mesh, self.to, progress=tell, **ends, **known).document()
 
 
 COMMANDS = {

@@ -27,7 +27,7 @@ from ..options import SimulateOptions
 from ..results.reduction import Match, Reduction, SpringMatch
 from .conditions import changed_options
 from .motion_reading import EvenMotion, read_motion
-from .scenario import stated_scene
+from .scenario import Progress, announce, frames_told, stated_scene
 from .solvers import reduced_method
 from .spring_matching import fitted_springs
 from .what_if_table import answer_table
@@ -80,6 +80,7 @@ def match(
     up: UpAxis | None = None,
     with_nu: bool = False,
     options: SimulateOptions | None = None,
+    progress: Progress | None = None,
     **given: Any,
 ) -> Match | SpringMatch:
     """Fit the scale of E, and nu on request, of a reduced body to a motion of the same scene.
@@ -89,7 +90,8 @@ def match(
     ``motion`` is a .pvd with displacements on the points of ``mesh``, as ``simulate`` writes. It is
     fitted by implicit Euler and by BDF2, one step a frame, and the nearer of the two is kept.
     ``stiff`` is another motion of the same scene, of a stiffer body: what lies between the two is
-    then known (``--parameters-alpha``). ``output`` is the .npz of the parameters.
+    then known (``--parameters-alpha``). ``output`` is the .npz of the parameters. ``progress`` is
+    called with what the fit will take, and then with its stage and the seconds so far.
     """
     options = changed_options(options or SimulateOptions(), given)
     if options.solver not in ("lbs", "spring"):
@@ -113,13 +115,21 @@ def match(
     motions = [read_motion(path, points) for path in (motion, stiff) if path is not None]
     files = () if output is None else (output,)
     if springs:
-        found, notes = fitted_springs(scene, motions, options)
+        told = {
+            "announce": announce(progress, started),
+            "progress": frames_told("fit", progress, started),
+        }
+        found, notes = fitted_springs(scene, motions, options, **told)
         _check_ends(found.stiffer)
         if output is not None:
             save_springs(output, found)
         told = {"files": files, "assumed": (*scene.warnings, *notes)}
         return SpringMatch(fit=found, seconds=time.perf_counter() - started, **told)
+    if progress is not None:
+        progress("reduced body", time.perf_counter() - started)
     model = reduced_method(options).model_of(scene, options.order)
+    if progress is not None:
+        progress("fit", time.perf_counter() - started)
     fits = [_fitted_moduli(scene, model, frames, with_nu=with_nu) for frames in motions]
     _check_ends(fits[-1].scale / fits[0].scale if len(fits) > 1 else np.nan)
     if output is not None:

@@ -60,7 +60,7 @@ def run_scenario(
     mesh, rows = with_bodies(mesh, materials or {}, stated.bodies)
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
-    method = chosen_method(kind, options, rows, _announce(progress, started), classes=classes)
+    method = chosen_method(kind, options, rows, announce(progress, started), classes=classes)
     _check_law(options, method)
     scene = stated_scene(mesh, options, up=up, materials=rows)
     result = method.solve(
@@ -68,7 +68,7 @@ def run_scenario(
         law=options.law,
         order=options.order,
         device=options.device,
-        progress=_frames(options.scenario, progress, started),
+        progress=frames_told(options.scenario, progress, started),
     )
     changed = bool(stated.conditions)
     found = _answer(scene, options.scenario, result, stated=changed)
@@ -152,14 +152,14 @@ def _check_law(options: SimulateOptions, method: Method) -> None:
         )
 
 
-def _announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
+def announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
     """Callback of a method that says what it is about to do."""
     if progress is None:
         return None
     return lambda plan: progress(EXPECTED + plan, time.perf_counter() - started)
 
 
-def _frames(scenario: str, progress: Progress | None, started: float) -> Any:
+def frames_told(scenario: str, progress: Progress | None, started: float) -> Any:
     """Callback of every frame that says how long the rest will take."""
     if progress is None:
         return None

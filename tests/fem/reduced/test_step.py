@@ -201,3 +201,17 @@ def test_a_kept_inverse_takes_in_what_it_is_told():
     assert every(np.eye(6)) == pytest.approx(every(np.eye(6)).T, abs=1e-12)
     kept.renew(-A)
     assert np.isnan(kept.solve(move)).all()
+
+
+def test_an_inverse_learns_across_steps_too():
+    """Two quadratics of one Hessian A, other loads: after begin, inverse (A move) = move."""
+    rng = np.random.default_rng(3)
+    half = rng.normal(size=(5, 5))
+    A = half @ half.T + np.eye(5)
+    first, second = rng.normal(size=(2, 5)), rng.normal(size=(2, 5))
+    kept = KeptInverse()
+    for q, load in zip(first, second, strict=True):
+        kept.begin(load)
+        kept.at(q, A @ q - load, lambda: 2 * A)
+    move = first[1] - first[0]
+    assert kept.solve(A @ move) == pytest.approx(move, rel=1e-12)
