@@ -92,9 +92,8 @@ class SpringMisfit:
                 "--solver lbs"
             )
         logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
-        return (
-            f"{springs:,} springs, some {USUAL} motions of {steps:,} steps: some {seconds:,.0f} s"
-        )
+        plan = f"{springs:,} springs, about {USUAL} motions of {steps:,} steps"
+        return f"{plan}: some {seconds:,.0f} s"
 
 
 def _weights(

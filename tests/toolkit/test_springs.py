@@ -64,7 +64,9 @@ def test_match_finds_the_stiffness_of_a_motion(bar, tmp_path, capsys):
     out = capsys.readouterr()
     assert "first frequency" in out.out
     assert "springs take nu" in out.err
-    assert re.search(r"expected: [\d,]+ springs, about 12 motions of [\d,]+ steps: some \d", out.err)
+    assert re.search(
+        r"expected: [\d,]+ springs, about 12 motions of [\d,]+ steps: some \d", out.err
+    )
     fit = load_springs(tmp_path / "p.npz")
     assert fit.scale == pytest.approx(1.5, rel=0.01)
     again = simulate(bar, **poke, parameters=tmp_path / "p.npz")

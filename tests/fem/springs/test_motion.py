@@ -174,20 +174,22 @@ def test_what_springs_do_not_know_is_said():
 @pytest.mark.parametrize(("scale", "surface"), [(1.7, 0.0), (0.8, 1.0)])
 def test_a_twin_gives_its_scale_and_profile_back(scale, surface):
     """A motion of the network itself, stiffer, or softer and hardest at the surface: to 1e-4."""
-    scene = post(duration=0.3, frames=10, velocity=(0.3, 0, 0))
-    body = spring_body(scene, 150, 12)
+    body = spring_body(post(duration=0.3, frames=10, velocity=(0.3, 0, 0)), 150, 12)
     motion = body.motion(scale * body.network.stiffness(surface=surface))
-    steps = 3 * motion.steps_for(0.03)
-    wanted = [body.displacement(motion.x)]
+    steps, wanted = 3 * motion.steps_for(0.03), [body.displacement(motion.x)]
     for _ in range(10):
         motion.advance(0.03, steps=steps)
         wanted.append(body.displacement(motion.x))
-    fit = fit_to_motion(body, np.array(wanted), 0.03, steps=steps)
+    plan, done = [], []
+    told = {"announce": plan.append, "progress": lambda frame, _: done.append(frame)}
+    fit = fit_to_motion(body, np.array(wanted), 0.03, steps=steps, **told)
+    assert ["about 12 motions" in words for words in plan] == [True]
+    assert done == list(range(1, 10 * fit.runs + 1))
     assert fit.scale == pytest.approx(scale, rel=1e-4)
     assert fit.surface == pytest.approx(surface, abs=1e-4)
     assert fit.error < 1e-4
     assert fit.calibrated_error > 0.03
-    assert spring_warnings(fit) == ()
+    assert not spring_warnings(fit)
     assert "at its limit" in spring_warnings(dataclasses.replace(fit, surface=-4.0))[0]
     assert "85% off" in spring_warnings(dataclasses.replace(fit, error=0.85))[0]
 
