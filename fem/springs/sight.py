@@ -39,7 +39,7 @@ class Sight:
         self, start: Float[np.ndarray, "n 3"], end: Float[np.ndarray, "n 3"]
     ) -> Bool[np.ndarray, "n"]:
         """Whether the segments between points [m] in the body, or on it, leave it."""
-        from . import kernels_sight as k
+        from . import kernels_springs as k
 
         wp, trim = start_warp(), TRIMMED * (end - start)
         hit = wp.zeros(len(start), dtype=int, device="cpu")
@@ -49,7 +49,7 @@ class Sight:
 
     def depth(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Distance [m] of points from the surface."""
-        from . import kernels_sight as k
+        from . import kernels_springs as k
 
         wp = start_warp()
         out = wp.zeros(len(points), dtype=wp.float32, device="cpu")

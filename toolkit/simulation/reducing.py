@@ -94,17 +94,7 @@ def match(
     called with what the fit will take, and then with its stage and the seconds so far.
     """
     options = changed_options(options or SimulateOptions(), given)
-    if options.solver not in ("lbs", "spring"):
-        raise UsageError(
-            f"match has nothing to fit of --solver {options.solver}: wanted --solver lbs or spring"
-        )
-    if options.parameters is not None:
-        raise UsageError("match --parameters: it is what a match writes")
-    springs = options.solver == "spring"
-    if springs and with_nu:
-        raise UsageError("match --with-nu: springs have nu = 1/4")
-    if springs and stiff is not None and options.eta != SimulateOptions.eta:
-        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
+    _check_options(options, stiff, with_nu=with_nu)
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -114,7 +104,7 @@ def match(
     points = len(scene.mesh.points)
     motions = [read_motion(path, points) for path in (motion, stiff) if path is not None]
     files = () if output is None else (output,)
-    if springs:
+    if options.solver == "spring":
         told = {
             "announce": announce(progress, started),
             "progress": frames_told("fit", progress, started),
@@ -138,6 +128,21 @@ def match(
     notes = [warning for fit in fits for warning in fit_warnings(fit)]
     warnings = (*scene.warnings, *accuracy_warnings(model), *notes)
     return Match(fit=fits[0], stiff=None if len(fits) < 2 else fits[1], assumed=warnings, **told)
+
+
+def _check_options(options: SimulateOptions, stiff: Path | None, *, with_nu: bool) -> None:
+    """Refuse what no fit does."""
+    if options.solver not in ("lbs", "spring"):
+        raise UsageError(
+            f"match has nothing to fit of --solver {options.solver}: wanted --solver lbs or spring"
+        )
+    if options.parameters is not None:
+        raise UsageError("match --parameters: it is what a match writes")
+    springs = options.solver == "spring"
+    if springs and with_nu:
+        raise UsageError("match --with-nu: springs have nu = 1/4")
+    if springs and stiff is not None and options.eta != SimulateOptions.eta:
+        raise UsageError("match --to-stiff: eta goes from soft to stiff, leave --eta out")
 
 
 def _fitted_moduli(
