@@ -164,7 +164,7 @@ def draw(rows: list[dict], path: Path) -> None:
             style = {"color": f"C{k}", "label": label, "ms": 7}
             ax.plot(row["step_ms"], 100 * row["wobble"], "os^DvPX*hd"[k], **style)
         if "full" in own:
-            ax.axvline(own["full"]["step_ms"], color="gray", ls=":")
+            ax.axvline(own["full"]["step_ms"], color="gray", ls=":", label="full body")
         ax.set(xscale="log", yscale="log", title=name, xlabel="CPU time of a step [ms]")
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("error of the motion [%]")
