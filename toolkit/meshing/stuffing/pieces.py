@@ -91,26 +91,28 @@ class BodyTets:
         self.tets, self.part, self.surface = tets, part, surface
         self.middles = points[tets].mean(axis=1)
         self._tree = KDTree(self.middles)
-        self._within: dict[int, np.ndarray] = {}
 
     def triangles(self, body: int) -> Triangles:
         """Faces of a component of the surface."""
         return Triangles(self.surface.points, self.surface.faces[self.surface.component == body])
 
-    def within(self, body: int) -> Bool[np.ndarray, "tets"]:
-        """Which tets of a part of a body have their middles in it: all, if it is the only one."""
-        if body not in self._within:
-            own = self.surface.component == body
-            parts = np.unique(self.surface.part[own])
-            held = np.isin(self.part, parts)
-            if not own[np.isin(self.surface.part, parts)].all():
-                skin = self.triangles(body)
-                corners = skin.points[skin.faces]
-                lo, hi = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-                held &= ((self.middles >= lo) & (self.middles <= hi)).all(axis=1)
-                held[held] = np.abs(winding_numbers(*skin, self.middles[held])) > INSIDE
-            self._within[body] = held
-        return self._within[body]
+    def within(self, body: int, near: Int[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
+        """Which of some tets of a part of a body have their middles in it: all, if it is alone."""
+        own = self.surface.component == body
+        parts, middles = np.unique(self.surface.part[own]), self.middles[near]
+        held = np.isin(self.part[near], parts)
+        if not own[np.isin(self.surface.part, parts)].all():
+            skin = self.triangles(body)
+            corners = skin.points[skin.faces]
+            lo, hi = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+            held &= ((middles >= lo) & (middles <= hi)).all(axis=1)
+            held[held] = np.abs(winding_numbers(*skin, middles[held])) > INSIDE
+        return held
+
+    def of(self, body: int) -> Int[np.ndarray, "m"]:
+        """Tets with their middles in a body."""
+        every = np.arange(len(self.tets))
+        return every[self.within(body, every)]
 
     def around(self, places: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "m"]:
         """Tets with their middles within ``reach`` [m] of any of the places."""
@@ -131,7 +133,7 @@ def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np
     """
     surface, found, is_open = mesh.surface, [np.zeros((0, 3))], open_components(mesh.surface)
     for body in np.unique(surface.component[np.isin(surface.part, parts)]).tolist():
-        held = np.flatnonzero(mesh.within(body) & ~is_open[body])
+        held = mesh.of(body) if not is_open[body] else np.zeros(0, dtype=np.int64)
         piece = _pieces(mesh.tets[held]) if len(held) else held
         if not piece.any():
             continue
@@ -158,14 +160,15 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[
     out = [np.zeros((0, 3))]
     for bodies in np.unique(found.bodies, axis=0):
         where = found.where[(found.bodies == bodies).all(axis=1)]
-        for places in _patches(_gathered(where, BEAD * edge), REACH * edge):
-            near = mesh.around(places, REACH * edge)
+        for patch in _patches(where, BEAD * edge, REACH * edge):
+            near = mesh.around(patch.thinned, REACH * edge)
             if not len(near):
                 continue
             piece = _pieces(mesh.tets[near])
-            ends = [np.bincount(piece[mesh.within(body)[near]]) for body in bodies.tolist()]
+            ends = [np.bincount(piece[mesh.within(body, near)]) for body in bodies.tolist()]
             if all(len(end) for end in ends) and ends[0].argmax() == ends[1].argmax():
                 continue
+            places = _gathered(patch.where, BEAD * edge)
             lost = [b for b, end in zip(bodies.tolist(), ends, strict=True) if not len(end)]
             out += [places, *(_way_to(mesh, body, places, edge) for body in lost)]
     return np.concatenate(out)
@@ -178,19 +181,30 @@ def _way_to(
 
     None where it is farther than ``LONGEST`` long edges [m] of the lattice.
     """
-    where, held = mesh.samples(body), mesh.within(body)
+    where, held = mesh.samples(body), mesh.of(body)
     width = _two_nearest(where, [places, mesh.middles[held]]).distance.sum(axis=1)
     near = width <= min(width.min() + WIDER * edge, LONGEST * edge)
     return _gathered(where[near], BEAD * edge)
 
 
-def _patches(where: Float[np.ndarray, "n 3"], apart: float) -> list[Float[np.ndarray, "m 3"]]:
-    """Groups of places [m] that are farther than that ``apart`` [m]."""
+class _Patch(NamedTuple):
+    """Places [m] of a contact, and some of them that stand for all."""
+
+    where: np.ndarray
+    thinned: np.ndarray
+
+
+def _patches(where: Float[np.ndarray, "n 3"], within: float, apart: float) -> list[_Patch]:
+    """Groups of places [m] that are farther than that ``apart`` [m], thinned to one a cell."""
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial.distance import cdist
 
-    count, group = connected_components(cdist(where, where) <= apart, directed=False)
-    return [where[group == number] for number in range(count)]
+    cells = np.floor(where / within)
+    _, one, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    thinned = where[one]
+    count, group = connected_components(cdist(thinned, thinned) <= apart, directed=False)
+    of_all = group[cell.ravel()]
+    return [_Patch(where[of_all == k], thinned[group == k]) for k in range(count)]
 
 
 def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarray, "fewer 3"]:
