@@ -176,6 +176,12 @@ def material_of(mesh: TetMesh) -> ElementMaterial:
     return mesh.material
 
 
+def edge_share(mesh: TetMesh) -> float:
+    """Median length [1] of the first edges of its tets, as a share of its bounding diagonal."""
+    lengths = np.linalg.norm(edge_vectors(mesh.points, mesh.tets), axis=1)
+    return float(np.median(lengths) / np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+
+
 def largest_explicit_step(mesh: TetMesh) -> float:
     """Largest stable step [s] of explicit dynamics: a pressure wave crosses no altitude in less."""
     material = material_of(mesh)

@@ -1,5 +1,7 @@
 """Scenarios and verdicts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from autophyx_tet.fem import verdicts as checks
@@ -130,3 +132,13 @@ def test_the_mesh_is_judged_by_more_than_it_costs(order):
     assert error <= check.value + 0.02 * (order == 1)
     assert check.passed == (check.value <= 0.1)
     assert f"within about {check.value:.0%}" in check.sentence
+
+
+def test_what_is_beyond_the_limit_does_not_read_as_the_limit():
+    """10.4 % is beyond 10 %, and the sentence says so, with the edges that the mesh has."""
+    one = wind(column(E=1e8), order=2, law=Law.LINEAR)
+    for value, shown in ((0.0999, "10%"), (0.1001, "10.1%"), (0.104, "10.4%"), (0.2, "20%")):
+        error = one.discretisation_error._replace(value=value, recovery=np.inf)
+        check = checks.discretisation(replace(one, discretisation_error=error))
+        assert f"within about {shown} (" in check.sentence
+    assert "coarse, its edges 0." in check.sentence

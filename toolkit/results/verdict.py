@@ -17,7 +17,8 @@ ADVICE = {
     "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
     "size: --size is the longest side in metres.",
     "buckling": "Slender parts want a stiffer material, more thickness or a support higher up.",
-    "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel 0.03 or less.",
+    "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel of half that, "
+    "or of half of what it was made with.",
     "locking": "--order 2 has elements that do not lock; --solver lbs wants a finer mesh.",
     "explicit step": "This matters to explicit simulators only; implicit ones, as here, take any.",
     "first frequency": "It will be seen to swing: a stiffer material or thicker parts prevent it.",
