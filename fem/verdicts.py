@@ -57,10 +57,10 @@ class Check:
 
 
 def percent(value: float) -> str:
-    """A share in words: two digits, '< 0.01 %' where it is less, never '0.00 %'."""
+    """A share in words: two digits, all beyond the whole; never '0.00 %'."""
     if 0 < value < 1e-4:
         return "less than 0.01 %"
-    return f"{100 * value:.2g} %" if value < 1 else f"{value:.3g} times"
+    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:,.0f} %"
 
 
 def holds_shape(result: SagResult) -> Check:

@@ -95,7 +95,8 @@ def test_a_bent_bar_has_its_largest_stress_at_its_skin(cells):
 def test_small_shares_are_never_zero_and_large_ones_are_times():
     assert percent(5e-7) == "less than 0.01 %"
     assert percent(0.0123) == "1.2 %"
-    assert percent(3.25) == "3.25 times"
+    assert percent(0.997) == "100 %"
+    assert percent(3.25) == "325 %"
 
 
 def test_a_bracket_of_80_metres_is_asked_for_its_unit():
