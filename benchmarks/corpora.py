@@ -29,18 +29,27 @@ def corpus(name: str, root: Path, limit: int | None) -> list[Path]:
     return files
 
 
+def fetch_package(package: str, root: Path) -> Path:
+    """Files of a Debian package in the folder ``root``, fetched once; needs no administrator."""
+    if not root.exists():
+        root.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=root.parent) as work:
+            subprocess.run(["apt-get", "download", package], cwd=work, check=True)
+            (deb,) = Path(work).glob("*.deb")
+            subprocess.run(["dpkg", "-x", str(deb), str(Path(work) / "files")], check=True)
+            (Path(work) / "files").rename(root)
+    return root
+
+
 def _fetch_cgal(root: Path) -> None:
-    """Meshes of Debian's libcgal-demo, fetched once; needs no administrator."""
+    """Meshes of Debian's libcgal-demo, fetched once."""
     if root.exists():
         return
-    root.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=root.parent) as work:
-        subprocess.run(["apt-get", "download", "libcgal-demo"], cwd=work, check=True)
-        (deb,) = Path(work).glob("*.deb")
-        subprocess.run(["dpkg", "-x", str(deb), work], check=True)
-        with tarfile.open(next(Path(work).rglob("data.tar.gz"))) as archive:
-            archive.extractall(Path(work) / "data", filter="data")
-        (Path(work) / "data").rename(root)
+    with tempfile.TemporaryDirectory() as work:
+        files = fetch_package("libcgal-demo", Path(work) / "files")
+        root.parent.mkdir(parents=True, exist_ok=True)
+        with tarfile.open(next(files.rglob("data.tar.gz"))) as archive:
+            archive.extractall(root, filter="data")
 
 
 def _sweethome3d(root: Path) -> list[Path]:

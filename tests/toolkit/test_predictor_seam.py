@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import autophyx_tet as apx
@@ -218,6 +219,8 @@ def test_stated_numbers_go_from_assign_to_simulate_as_exact(tmp_path, capsys):
         assert main(["assign", str(tmp_path / "bar.msh"), "--text", text, "-o", m, "-q"]) == 0
         assert main(["simulate", m, "-o", str(tmp_path / "s.vtu"), "--json", "-q"]) == 0
         found = json.loads(capsys.readouterr().out)["sag"]["intervals"]
+        part, *_ = json.loads(Path(f"{m}.json").read_text())["record"]["assign"]["parts"]
+        assert part["ranges"]["rho"] == {"min": 7850.0, "max": 7850.0}
         if known is None:
             assert found is None
         else:

@@ -139,6 +139,8 @@ def _materials(parts: Sequence[dict[str, Any]]) -> str:
     widest = max(high / low for low, high in ends)
     known = f"{len(parts) - len(guesses)} of {len(parts)} from words or names"
     guessed = f", a guess for {listed(guesses)}" if guesses else ""
+    if widest == 1:
+        return f"{known}{guessed}; E is as stated"
     return f"{known}{guessed}; E is known to a factor of {widest:.2g} or better"
 
 

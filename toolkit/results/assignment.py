@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...fem.errors import BandError, InputError, UsageError
-from ...fem.scene.materials import AS_STATED, FIELDS, MaterialValue, outside_band
+from ...fem.scene.materials import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.scene.mesh import TetMesh
 from ...fem.uncertainty.likely import MIDDLE
 from ...predictors.construction.masses import MassInterval
@@ -72,7 +72,7 @@ class Assignment:
                 "material": choice.material,
                 "class": choice.matter_class,
                 **choice.value._asdict(),
-                "ranges": {name: getattr(choice.row, name) for name in FIELDS},
+                "ranges": _ranges(choice),
                 "source": choice.source,
                 "estimated": choice.row.estimated,
                 "why": choice.why,
@@ -215,3 +215,10 @@ def _material(mesh: TetMesh):
     if mesh.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
     return mesh.material
+
+
+def _ranges(choice: PartChoice) -> dict[str, Span]:
+    """What E, nu and rho may be: as the row says, but those that were stated in numbers."""
+    rows = {name: getattr(choice.row, name) for name in FIELDS}
+    values = choice.value._asdict()
+    return rows | {name: Span(values[name], values[name]) for name in choice.exact}
