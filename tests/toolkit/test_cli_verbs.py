@@ -93,16 +93,21 @@ def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_budget_too_small_for_one_piece_is_refused(tmp_path, capsys):
-    """With 8,000 tets a fifth of the demo, leaves that hang on twigs, would come off."""
+    """With 4,000 tets a tenth of the demo would come off; with 8,000 leaves hang on by beads."""
+    from autophyx_tet.converters.mesh.mesh_file import read_mesh
     from autophyx_tet.toolkit.io.bonsai import write_bonsai
 
     asset, target = write_bonsai(tmp_path / "bonsai.glb"), tmp_path / "b.msh"
-    call = ["convert", str(asset), "--mesher", "stuffing", "--max-tets", "8000", "-o", str(target)]
+    call = ["convert", str(asset), "--mesher", "stuffing", "--max-tets", "4000", "-o", str(target)]
     assert main(call) == 4
     assert "more --max-tets" in capsys.readouterr().err
     assert not target.exists()
     assert main([*call, "--accept-broken"]) == 0
     assert "fell off" in capsys.readouterr().err
+    assert main([*call, "--max-tets", "8000"]) == 0
+    told = capsys.readouterr().err
+    assert "beads of" in told
+    assert ("more than --max-tets 8,000" in told) == (len(read_mesh(target).tets) > 8000)
 
 
 @pytest.mark.slow

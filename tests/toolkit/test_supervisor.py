@@ -5,10 +5,12 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.machinery import ExtensionFileLoader
 from pathlib import Path
 
 import pytest
 import trimesh
+from autophyx_tet.toolkit.native.interrupts import on_interrupt
 
 SOON = 2.0  # s that a command may take to end
 # Commands that begin to write a file and then do not hear: every interrupt is swallowed, or the
@@ -178,3 +180,23 @@ def test_ctrl_c_at_ten_moments_of_a_real_run(tmp_path, seconds):
         assert code == 130, err
         assert err == "autophyx-tet: interrupted; nothing half-written was left\n"
     nothing_left(tmp_path)
+
+
+def test_an_interrupt_waits_for_the_loading_of_machine_code():
+    """Some extensions end the process where Python raises while they are loaded."""
+
+    class Slow(ExtensionFileLoader):
+        def exec_module(self, module):
+            time.sleep(0.01)
+            signal.raise_signal(signal.SIGINT)
+            self.loaded = True
+
+    loader, before = Slow("slow", "slow.so"), signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        loader.exec_module(None)
+        with pytest.raises(KeyboardInterrupt):
+            time.sleep(5.0)
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    assert loader.loaded

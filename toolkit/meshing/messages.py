@@ -20,9 +20,14 @@ KEPT_BY = 0.95  # of a plate's thickness: the envelope that keeps it
 FINEST = 1e-4  # of the diagonal: an epsilon that no engine keeps in an hour
 
 
-def said(report: ConversionReport, layers: int = 1) -> tuple[str, ...]:
-    """Sentences about whatever a user would not expect who asked for so many ``layers``."""
+def said(report: ConversionReport, layers: int = 1, max_tets: int | None = None) -> tuple[str, ...]:
+    """Sentences about whatever a user would not expect who asked for so many layers and tets."""
     sentences = [*_closed(report), *_of_lattice(report, layers), *differences(report)]
+    if max_tets is not None and report.quality.tets > max_tets:
+        sentences.append(
+            f"{report.quality.tets:,} tets are more than --max-tets {max_tets:,}: no coarser mesh "
+            "kept its guarantees"
+        )
     if report.layers < layers and report.mesher != STUFFING:
         sentences.append(
             f"{layers} layers of tets through thin places are more than --max-tets allows: "

@@ -98,7 +98,8 @@ def tetrahedralize(
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
-    return mesh, replace(report, warnings=said(report, layers), differences=differences(report))
+    told = said(report, layers, max_tets)
+    return mesh, replace(report, warnings=told, differences=differences(report))
 
 
 def _problem(
