@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 import tarfile
 import tempfile
 from pathlib import Path
@@ -34,7 +35,9 @@ def fetch_package(package: str, root: Path) -> Path:
     if not root.exists():
         root.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=root.parent) as work:
-            subprocess.run(["apt-get", "download", package], cwd=work, check=True)
+            subprocess.run(
+                ["apt-get", "download", "-qq", package], cwd=work, check=True, stdout=sys.stderr
+            )
             (deb,) = Path(work).glob("*.deb")
             subprocess.run(["dpkg", "-x", str(deb), str(Path(work) / "files")], check=True)
             (Path(work) / "files").rename(root)

@@ -2,8 +2,9 @@
 
     python benchmarks/run.py --json
 
-``demo`` is the bonsai of ``make demo``, ``scan`` the head of 117,694 triangles that Debian's
-occt-misc has, as it is, without its real unit, ``splats`` 100,000 Gaussians on the bonsai's skin.
+``demo`` is the bonsai of ``make demo``, ``lattice`` the same by isosurface stuffing, ``scan`` the
+head of 117,694 triangles that Debian's occt-misc has, ``splats`` 100,000 Gaussians on the bonsai's
+skin.
 Each is a fresh process with all its imports and no mesh kept of an earlier run, and what it writes
 is thrown away; the figures are the medians of ``--repeats``. Threads are as a user has them.
 """
@@ -37,6 +38,7 @@ def assets(names: list[str], folder: Path) -> dict[str, list[str]]:
     folder.mkdir(parents=True, exist_ok=True)
     bonsai = write_bonsai(folder / "bonsai.glb")
     found = {"demo": [str(bonsai), "--text", DEMO_TEXT]}
+    found["lattice"] = [*found["demo"], "--mesher", "stuffing"]
     if "scan" in names:
         scan = fetch_package("occt-misc", folder / "occt-misc") / SCAN
         found["scan"] = [str(scan), "--units", "mm", "--text", "marble"]
@@ -73,7 +75,7 @@ def once(words: list[str]) -> dict:
 def main() -> None:
     """Print a row a case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", nargs="+", default=["demo", "scan", "splats"])
+    parser.add_argument("--cases", nargs="+", default=["demo", "lattice", "scan", "splats"])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--cache", type=Path, default=cache_folder(), help="folder of the assets")
     parser.add_argument("--json", action="store_true")

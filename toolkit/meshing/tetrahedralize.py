@@ -98,8 +98,12 @@ def tetrahedralize(
     made = _kept(asset, found, accept_broken)
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
+    return mesh, _worded(report, layers, max_tets)
+
+
+def _worded(report: ConversionReport, layers: int, max_tets: int | None) -> ConversionReport:
     told = said(report, layers, max_tets)
-    return mesh, replace(report, warnings=told, differences=differences(report))
+    return replace(report, warnings=told, differences=differences(report))
 
 
 def _problem(
