@@ -85,9 +85,9 @@ def discretisation(result: SagResult) -> Check:
     by = "the P1/P2 gap" if found.kind == "P1/P2" else f"the {found.kind} gap"
     by += " and stress recovery" if np.isfinite(found.recovery) else ""
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
-    coarse = f"coarse, its edges {edge_share(result.static.mesh):.2g} of its diagonal"
-    does = f"{'fine enough' if passed else coarse}: displacement within about {shown}"
-    said = f"The mesh is {does} (limit {TRUSTED:.0%}), by {by}."
+    edge = "" if passed else f"{edge_share(result.static.mesh):.2g}"
+    does = f"coarse, its edges {edge} of its diagonal" if edge else "fine enough"
+    said = f"The mesh is {does}: displacement within about {shown} (limit {TRUSTED:.0%}), by {by}."
     return Check("discretisation", passed, about, TRUSTED, said)
 
 

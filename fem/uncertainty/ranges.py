@@ -66,7 +66,7 @@ def open_ranges(
             continue
         row = rows[name]
         spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
-        spans = [
+        spans = [  # of what is fixed an empty one, which holds what the tets have and no more
             Span(np.inf, -np.inf) if field in fixed else span
             for field, span in zip(FIELDS, spans, strict=True)
         ]

@@ -70,10 +70,11 @@ def _fill(
 
 def _is_article(cut: list[Atom], i: int, known: set[str]) -> bool:
     """Whether an "a" is no label of a part: "a stool" of "leg_a", but "leg a is oak"."""
+    if cut[i].text.lower() != "a" or (i > 0 and cut[i - 1].stem in known):
+        return False
     after = cut[i + 1].text.lower() if i + 1 < len(cut) else ""
-    joins = {word for role in ("is", "of", "and") for word in words()["roles"][role]}
-    labels = i > 0 and cut[i - 1].stem in known
-    return cut[i].text.lower() == "a" and after[:1].isalpha() and after not in joins and not labels
+    joins = any(after in words()["roles"][role] for role in ("is", "of", "and"))
+    return after[:1].isalpha() and not joins
 
 
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.

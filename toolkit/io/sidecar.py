@@ -106,13 +106,12 @@ class Sidecar:
 
 def rows_on_record(sidecar: Sidecar) -> dict[str, str]:
     """Row of the material table of every part that ``assign`` wrote down."""
-    parts = sidecar.record.get("assign", {}).get("parts", [])
-    return {part["name"]: part["material"] for part in parts}
+    return {part["name"]: part["material"] for part in _parts_on_record(sidecar)}
 
 
 def classes_on_record(sidecar: Sidecar) -> dict[str, str]:
     """Class of matter of every part that ``assign`` wrote down."""
-    parts = sidecar.record.get("assign", {}).get("parts", [])
+    parts = _parts_on_record(sidecar)
     return {part["name"]: part["class"] for part in parts if part.get("class")}
 
 
@@ -123,18 +122,22 @@ def differences_on_record(sidecar: Sidecar) -> tuple[str, ...]:
 
 def draws_on_record(sidecar: Sidecar) -> dict[str, tuple[MaterialValue, ...]]:
     """Matters that a predictor drew of parts, as ``assign`` wrote them down."""
-    parts = sidecar.record.get("assign", {}).get("parts", [])
     return {
         part["name"]: tuple(MaterialValue(**one) for one in part["draws"])
-        for part in parts
+        for part in _parts_on_record(sidecar)
         if part.get("draws")
     }
 
 
 def exact_on_record(sidecar: Sidecar) -> dict[str, tuple[str, ...]]:
     """Which of E, nu and rho of parts were stated in numbers, as ``assign`` wrote them down."""
-    parts = sidecar.record.get("assign", {}).get("parts", [])
+    parts = _parts_on_record(sidecar)
     return {part["name"]: tuple(part["exact"]) for part in parts if part.get("exact")}
+
+
+def _parts_on_record(sidecar: Sidecar) -> list[dict[str, Any]]:
+    """What ``assign`` wrote down of each part; nothing before it."""
+    return sidecar.record.get("assign", {}).get("parts", [])
 
 
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:
