@@ -27,7 +27,6 @@ from convert_table import OURS, read_rows, summary, table
 from convert_tools import run_tool
 from corpora import corpus, root_of
 
-SAMPLE = 60  # inputs that the peers are run on, evenly spread over the corpus
 HERE = Path(__file__).resolve()
 
 
@@ -44,7 +43,7 @@ def main() -> None:
     peers = [peer for peer in args.peers.split(",") if peer]
     if missing := [peer for peer in peers if find_spec(peer) is None]:
         sys.exit(f"not installed, so that no row would say anything: {', '.join(missing)}")
-    sample = set(inputs[:: max(1, -(-len(inputs) // SAMPLE))])
+    sample = set(inputs[:: max(1, -(-len(inputs) // args.peer_sample))])
     version = _version()
     for path in _drawn(inputs, args):
         for tool in [OURS, *(peers if path in sample else [])]:
@@ -81,6 +80,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--corpus", default="cgal", help="cgal, sweethome3d or a folder")
     parser.add_argument("--folder", default=".cache/corpora", help="where corpora are unpacked")
     parser.add_argument("--peers", default="", help="comma-separated: pytetwild,tetgen,gmsh")
+    parser.add_argument(
+        "--peer-sample", type=int, default=60, help="inputs for peers, spread evenly"
+    )
     parser.add_argument("--limit", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0, help="of the order that inputs are drawn in")
     parser.add_argument("--drawn", type=int, nargs=2, default=(0, None), metavar=("FROM", "TO"))
