@@ -8,7 +8,8 @@ from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.toolkit.meshing.conversion_report import InputVolume, input_volume
 from autophyx_tet.toolkit.meshing.lattice_guarantees import lattice_guarantees
 from autophyx_tet.toolkit.meshing.quality import quality
-from autophyx_tet.toolkit.surfaces.samples import COARSE
+from autophyx_tet.toolkit.surfaces.samples import COARSE, inside
+from autophyx_tet.toolkit.surfaces.triangles import Triangles
 
 from .test_stuffing import solids_of
 
@@ -51,3 +52,31 @@ def test_half_of_what_is_scattered_is_no_mesh_of_it():
             if one.name == "relative error of volume"
         )
         assert volume.ok == kept
+
+
+def test_one_point_is_asked_for_all_on_its_side():
+    """A thin ring and a ball in it: the same points with the same labels, of half the questions."""
+    ring = trimesh.creation.torus(1.0, 0.1)
+    ring.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3]))
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.15)
+    ball.apply_translation(ring.vertices[0])
+    (shell,) = solids_of(trimesh.util.concatenate([ring, ball])).shells
+    skin, found, asked = Triangles(shell.points, shell.faces), [], []
+    for crisp in (False, True):
+        count = []
+
+        def label(where, count=count):
+            count.append(len(where))
+            return shell.depth(where) - 1
+
+        rng = np.random.default_rng(0)
+        bounds = (
+            shell.points[shell.faces].min(axis=(0, 1)),
+            shell.points[shell.faces].max(axis=(0, 1)),
+        )
+        found.append(inside(skin, label, np.stack(bounds), rng=rng, count=2000, crisp=crisp))
+        asked.append(sum(count))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert set(np.unique(found[0].label)) == {0, 1}  # what both hold is 1
+    assert asked[1] < asked[0] / 1.5

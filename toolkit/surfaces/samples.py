@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -111,6 +112,13 @@ class Boxes(NamedTuple):
             here[:-1] |= differs
         return out.reshape(-1)
 
+    def linked(self, some: Bool[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+        """Number of the group of each of some boxes, linked across their sides; of others -1."""
+        from scipy.ndimage import label
+
+        groups: Any = label  # its stubs know no pair
+        return groups(some.reshape(self.shape))[0].reshape(-1) - 1
+
     def within(
         self, chosen: Bool[np.ndarray, "n"], times: int, *, rng: np.random.Generator
     ) -> Float[np.ndarray, "m 3"]:
@@ -163,28 +171,44 @@ def inside(
     *,
     rng: np.random.Generator,
     count: int,
+    crisp: bool = False,
 ) -> Inside:
     """Sample what a ``surface`` [m] encloses within ``bounds`` [m], in some ``count`` boxes.
 
     ``label`` gives -1 for points outside. It changes at the surface and at caps of its holes: of a
     body so thin or so scattered that its volume stays ``COARSE``, the boxes there are asked again
-    in smaller ones; of the others each is known by its point.
+    in smaller ones; of the others each is known by its point. Where it is ``crisp`` and changes at
+    the surface alone, one point is asked for all that are on the same side for certain.
     """
     boxes, where = stratified(bounds, rng=rng, count=count)
-    labels = label(where)
+    gap = cache(lambda: closest(boxes.centres(), *surface).distance)  # not always needed
+    reach = np.linalg.norm(boxes.size) / 2
+    labels = _labels(label, where, boxes.linked(gap() > reach)) if crisp else label(where)
     found = _of(where, labels, boxes.volume)
     if found.uncertainty <= COARSE:
         return found
-    reach = np.linalg.norm(boxes.size) / 2
-    mixed = closest(boxes.centres(), *surface).distance <= reach
-    mixed |= boxes.beside_others(labels >= 0)
+    mixed = (gap() <= reach) | boxes.beside_others(labels >= 0)
     finer = min((found.uncertainty / KNOWN) ** 2, MOST / mixed.sum())
     times = max(int(finer ** (1 / 3)), 2)
     closer = boxes.within(mixed, times, rng=rng)
+    box = np.repeat(np.flatnonzero(mixed), times**3)
+    free = np.linalg.norm(closer - boxes.centres()[box], axis=1) < gap()[box]
+    closer_labels = _labels(label, closer, np.where(free, box, -1)) if crisp else label(closer)
     whole = _of(where[~mixed], labels[~mixed], boxes.volume)
-    part = _of(closer, label(closer), boxes.volume / times**3)
+    part = _of(closer, closer_labels, boxes.volume / times**3)
     where, labels, cells = (np.concatenate(pair) for pair in zip(whole[:3], part[:3], strict=True))
     return Inside(where, labels, cells, part.error)
+
+
+def _labels(
+    label: Label, where: Float[np.ndarray, "n 3"], group: Int[np.ndarray, "n"]
+) -> Int[np.ndarray, "n"]:
+    """Labels of points [m], asked once for all of a group; those in group -1 are alone."""
+    alone = np.flatnonzero(group < 0)
+    _, first, of_all = np.unique(group, return_index=True, return_inverse=True)
+    out = label(where[first])[of_all]
+    out[alone] = label(where[alone])
+    return out
 
 
 def _of(where: Float[np.ndarray, "n 3"], labels: Int[np.ndarray, "n"], cell: float) -> Inside:

@@ -54,17 +54,22 @@ class Shell:
 
     def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside, by the fast winding number."""
+        return self.depth(where) > 0
+
+    def depth(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        """How many bodies of the shell points [m] lie in, 0 outside and in the cavity."""
         corners = self.points[self.faces].reshape(-1, 3)
         lo, hi = corners.min(axis=0), corners.max(axis=0)
         pad = PAD * (hi - lo).max()
         near = np.flatnonzero(((where >= lo - pad) & (where <= hi + pad)).all(axis=1))
-        inside = np.zeros(len(where), dtype=bool)
+        depth = np.zeros(len(where), dtype=np.int64)
         if near.size:
-            inside[near] = np.abs(self.winding(where[near])) > INSIDE
+            winding = np.abs(self.winding(where[near]))
+            depth[near] = np.where(winding > INSIDE, np.round(winding), 0)
         if self.winding_of_cavity is not None:
-            held = np.flatnonzero(inside)
-            inside[held] = self.winding_of_cavity(where[held]) < INSIDE
-        return inside
+            held = np.flatnonzero(depth)
+            depth[held[self.winding_of_cavity(where[held]) >= INSIDE]] = 0
+        return depth
 
     @cached_property
     def rimless(self) -> bool:

@@ -68,21 +68,18 @@ def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
 
 
 def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
-    """Random points inside one shell."""
+    """Random points inside one shell; their labels tell how many more bodies share each."""
 
     def label(where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
-        return shell.shell.contains(where).astype(np.int64) - 1
+        return shell.shell.depth(where) - 1
 
-    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count)
+    crisp = shell.shell.rimless
+    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count, crisp=crisp)
 
 
 def _volume(shell: ShellField, held: Inside) -> float:
-    """Exact volume of a closed shell without what its bodies share, else the sampled one.
-
-    A point in two bodies has a winding number of two.
-    """
-    shared = np.maximum(np.round(np.abs(shell.shell.winding(held.where))) - 1, 0)
-    exact = shell.shell.volume - float(shared @ held.cell)
+    """Exact volume of a closed shell without what its bodies share, else the sampled one."""
+    exact = shell.shell.volume - float(held.label @ held.cell)
     near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
     return exact if near else held.total
 

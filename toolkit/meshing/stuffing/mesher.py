@@ -71,7 +71,8 @@ def _apart(
     mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
     # Surfaces that are samples have thin places by their noise.
     thin = list(filling.lattice.thin_shares) if target.sharp else []
-    return np.concatenate([loose_contacts(mesh, touch, edge), parted_places(mesh, thin, edge)])
+    parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
+    return np.concatenate([loose_contacts(mesh, touch, edge), parted])
 
 
 def _filled(

@@ -91,6 +91,7 @@ class BodyTets:
         self.tets, self.part, self.surface = tets, part, surface
         self.middles = points[tets].mean(axis=1)
         self._tree = KDTree(self.middles)
+        self._of: dict[int, np.ndarray] = {}
 
     def triangles(self, body: int) -> Triangles:
         """Faces of a component of the surface."""
@@ -98,6 +99,8 @@ class BodyTets:
 
     def within(self, body: int, near: Int[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
         """Which of some tets of a part of a body have their middles in it: all, if it is alone."""
+        if body in self._of:
+            return np.isin(near, self._of[body])
         own = self.surface.component == body
         parts, middles = np.unique(self.surface.part[own]), self.middles[near]
         held = np.isin(self.part[near], parts)
@@ -111,13 +114,20 @@ class BodyTets:
 
     def of(self, body: int) -> Int[np.ndarray, "m"]:
         """Tets with their middles in a body."""
-        every = np.arange(len(self.tets))
-        return every[self.within(body, every)]
+        if body not in self._of:
+            self._of[body] = np.flatnonzero(self.within(body, np.arange(len(self.tets))))
+        return self._of[body]
 
     def around(self, places: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "m"]:
         """Tets with their middles within ``reach`` [m] of any of the places."""
-        found = self._tree.query_ball_point(places, reach)
-        return np.unique(np.concatenate([*found, []])).astype(np.int64)
+        from scipy.spatial import KDTree
+
+        if not len(places):
+            return np.zeros(0, dtype=np.int64)
+        middle = places.mean(axis=0)
+        ball = reach + np.linalg.norm(places - middle, axis=1).max()
+        near = np.sort(self._tree.query_ball_point(middle, ball)).astype(np.int64)
+        return near[KDTree(places).query(self.middles[near])[0] <= reach]
 
     def samples(self, body: int) -> Float[np.ndarray, "n 3"]:
         """Places [m] on a body."""

@@ -30,16 +30,12 @@ RegionAt = Callable[[Float[np.ndarray, "n 3"]], np.ndarray]
 
 
 class Ridge(NamedTuple):
-    """Edges (n, 2) of the boundary: the ``faces`` (n, 2, 3) at each, their ``tips``, the region.
-
-    ``known`` (m, 2) are all edges of the mesh around.
-    """
+    """Edges (n, 2) of the boundary: the ``faces`` (n, 2, 3) at each, their ``tips``, the region."""
 
     edges: np.ndarray
     faces: np.ndarray
     tips: np.ndarray
     region: np.ndarray
-    known: np.ndarray
 
 
 def filled_ridges(
@@ -77,8 +73,7 @@ def _ridges(mesh: CutMesh, near: Int[np.ndarray, "near"]) -> Ridge:
     same = at[edges].any(axis=1) & (mesh.region[owner[left]] == mesh.region[owner[right]])
     edges, sides = edges[same], np.stack([left[same], right[same]], axis=1)
     tips = faces[sides].sum(axis=-1) - edges.sum(axis=1, keepdims=True)
-    known = edges_of(mesh.tets[some], len(mesh.points))[0]
-    return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]], known)
+    return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]])
 
 
 def _between(
@@ -87,7 +82,9 @@ def _between(
     """Tets on edges that run across between two points on a sharp edge which are not linked."""
     key = np.array([len(mesh.points), 1])
     new = np.flatnonzero(on_edge[ridge.tips].all(axis=1))
-    new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, ridge.known @ key)]
+    along = mesh.tets[on_edge[mesh.tets].sum(axis=1) > 1]
+    known = edges_of(along, len(mesh.points))[0]
+    new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
     tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
     return tets[:, None], ridge.region[new]
 
@@ -158,5 +155,7 @@ def _without_unused(mesh: CutMesh) -> CutMesh:
     """Drop the points that no tet has."""
     used = np.zeros(len(mesh.points), dtype=bool)
     used[mesh.tets] = True
+    if used.all():
+        return mesh
     number = (np.cumsum(used) - 1).astype(np.int32)
     return mesh._replace(points=mesh.points[used], tets=number[mesh.tets], free=mesh.free[used])
