@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,21 +36,29 @@ def write_folder(folder: Path, result: RunResult, *, touch: bool = False) -> Run
 
 
 def _write_files(folder: Path, result: RunResult, touch: bool) -> list[Path]:
+    """Write all but run.json; data and picture on another core than the report is made on."""
+    with ThreadPoolExecutor(1) as beside:
+        picture = beside.submit(_write_picture, folder / "picture.png", result)
+        data = beside.submit(_write_data, folder, result)
+        files, pictures = [], {}
+        if result.features is not None:
+            from .picture.feature_picture import CAPTION, feature_png
+
+            asset = result.conversion.asset
+            files.append(feature_png(folder / "features.png", result.features, asset))
+            pictures[CAPTION] = files[-1].read_bytes()
+        page = run_page(result, pictures=pictures, touch=touch)
+        report = write_report(folder / "report.html", page)
+    return [*data.result(), *files, picture.result(), report]
+
+
+def _write_data(folder: Path, result: RunResult) -> list[Path]:
     files: list[Path] = []
     for number, case in enumerate(result.cases, 1):
         home = folder if number == 1 else folder / f"text{number}"
         home.mkdir(exist_ok=True)
         files += _write_case(home, case, bare_mesh=number == 1)
-    pictures = {}
-    if result.features is not None:
-        from .picture.feature_picture import CAPTION, feature_png
-
-        asset = result.conversion.asset
-        files.append(feature_png(folder / "features.png", result.features, asset))
-        pictures[CAPTION] = files[-1].read_bytes()
-    page = run_page(result, pictures=pictures, touch=touch)
-    report = write_report(folder / "report.html", page)
-    return [*files, _write_picture(folder / "picture.png", result), report]
+    return files
 
 
 def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:

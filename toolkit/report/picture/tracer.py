@@ -169,13 +169,15 @@ class _Daylight:
         start = (at + LIFT * normal).astype(np.float32)
         sky, sun = np.zeros(len(at)), np.zeros(len(at))
         base = self.rng.random((len(at), 2))
-        facing = np.maximum(normal @ self._sun(), 0)
+        facing = normal @ self._sun()
+        lit = np.flatnonzero(facing > 0)
         for i in range(samples):
             ball = _on_ball((base + i * np.array(PLASTIC)) % 1)
             towards = normal + 0.999 * ball  # Lambert: the cosine is in the density
             towards /= np.linalg.norm(towards, axis=1, keepdims=True)
             sky += self._free(start, towards) * _sky(towards @ self.up)
-            sun += self._free(start, self._sun() + SUN_SPREAD * ball) * facing
+            seen = self._free(start[lit], self._sun() + SUN_SPREAD * ball[lit])
+            sun[lit] += seen * facing[lit]
         return (SKY * sky + SUN * sun) / samples
 
     def _sun(self) -> np.ndarray:
