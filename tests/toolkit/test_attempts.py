@@ -1,13 +1,16 @@
 """Attempts of the engine: remembered, repeated coarser, judged; what failed is on record."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.toolkit.meshing import attempts
 from autophyx_tet.toolkit.meshing import tetrahedralize as module
+from autophyx_tet.toolkit.meshing.stuffing.mesher import stuffed
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.native import cache
 from autophyx_tet.toolkit.native.child import ChildFailure
@@ -136,6 +139,23 @@ def test_no_mesh_is_handed_out_that_breaks_its_guarantees(monkeypatch):
     assert mesh.volume == pytest.approx(0.8)
     assert not report.ok
     assert set(report.failed) <= set(report.warnings)
+
+
+def test_beads_follow_where_no_lattice_that_fits_keeps_a_part_whole(monkeypatch):
+    """Two lattices cut a part, a third would be too large: the second again, with beads."""
+    asked = []
+
+    def cutting(solids, target, runner):
+        asked.append((target.tets, target.beads))
+        filling = stuffed(solids, replace(target, tets=2000), runner)
+        parted = {} if target.beads else {0: 0.01}  # of its volume: told, no guarantee broken
+        return filling._replace(lattice=filling.lattice._replace(parted_shares=parted))
+
+    monkeypatch.setattr(attempts, "MESHERS", {"stuffing": cutting})
+    cube = asset_of(cube=trimesh.creation.box((1, 1, 1)))
+    _, report = tetrahedralize(cube, mesher="stuffing")
+    assert asked == [(50_000, False), (204_800, False), (204_800, True)]
+    assert [a.outcome[:9] for a in report.attempts] == ["in pieces", "in pieces", "ok"]
 
 
 def test_a_surface_too_large_for_the_engine_goes_to_a_lattice_at_once(monkeypatch):

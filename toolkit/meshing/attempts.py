@@ -144,9 +144,11 @@ def make_mesh(problem: Problem, *, tightening: bool = True) -> Attempts:
         same = engine != STUFFING and aim is problem.target
         if record and same and record[-1].outcome.startswith(NO_REPAIR_HELPS):
             continue
-        mends = engine == STUFFING and (aim.beads or aim.tets <= WHOLE_TETS)
-        if best is not None and not best.broken and not mends:
-            break
+        if best is not None and not best.broken:
+            if engine != STUFFING:
+                break
+            if not aim.beads and aim.tets > WHOLE_TETS:
+                continue  # too fine to keep a part in one piece; beads may join it
         filling, attempt = _try(engine, aim, prepare, problem.runner)
         record.append(attempt)
         if filling is None:
