@@ -140,7 +140,7 @@ def _gmsh(path: Path, args: argparse.Namespace):
     with tempfile.NamedTemporaryFile(suffix=".stl") as file:
         import trimesh
 
-        trimesh.load(path, force="mesh").export(file.name)
+        trimesh.load(path, force="mesh").export(file.name, file_type="stl_ascii")
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)
         edge = args.edge_length_rel * float(np.linalg.norm(np.ptp(points, axis=0)))

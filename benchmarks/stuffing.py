@@ -4,7 +4,8 @@
 
 One JSON row an input, appended to ``--rows``; a second run skips what is there. Seconds are those
 of the processor for loading, repair, the mesh and its report. Inputs that enclose no volume, by the
-mesher's own message, are counted apart.
+mesher's own message, are counted apart. ``--clock 50000 200000`` takes only the mesher's time on
+every file of the corpus, kernels warm, the least of ``CLOCKED`` runs.
 """
 
 from __future__ import annotations
@@ -30,11 +31,17 @@ from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.native.cache import Runner
 from corpora import corpus, root_of
 
+CLOCKED = 4  # runs after a first one
+
 
 def main() -> None:
     args = _arguments()
     root = root_of(args.corpus, Path(args.folder).resolve())
     inputs = corpus(args.corpus, root, args.limit)
+    if args.clock:
+        for path in inputs:
+            print(path.name, json.dumps([clocked(path, tets) for tets in args.clock]), flush=True)
+        return
     rows = [json.loads(line) for line in args.rows.open()] if args.rows.exists() else []
     known = {row["input"] for row in rows}
     for path in np.random.default_rng(0).permutation(np.array(inputs, dtype=object)):
@@ -73,6 +80,22 @@ def measured(path: Path, tets: int | None) -> dict:
         "attempts": len(report.attempts),
         "warnings": [w[:160] for w in report.warnings],
     }
+
+
+def clocked(path: Path, tets: int) -> dict:
+    """Least processor seconds of the mesher for so many tets wanted, matched and snapped."""
+    asset, epsilon = load_asset(path), 2e-3
+    diagonal = float(np.linalg.norm(asset.size))
+    target = EngineTarget.of(diagonal, None, epsilon, stop_energy=20.0, layers=1)
+    target = replace(target.on_lattice(None, sharp=not asset.sampled), tets=tets)
+    way = Preparation.of(asset, thinnest=target.envelope, thicken=None, walls={})
+    seconds, found = [], 0
+    for _ in range(1 + CLOCKED):
+        solids = way.prepared(epsilon=target.epsilon, rng=np.random.default_rng(0)).solids
+        started = time.process_time()
+        found = len(stuffed(solids, target, Runner(60.0)).mesh.tets)
+        seconds.append(round(time.process_time() - started, 2))
+    return {"wanted": tets, "tets": found, "mesher_cpu_s": min(seconds[1:])}
 
 
 def again(asset: Asset, report: ConversionReport) -> dict:
@@ -138,6 +161,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--folder", default=".cache/corpora", help="where corpora are unpacked")
     parser.add_argument("--limit", type=int, default=None)
     parser.add_argument("--tets", type=int, default=None, help="at most; default 50,000 wanted")
+    parser.add_argument("--clock", type=int, nargs="+", default=None, help="tets wanted")
     parser.add_argument("--most-bytes", type=int, default=2**25, help="larger files are left out")
     parser.add_argument("--rows", type=Path, default=Path("stuffing.jsonl"))
     return parser.parse_args()
