@@ -46,19 +46,26 @@ def load(comm=MPI.COMM_WORLD):
     mesh, cells = gmshio.model_to_mesh(gmsh.model, comm, 0, gdim=3)[:2]
     gmsh.finalize()
     table = json.loads((HERE / "{table}").read_text())["bins"]
-    make = getattr(fem, "functionspace", getattr(fem, "FunctionSpace", None))
     fields = {{}}
     for name in next(iter(table.values())):
         shape = np.shape(table["1"][name])
         values = np.zeros((max(map(int, table)) + 1, *shape))
         for tag, row in table.items():
             values[int(tag)] = row[name]
-        space = make(mesh, ("DG", 0, shape) if shape else ("DG", 0))
-        field = fem.Function(space, name=name)
+        field = fem.Function(_space(mesh, shape), name=name)
         rows = field.x.array.reshape(-1, values[0].size)
         rows[cells.indices] = values.reshape(len(values), -1)[cells.values]
         fields[name] = field
     return mesh, cells, fields
+
+
+def _space(mesh, shape):
+    """One value of a shape a tet."""
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("DG", 0, shape) if shape else ("DG", 0))
+    if shape:  # before 0.7
+        return fem.TensorFunctionSpace(mesh, ("DG", 0), shape=shape)
+    return fem.FunctionSpace(mesh, ("DG", 0))
 '''
 
 

@@ -102,13 +102,19 @@ def test_calculix_sags_as_we_do(order, varying, tolerance, tmp_path):
     np.testing.assert_allclose(theirs, ours.displacement, atol=tolerance * largest)
 
 
-def test_calculix_bends_wood_as_we_do(tmp_path):
-    """Clamped beam, oak below with the grain across the beam's axis, steel above: as ours."""
-    mesh = beam((10, 3, 3))
+def wooden_beam(cells=(10, 3, 3)) -> TetMesh:
+    """Oak below, its grain across the beam's axis, steel above."""
+    mesh = beam(cells)
     assert mesh.material is not None
     oak = load_grains()["white oak (along grain)"].constants(1e6)
     axes = axes_about(np.array([1.0, 0.5, 0.3]))
-    mesh = mesh.with_material(mesh.material.with_grain(mesh.region == 0, oak, axes))
+    return mesh.with_material(mesh.material.with_grain(mesh.region == 0, oak, axes))
+
+
+def test_calculix_bends_wood_as_we_do(tmp_path):
+    """Clamped beam, oak below with the grain across the beam's axis, steel above: as ours."""
+    mesh = wooden_beam()
+    assert mesh.material is not None
     held = Supports.clamp(len(mesh.points), mesh.points[:, 0] == 0)
     done = export_mesh(mesh, "calculix", tmp_path / "deck", supports=held)
     assert done.lost == ()
