@@ -109,7 +109,8 @@ BODIES = {"bar": bar, "slab": slab, "bonsai": bonsai}
 
 def solved_in_full(body: Body) -> Full:
     """Answers of the full body: those of an earlier call, where they are kept."""
-    path = cache_folder() / f"full-{body.name}-{fingerprint(body)}.npz"
+    name = body.name.replace("/", "-")
+    path = cache_folder() / f"full-{name}-{fingerprint(body)}.npz"
     if not path.exists():
         np.savez(path, **vars(solved(body)))
     return Full(**load_npz(path))

@@ -150,7 +150,7 @@ def test_nothing_is_too_long():
 # One name for one thing: the same thing under one name in two places is what these are.
 TWICE = {
     "add_diagonal", "body_force", "rigid_motions",  # a function, and its kernel
-    "energy_and_stress", "projected_tangent",  # of every law
+    "energy_and_stress", "exact_tangent", "projected_tangent",  # of laws
     "features",  # the verb, and what it does to an asset
     "main",
     "bind",  # of clauses to parts: as people speak, and as the networks were taught

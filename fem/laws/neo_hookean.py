@@ -49,6 +49,36 @@ def stress_change(H: wp.mat33d, dH: wp.mat33d, lam: wp.float64, mu: wp.float64) 
 
 
 @wp.func
+def exact_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
+    """Sum mu I + lam' (cof F)(cof F)^T + k d(cof F)/dF, k = lam' (J - 1) - mu.
+
+    Of columns c and d of F, the last is the matrix of the cross product with the third one.
+    """
+    F = H + wp.identity(n=3, dtype=wp.float64)
+    C = cofactor(F)
+    k = (lam + mu) * volume_change(H) - mu
+    A = mat99d()
+    for c in range(3):
+        d = (c + 1) % 3
+        e = (c + 2) % 3
+        for i in range(3):
+            row = (lam + mu) * C[i, c]
+            for j in range(3):
+                A[3 * c + i, 3 * c + j] = row * C[j, c]
+                A[3 * c + i, 3 * d + j] = row * C[j, d]
+                A[3 * c + i, 3 * e + j] = row * C[j, e]
+            A[3 * c + i, 3 * c + i] += mu
+            # d(cof F)_ic = eps_ijm F_me dF_jd - eps_ijm F_md dF_je
+            j = (i + 1) % 3
+            m = (i + 2) % 3
+            A[3 * c + i, 3 * d + j] += k * F[m, e]
+            A[3 * c + i, 3 * d + m] -= k * F[j, e]
+            A[3 * c + i, 3 * e + j] -= k * F[m, d]
+            A[3 * c + i, 3 * e + m] += k * F[j, d]
+    return A
+
+
+@wp.func
 def projected_tangent(H: wp.mat33d, lam: wp.float64, mu: wp.float64) -> mat99d:
     """From the singular values s of F: twists by mu +- k s_i with k = lam' (J - 1) - mu."""
     zero = wp.float64(0.0)
@@ -155,6 +185,7 @@ NEO_HOOKEAN = ElasticLaw(
     title="neo-Hookean",
     energy_and_stress=energy_and_stress,
     stress_change=stress_change,
+    exact_tangent=exact_tangent,
     projected_tangent=projected_tangent,
     tangent_p1=tangent_p1,
 )

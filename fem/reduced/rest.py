@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import ConvergenceError
+from ..linalg.krylov import length
 from ..solve.newton import Minimum, Point, minimise
 from .elasticity import ReducedElasticity
 
@@ -19,11 +22,17 @@ RIGID = 1e-9
 CONTRACTION = 0.5
 
 
+@functools.cache
+def _dense() -> Any:
+    """BLAS and LAPACK: an import in a step takes as long as what it calls."""
+    import scipy.linalg
+
+    return scipy.linalg
+
+
 def solve_dense(matrix: np.ndarray, b: np.ndarray, goal: float = 0.0) -> np.ndarray:
     """Solve A x = b by Cholesky; not a number where A is not positive. ``goal`` is met anyway."""
-    from scipy.linalg.lapack import dposv  # type: ignore  (by f2py)
-
-    _, x, failed = dposv(matrix, b, lower=1)
+    _, x, failed = _dense().lapack.dposv(matrix, b, lower=1)
     return np.full_like(b, np.nan) if failed else x
 
 
@@ -54,10 +63,9 @@ class KeptInverse:
 
     def renew(self, matrix: np.ndarray) -> None:
         """Take the inverse of ``matrix``; none where that is not positive."""
-        from scipy.linalg.lapack import dpotrf, dpotri  # type: ignore  (by f2py)
-
-        factor, failed = dpotrf(matrix.T, lower=1, clean=0)
-        self.inverse = None if failed else dpotri(factor, lower=1, overwrite_c=1)[0]
+        lapack = _dense().lapack
+        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=0)
+        self.inverse = None if failed else lapack.dpotri(factor, lower=1, overwrite_c=1)[0]
 
     def at(
         self,
@@ -76,8 +84,8 @@ class KeptInverse:
             found.renew(matrix())
             return found
         last, self._last, first, self._first = self._last, (q, gradient), self._first, False
-        far = np.inf if first or last is None else CONTRACTION * float(np.linalg.norm(last[1]))
-        slow = not np.linalg.norm(gradient) < far
+        far = np.inf if first or last is None else CONTRACTION * length(last[1])
+        slow = not length(gradient) < far
         if self.inverse is None or slow:
             self.renew(matrix())
         elif last is not None:
@@ -86,23 +94,18 @@ class KeptInverse:
 
     def learn(self, move: np.ndarray, change: np.ndarray) -> None:
         """Take in that a ``move`` changed the gradient by ``change``, unless it bends down."""
-        from scipy.linalg.blas import dsymv, dsyr2  # type: ignore  (by f2py)
-
+        blas = _dense().blas
         slope = float(move @ change)
         if self.inverse is not None and slope > 0:
-            made = dsymv(1 / slope, self.inverse, change, lower=1)
+            made = blas.dsymv(1 / slope, self.inverse, change, lower=1)
             made -= (1 + float(change @ made)) / (2 * slope) * move
-            dsyr2(-1.0, made, move, lower=1, a=self.inverse, overwrite_a=1)
+            blas.dsyr2(-1.0, made, move, lower=1, a=self.inverse, overwrite_a=1)
 
     def solve(self, b: np.ndarray, goal: float = 0.0) -> np.ndarray:
         """Inverse times ``b``; not a number where the Hessian is not positive."""
-        from scipy.linalg.blas import dsymv  # type: ignore  (by f2py)
-
-        return (
-            np.full_like(b, np.nan)
-            if self.inverse is None
-            else dsymv(1.0, self.inverse, b, lower=1)
-        )
+        if self.inverse is None:
+            return np.full_like(b, np.nan)
+        return _dense().blas.dsymv(1.0, self.inverse, b, lower=1)
 
 
 class DeadLoad:

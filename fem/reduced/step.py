@@ -12,6 +12,7 @@ from ..contact.barrier import Contact
 from ..device import one_thread
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
+from ..linalg.krylov import length
 from ..result import Motion
 from ..solve.newton import Point, minimise
 from ..solve.potential import ROUND_OFF
@@ -38,7 +39,7 @@ class _Potential:
     def __init__(self, body: ReducedDynamics, factor: float, target: np.ndarray) -> None:
         self.of, self.factor, self.target = body, factor, target
         stiffness = factor + body.stiffest
-        self.least = ROUND_OFF * stiffness * float(np.linalg.norm(target)) / body.tolerance
+        self.least = ROUND_OFF * stiffness * length(target) / body.tolerance
         self._gradient = np.zeros_like(target)  # of what was evaluated last
         body.kept.begin(factor * target)
 
@@ -48,15 +49,15 @@ class _Potential:
         push = self.factor * away
         energy, force = of.elasticity.response(q)
         energy += 0.5 * float(push @ away) - float(of.load @ q)
-        gradient, sizes = force + push - of.load, [of.load, push]
+        gradient, scale = force + push - of.load, max(of.load_size, length(push))
         if of.contact is not None:
             u = of.model.displacement(q)
             barrier = of.contact.value(u)
             if not np.isfinite(barrier):
                 return Point(np.inf, np.full_like(q, np.inf), 0.0)
             contact = -of.model.pull_back(of.contact.forces(u, len(u)))
-            energy, gradient, sizes = energy + barrier, gradient + contact, [*sizes, contact]
-        scale = max(float(np.linalg.norm(f)) for f in sizes)
+            energy, gradient = energy + barrier, gradient + contact
+            scale = max(scale, length(contact))
         self._gradient = gradient
         return Point(energy, gradient, max(scale, self.least, 1e-300))
 
@@ -122,6 +123,7 @@ class ReducedDynamics:
         self.contact = contact if contact is not None and contact.obstacles else None
         zero = np.zeros(model.dofs)
         self.load = zero if load is None else load
+        self.load_size = length(self.load)
         self.stiffest = float(np.linalg.eigvalsh(self.elasticity.tangent(zero))[-1])
         if self.contact is not None and not self.contact.gap(model.displacement(zero)) > 0:
             raise InputError("the body starts inside an obstacle: wanted a gap")

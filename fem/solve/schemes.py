@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..linalg.krylov import length
+
 # Most accelerations that a forecast continues.
 DEGREE = 5
 # A step that changes the velocity by what carries more than this share of the energy before it has
@@ -96,7 +98,8 @@ class Forecast:
         for old in self.differences[:DEGREE]:
             new.append(new[-1] - old)
         self.differences = new
-        self.terms = int(np.argmin([np.linalg.norm(d) for d in new]))
+        sizes = [length(difference) for difference in new]
+        self.terms = sizes.index(min(sizes))
 
     def next(self) -> np.ndarray | float:
         """Acceleration to expect [m/s^2]; zero without a past."""
