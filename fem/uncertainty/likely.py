@@ -23,9 +23,9 @@ from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..solve.statics import check_held
-from .intervals import Interval
+from .intervals import Interval, displacement_interval, frequency_intervals, mass_range
 from .lattice import shifted_lattice
-from .ranges import Draws, Exact, OpenRange, open_ranges
+from .ranges import Draws, Exact, OpenRange, material_ranges, open_ranges
 
 # Draws of E, nu and rho; frequencies, and what of the answers, that are told as likely.
 TONES = 3
@@ -106,6 +106,30 @@ def likely_answers(
     frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
     mass = _middle(np.array([family.mass(member).sum() for member in members]))
     return Likely(mass, u, frequencies, len(members), error, drawn)
+
+
+def ranged_answers(
+    scene: Scene,
+    materials: Mapping[str, str],
+    *,
+    draws: Draws | None = None,
+    exact: Exact | None = None,
+    result: SagResult | None = None,
+    modes: Modes | None = None,
+) -> dict[str, Any] | None:
+    """Lowest and highest mass [kg], displacement [m] and frequencies [Hz], and what is likely.
+
+    A displacement is told of a ``result``, frequencies of ``modes``. None: no range is known.
+    """
+    ranges = material_ranges(scene.mesh, materials, draws, exact)
+    if ranges is None:
+        return None
+    ends: dict[str, Any] = {"mass": mass_range(scene.mesh, ranges)}
+    if result is not None:
+        ends["max_displacement"] = displacement_interval(scene, result, ranges)
+    ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
+    known = {"draws": draws, "exact": exact, "result": result, "modes": modes}
+    return with_likely(ends, likely_answers(scene, materials, **known))
 
 
 def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any]:

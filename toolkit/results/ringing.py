@@ -11,9 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.result import Modes
-from ...fem.uncertainty.intervals import frequency_intervals, mass_range
-from ...fem.uncertainty.likely import likely_answers, with_likely
-from ...fem.uncertainty.ranges import material_ranges
+from ...fem.uncertainty.likely import ranged_answers
 from .simulation import Animation, Simulation
 
 if TYPE_CHECKING:
@@ -56,14 +54,8 @@ class Ringing(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
-        known = {"draws": self.draws, "exact": self.exact}
-        ranges = material_ranges(self.mesh, self.materials, **known)
-        if ranges is None:
-            return None
-        tones = frequency_intervals(self.mesh, self.modes, ranges)
-        likely = likely_answers(self.scene, self.materials, modes=self.modes, **known)
-        ends = {"mass": mass_range(self.mesh, ranges), "frequencies": tones}
-        return with_likely(ends, likely)
+        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        return ranged_answers(self.scene, self.materials, **known)
 
     @property
     def point_data(self) -> Mapping[str, np.ndarray]:

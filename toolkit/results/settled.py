@@ -13,9 +13,7 @@ from jaxtyping import Float
 from ...fem.laws.law import LAWS
 from ...fem.result import Modes, SagResult
 from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
-from ...fem.uncertainty.intervals import displacement_interval, frequency_intervals, mass_range
-from ...fem.uncertainty.likely import likely_answers, with_likely
-from ...fem.uncertainty.ranges import material_ranges
+from ...fem.uncertainty.likely import ranged_answers
 from .description import vector_words
 from .simulation import Animation, Simulation
 
@@ -99,18 +97,8 @@ class Settled(Simulation):
     @cached_property
     def intervals(self) -> dict[str, Any] | None:
         """Lowest and highest mass [kg], displacement [m] and frequencies [Hz]; None: not known."""
-        known = {"draws": self.draws, "exact": self.exact}
-        ranges = material_ranges(self.mesh, self.materials, **known)
-        if ranges is None:
-            return None
-        modes = self.modes
-        known |= {"result": self.solved, "modes": modes}
-        ends = {
-            "mass": mass_range(self.mesh, ranges),
-            "max_displacement": displacement_interval(self.scene, self.solved, ranges),
-            "frequencies": frequency_intervals(self.mesh, modes, ranges) if modes else (),
-        }
-        return with_likely(ends, likely_answers(self.scene, self.materials, **known))
+        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        return ranged_answers(self.scene, self.materials, result=self.solved, **known)
 
     @property
     def cell_data(self) -> Mapping[str, np.ndarray]:
