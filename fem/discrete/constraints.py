@@ -82,7 +82,8 @@ _KEPT = 2
 def held_stiffness(grid: Discretisation, material: ElementMaterial, held: Supports) -> BlockMatrix:
     """Stiffness [N/m] of linear elasticity with supports: one that was kept, or a new one."""
     for known in _RECENT:
-        if known.grid is grid and known.material is material and _alike(known.held, held):
+        same = known.grid is grid and known.material.as_stiff_as(material)
+        if same and _alike(known.held, held):
             return known.matrix
     matrix = linear_stiffness(grid, material)
     apply_supports(matrix, held.fixed, held.springs)

@@ -62,7 +62,7 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
 
     try:
         as_taken = largest(material)
-        ends = [
+        ends = [  # soft ones after each other, and stiff ones: their stiffness is made once
             largest(ranges.changed(material, soft=soft, heavy=heavy))
             for soft in (True, False)
             for heavy in (True, False)

@@ -6,6 +6,7 @@ from autophyx_tet.fem.cholesky import elimination, factor
 from autophyx_tet.fem.cholesky.elimination import dissect, join_supernodes, plan_elimination
 from autophyx_tet.fem.cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from autophyx_tet.fem.device import start_warp
+from autophyx_tet.fem.discrete import constraints
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import BlockMatrix
 from autophyx_tet.fem.linalg import solver
@@ -156,6 +157,24 @@ def test_statics_of_two_loads_factor_once(monkeypatch):
     assert len(made) == 1
     assert one.solver == two.solver == solver.CHOLESKY
     assert two.displacement == pytest.approx(2 * one.displacement, rel=1e-9, abs=1e-12)
+
+
+def test_two_weights_of_one_body_make_its_stiffness_once(monkeypatch):
+    """Twice the density is twice the answer by the very same matrix; another E or nu is not."""
+    made, make = [], constraints.linear_stiffness
+    monkeypatch.setattr(constraints, "linear_stiffness", lambda *a: made.append(a) or make(*a))
+    monkeypatch.setattr(constraints, "_RECENT", [])
+    base = box_mesh((1, 0.2, 0.2), (6, 2, 2))
+    held = Supports.clamp(len(base.points), base.points[:, 0] == 0)
+    taken = ({}, {"rho": 2e3}, {"E": 2e6}, {"nu": 0.2})
+    given = {"E": 1e6, "nu": 0.3, "rho": 1e3}
+    bodies = (with_uniform(base, **(given | one)) for one in taken)
+    found = [solve_static(one, held, gravity_vector=(0, 0, -1), order=2) for one in bodies]
+    assert len(made) == 3
+    light, heavy, stiff, _ = (one.displacement for one in found)
+    # Relative: the residual of a solve is below 1e-8.
+    assert heavy == pytest.approx(2 * light, rel=1e-7, abs=1e-12)
+    assert stiff == pytest.approx(light / 2, rel=1e-7, abs=1e-12)
 
 
 def test_the_factor_is_worth_it_on_thin_bodies_only(monkeypatch):

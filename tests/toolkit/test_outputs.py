@@ -1,6 +1,7 @@
 """Outputs are refused before the work: what is not ours is never overwritten."""
 
 import json
+from threading import Event
 
 import pytest
 import trimesh
@@ -12,6 +13,7 @@ from autophyx_tet.toolkit import pipeline
 from autophyx_tet.toolkit.estimate import plan
 from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.options import ConvertOptions
+from autophyx_tet.toolkit.report import folder
 
 FOREIGN = '{"schema": 7, "name": "a chair of someone else"}'
 
@@ -120,3 +122,30 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
         (home / "c").mkdir()
         (home / "c" / "d.txt").write_text("new")
     assert [path.name for path in (tmp_path / "b").rglob("*")] == ["c", "d.txt"]
+
+
+def test_the_picture_is_drawn_beside_the_report(box, tmp_path, monkeypatch):
+    """Each waits for the other to begin; a picture that fails leaves no folder."""
+    began, page, draw = (Event(), Event()), folder.run_page, folder._write_picture
+
+    def meet(mine, yours):
+        mine.set()
+        assert yours.wait(30.0), "the other one has not begun"
+
+    def slow_page(*given, **known):
+        meet(*began)
+        return page(*given, **known)
+
+    def slow_picture(*given):
+        meet(*began[::-1])
+        return draw(*given)
+
+    monkeypatch.setattr(folder, "run_page", slow_page)
+    monkeypatch.setattr(folder, "_write_picture", slow_picture)
+    made = pipeline.run(box, ["oak"], output=tmp_path / "out")
+    assert [path.name for path in made.files][-3:] == ["picture.png", "report.html", "run.json"]
+    assert all(path.is_file() for path in made.files)
+    monkeypatch.setattr(folder, "_write_picture", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        pipeline.run(box, ["oak"], output=tmp_path / "none")
+    assert not (tmp_path / "none").exists()

@@ -268,7 +268,7 @@ def test_no_table_is_cut_on_a_phone(chromium, page):
 
 
 @pytest.mark.slow
-def test_the_first_picture_is_there_within_three_seconds(chromium, folder):
+def test_the_first_picture_is_there_within_three_seconds(chromium, folder, capsys):
     """9,000 tets, a motion: CPU seconds of the page's thread until it is drawn, the best of 3."""
     big = case("oak", names=NAMES, cells=(8, 6, 31), frames=6)
     visit = Visit(chromium, write_report(folder / "big.html", ReportContent("big", (big,))))
@@ -280,5 +280,7 @@ def test_the_first_picture_is_there_within_three_seconds(chromium, folder):
         visit.page.wait_for_selector("body[data-ready]", timeout=60_000)
         found = {m["name"]: m["value"] for m in meter.send("Performance.getMetrics")["metrics"]}
         seconds.append(found["TaskDuration"])
+    with capsys.disabled():
+        print(f"\nfirst picture after {', '.join(f'{s:.2f}' for s in sorted(seconds))} CPU s")
     assert min(seconds) < 3
     visit.close()

@@ -1,5 +1,6 @@
 """Scenarios through the pipeline: what they answer, write and say."""
 
+import re
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,6 +19,7 @@ from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.results.moving import Moving
 from autophyx_tet.toolkit.results.ringing import Ringing
 from autophyx_tet.toolkit.results.settled import Settled
+from autophyx_tet.toolkit.simulation import scenario
 
 LENGTH, SIDE = 1.0, 0.1
 
@@ -177,3 +179,19 @@ def test_a_structured_mesh_has_a_report(tmp_path):
     )
     simulate(mesh, report=tmp_path / "r.html")
     assert "<svg" in (tmp_path / "r.html").read_text()
+
+
+def test_the_time_left_is_of_the_slower_of_two_paces(monkeypatch):
+    """Frames of 1 s, then of 10 s in contact: three of these and the rest is told to the second."""
+    clock = [0.0]
+    monkeypatch.setattr(scenario.time, "perf_counter", lambda: clock[0])
+    said = []
+    done = scenario.frames_told("drop", lambda stage, _: said.append(stage), 0.0)
+    for frame, seconds in enumerate((*[1.0] * 10, *[10.0] * 4, *[1.0] * 3), 1):
+        clock[0] += seconds
+        done(frame, 100)
+    left = [float(re.search(r", (\d+) s left at this pace", stage)[1]) for stage in said]
+    assert left[9] == 90  # nothing has touched yet, and nobody knows
+    assert left[10] == 4 * 89  # two frames of 1 s and one of 10 s
+    assert left[12] == 10 * 87
+    assert left[16] == round(53 / 17 * 83)  # quick ones again: by the mean of all
