@@ -108,7 +108,7 @@ class MpmMethod:
             motions.append(record.motion(states[-1]))
             if progress is not None:
                 progress(frame, frames)
-        return MotionResult(tuple(motions), dt, len(motions[0].u), particles=record.run(states))
+        return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=record.run(states))
 
     def _setup(self, scene: Scene, device: str) -> _Setup:
         mesh = scene.mesh

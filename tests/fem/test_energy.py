@@ -163,6 +163,7 @@ def test_a_fall_that_ends_on_the_ground_loses_all_and_says_so():
     assert "100.0% of that is lost" in energy.sentence
     assert not impact.passed
     assert "12 J of 12 J" in impact.sentence
+    assert len(keeps_energy(replace(motion, order=0), scene_with())) == 1  # has many steps a frame
 
 
 def test_a_moving_obstacle_gives_its_work():
