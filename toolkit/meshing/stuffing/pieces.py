@@ -127,7 +127,8 @@ class BodyTets:
         middle = places.mean(axis=0)
         ball = reach + np.linalg.norm(places - middle, axis=1).max()
         near = np.sort(self._tree.query_ball_point(middle, ball)).astype(np.int64)
-        return near[KDTree(places).query(self.middles[near])[0] <= reach]
+        found, _ = KDTree(places).query(self.middles[near], distance_upper_bound=reach)
+        return near[np.isfinite(found)]
 
     def samples(self, body: int) -> Float[np.ndarray, "n 3"]:
         """Places [m] on a body."""
