@@ -181,8 +181,10 @@ def test_what_was_not_understood_stays_so_where_the_network_decides():
     shares = np.zeros_like(found.shares)
     shares[..., 2] = 1
     film = network(found._replace(shares=shares))
-    blob, leg = assigned(parts, "the blob is blarg, the leg is oak", predictor=film).choices
+    told = assigned(parts, "the blob is blarg, the leg is oak", predictor=film)
+    blob, leg = told.choices
     assert film.model.asked == 1
+    assert told.unbound == ()  # its part is there, and that is told of it
     assert blob.network
     assert not blob.understood
     assert leg.understood

@@ -58,7 +58,7 @@ def test_what_is_guessed_or_not_understood_is_told():
     said = post("the head is oak, the foot is blarg")
     assert "1 of 2 from words or names, a guess for 'foot'" in answers(said)["Materials"]
     assert "blarg" in unheard(said.doubts)[1]
-    assert unheard(())[1] == "nothing: every word was used"
+    assert unheard(())[1] == "nothing of the words: each was used"
     assert answers(post("oak"))["Materials"].startswith("2 of 2 from words or names; E is known")
 
 

@@ -75,7 +75,7 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
 
 def unheard(doubts: Sequence[str]) -> Fact:
     """What of the words was not understood, or is a guess."""
-    return "Not understood, or guessed", "; ".join(doubts) or "nothing: every word was used"
+    return "Not understood, or guessed", "; ".join(doubts) or "nothing of the words: each was used"
 
 
 def _file_name(source: str) -> str:
