@@ -44,9 +44,10 @@ class Asset:
     """A 3D asset in metres, on its own axes.
 
     ``metres_per_unit`` has already been applied to the parts; ``up`` is the axis that points up;
-    ``source_hash`` is the SHA-256 of the file and of what it refers to; a ``sampled`` surface was
-    made from splats, points or a density grid; ``warnings`` are sentences for the user (missing
-    texture, unit taken as metres ...); ``size_stated``: the user gave its size or its unit.
+    ``source_hash`` is the SHA-256 of the file and of what it refers to; ``samples`` says in words
+    what a surface was made through ("5,000 points"), nothing of one that the file has;
+    ``warnings`` are sentences for the user (missing texture, unit taken as metres ...);
+    ``size_stated``: the user gave its size or its unit.
     """
 
     name: str
@@ -55,7 +56,7 @@ class Asset:
     metres_per_unit: float = 1.0
     source: str | None = None
     source_hash: str | None = None
-    sampled: bool = False
+    samples: str = ""
     size_stated: bool = False
     warnings: tuple[str, ...] = field(default=())
 
@@ -67,6 +68,11 @@ class Asset:
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):
             raise InputError(f"part names must be unique, got {names}")
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the surface was made through splats, points or a density grid."""
+        return bool(self.samples)
 
     @property
     def part_names(self) -> tuple[str, ...]:

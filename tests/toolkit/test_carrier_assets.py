@@ -60,6 +60,7 @@ def test_splats_are_the_ball_they_cover(suffix, tmp_path):
     asset = load_asset(path)
     (part,) = asset.parts
     assert part.name == "ball"
+    assert asset.samples == "6,000 Gaussians"
     assert part.mesh.is_watertight
     assert part.mesh.volume == pytest.approx(BALL, rel=0.03)
     assert any("no unit" in warning for warning in asset.warnings)
@@ -73,6 +74,7 @@ def test_a_density_grid_is_its_ball(suffix, tmp_path):
     asset = load_asset(tmp_path / f"ball{suffix}")
     assert asset.parts[0].mesh.volume == pytest.approx(BALL, rel=0.01)
     assert any("no unit" in warning for warning in asset.warnings) == (suffix == ".nvdb")
+    assert asset.samples.startswith("a grid of ")
 
 
 @pytest.mark.slow

@@ -172,7 +172,7 @@ def test_a_body_that_would_fall_apart_is_refused():
 def test_samples_get_a_finer_lattice_than_asked_where_that_one_falls_apart():
     """The plate as a scan has it, and no mesher asked for: whole, and the first try is told."""
     plate = asset_of(plate=turned(trimesh.creation.box((1, 1, 0.03))))
-    mesh, report = tetrahedralize(replace(plate, sampled=True), edge_length=0.1)
+    mesh, report = tetrahedralize(replace(plate, samples="points"), edge_length=0.1)
     assert report.ok
     assert report.quality.components == 1
     assert mesh.volume == pytest.approx(0.03, rel=0.01)

@@ -66,7 +66,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     told = f"{guess:.0%} of the surface through the {len(cloud)} points is a guess: none is near"
     return content._replace(
         surfaces=[NamedSurface(mesh)],
-        sampled=True,
+        samples=f"{len(cloud):,} points",
         warnings=(*content.warnings, *([told] if guess > GUESS_TOLD else [])),
     )
 

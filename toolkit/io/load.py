@@ -77,7 +77,7 @@ def load_asset(
         up=content.up or content.up_guess,
         source=str(path),
         source_hash=references.digest(data),
-        sampled=content.sampled,
+        samples=content.samples,
         warnings=tuple(warnings),
     )
     stated = Stated(content.metres, content.up is not None)

@@ -28,7 +28,7 @@ SAFE_TOLD = 1000.0  # safety factors above it are told as more than it
 def loaded(conversion: Conversion) -> Iterator[Fact]:
     """What was loaded, and what mesh was made of it."""
     asset, report = conversion.asset, conversion.report
-    kind = "a surface through samples" if asset.sampled else "a surface"
+    kind = f"a surface through {asset.samples}" if asset.sampled else "a surface"
     faces, parts = sum(len(part.mesh.faces) for part in asset.parts), len(asset.parts)
     unit = asset.metres_per_unit
     scale = "in metres" if unit == 1 else f"1 unit taken as {si(unit, 'm')}"

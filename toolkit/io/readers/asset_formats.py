@@ -52,7 +52,7 @@ class AssetContent(NamedTuple):
     """What a file holds: surfaces, and metres per unit and up axis where it states them.
 
     ``cloud`` (n, 3) are points without triangles; ``up_guess`` is what most such files do;
-    ``warnings`` are sentences for the user; ``sampled`` surfaces come from splats or a grid.
+    ``warnings`` are sentences for the user; ``samples`` says what the surfaces were made through.
     """
 
     surfaces: list[NamedSurface]
@@ -61,7 +61,7 @@ class AssetContent(NamedTuple):
     up_guess: UpAxis = "z"
     cloud: np.ndarray | None = None
     warnings: tuple[str, ...] = ()
-    sampled: bool = False
+    samples: str = ""
 
 
 def read_content(path: Path, data: bytes, references: References) -> AssetContent:

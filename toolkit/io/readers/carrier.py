@@ -22,12 +22,15 @@ def read_carrier(path: Path, data: bytes, references: References) -> AssetConten
     Our own archive of a density grid is metres by contract; nothing else names its unit.
     """
     if is_density(path):
-        surface = NamedSurface(density_surface(read_density(path)))
+        grid = read_density(path)
+        surface = NamedSurface(density_surface(grid))
+        cells = " × ".join(map(str, grid.density.shape))
         metres = 1.0 if path.suffix.lower() == ".npz" else None
-        return AssetContent([surface], metres=metres, sampled=True)
+        return AssetContent([surface], metres=metres, samples=f"a grid of {cells} cells")
     table = read_points(path)
     if table.is_splat:
-        return AssetContent([NamedSurface(splat_surface(table))], sampled=True)
+        surface, samples = NamedSurface(splat_surface(table)), f"{len(table):,} Gaussians"
+        return AssetContent([surface], samples=samples)
     positions = table.positions
     return AssetContent([], cloud=positions[np.isfinite(positions).all(axis=1)])
 
