@@ -272,16 +272,13 @@ def run(
         asset, walls = with_stated_walls(asset, texts, walls, convert_options)
         solid = convert(asset, options=convert_options, walls=walls, progress=progress)
         clock.lap("convert")
-        known = {"up": solid.asset.up, "differences": solid.report.differences}
-        known["size_stated"] = solid.asset.size_stated
+        known = {"up": solid.asset.up, "options": simulate_options, "progress": progress}
         cases = []
         for text, way in product(texts, ways):
             body = assign(solid.mesh, text, asset=solid.asset, options=way, walls=solid.known_walls)
-            known_of_mesh = body.sidecar.with_record(**solid.described().record)
-            body = replace(body, sidecar=known_of_mesh)
+            body = replace(body, sidecar=body.sidecar.with_record(**solid.described().record))
             clock.lap("assign")
-            known |= {**body.known_of_parts, "progress": progress}
-            cases.append(RunCase(body, simulate(body.mesh, options=simulate_options, **known)))
+            cases.append(RunCase(body, simulate(body.mesh, record=body.record, **known)))
             clock.lap("simulate")
         options = (convert_options, walls, assign_options, simulate_options)
         said = {"text": [*filter(None, texts)], "output": output, "dial": dial}

@@ -18,9 +18,10 @@ from ..fem.scene.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
 from .driving import checked_scale
+from .io.body_record import BodyRecord
 from .io.document import mesh_document
 from .io.outputs import check_file
-from .io.sidecar import Sidecar, rows_on_record
+from .io.sidecar import Sidecar
 from .options import ExportOptions, TransferOptions
 from .simulation.grain import stated_grains
 from .simulation.voxel_body import rows_of_field
@@ -172,7 +173,7 @@ def export(
     check_file(output, suffixes)
     body = mesh if isinstance(mesh, TetMesh) else read_mesh(mesh)
     known = None if isinstance(mesh, TetMesh) else Sidecar.read(Path(mesh))
-    rows = rows_on_record(known) if known else {}
+    rows = BodyRecord.of(known).materials
     body, notes = with_grains(body, rows, stated_grains(body, options.grain))
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
         done = export_mesh(
@@ -251,7 +252,7 @@ def _grain_of(
         parts = parts_of_grain(rows_of_field(given))
     else:
         known = Sidecar.read(Path(source)) if isinstance(source, str | Path) else None
-        parts = grained_parts(given) or parts_of_grain(rows_on_record(known) if known else {})
+        parts = grained_parts(given) or parts_of_grain(BodyRecord.of(known).materials)
     return (grain_words(parts),) if parts else ()
 
 

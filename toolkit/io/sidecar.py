@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...fem.errors import InputError
-from ...fem.scene.materials import MaterialValue
 from ...fem.scene.mesh import TetMesh
 from ...predictors.asset import Asset, UpAxis
 from ...predictors.voxels import PartVoxels
@@ -102,42 +101,6 @@ class Sidecar:
         }
         write_json(path, document)
         return path
-
-
-def rows_on_record(sidecar: Sidecar) -> dict[str, str]:
-    """Row of the material table of every part that ``assign`` wrote down."""
-    return {part["name"]: part["material"] for part in _parts_on_record(sidecar)}
-
-
-def classes_on_record(sidecar: Sidecar) -> dict[str, str]:
-    """Class of matter of every part that ``assign`` wrote down."""
-    parts = _parts_on_record(sidecar)
-    return {part["name"]: part["class"] for part in parts if part.get("class")}
-
-
-def differences_on_record(sidecar: Sidecar) -> tuple[str, ...]:
-    """What ``convert`` told of the mesh that is not as in its file."""
-    return tuple(sidecar.record.get("convert", {}).get("report", {}).get("differences", ()))
-
-
-def draws_on_record(sidecar: Sidecar) -> dict[str, tuple[MaterialValue, ...]]:
-    """Matters that a predictor drew of parts, as ``assign`` wrote them down."""
-    return {
-        part["name"]: tuple(MaterialValue(**one) for one in part["draws"])
-        for part in _parts_on_record(sidecar)
-        if part.get("draws")
-    }
-
-
-def exact_on_record(sidecar: Sidecar) -> dict[str, tuple[str, ...]]:
-    """Which of E, nu and rho of parts were stated in numbers, as ``assign`` wrote them down."""
-    parts = _parts_on_record(sidecar)
-    return {part["name"]: tuple(part["exact"]) for part in parts if part.get("exact")}
-
-
-def _parts_on_record(sidecar: Sidecar) -> list[dict[str, Any]]:
-    """What ``assign`` wrote down of each part; nothing before it."""
-    return sidecar.record.get("assign", {}).get("parts", [])
 
 
 def load_again(path: str | Path, known: Sidecar | None) -> Asset:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from ...fem.scene.mesh import TetMesh
 from ...fem.uncertainty.likely import MIDDLE
 from ...predictors.construction.masses import MassInterval
 from ...predictors.field import MaterialField
+from ..io.body_record import BodyRecord
 from ..io.document import mesh_document
 from ..io.sidecar import Sidecar
 from ..meshing.messages import listed
@@ -94,14 +95,15 @@ class Assignment:
         ]
 
     @property
-    def known_of_parts(self) -> dict[str, Mapping[str, Any]]:
-        """What ``simulate`` takes of the parts: rows, classes of matter, draws, what is exact."""
-        return {
-            "materials": {choice.part: choice.material for choice in self.choices},
-            "classes": {choice.part: choice.matter_class for choice in self.choices},
-            "draws": self.draws,
-            "exact": {choice.part: choice.exact for choice in self.choices if choice.exact},
-        }
+    def record(self) -> BodyRecord:
+        """What those that solve the body take of it: that of its mesh, and of its parts."""
+        return replace(
+            BodyRecord.of(self.sidecar),
+            materials={choice.part: choice.material for choice in self.choices},
+            classes={choice.part: choice.matter_class for choice in self.choices},
+            draws=self.draws,
+            exact={choice.part: choice.exact for choice in self.choices if choice.exact},
+        )
 
     @property
     def draws(self) -> dict[str, tuple[MaterialValue, ...]]:

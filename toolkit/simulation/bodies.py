@@ -8,7 +8,8 @@ from typing import NamedTuple
 from ...fem.conditions.selection import numbers
 from ...fem.errors import InputError
 from ...fem.scene.mesh import TetMesh, join_meshes
-from ..io.sidecar import read_known, rows_on_record
+from ..io.body_record import BodyRecord
+from ..io.sidecar import read_known
 
 
 class Bodies(NamedTuple):
@@ -33,7 +34,7 @@ def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[s
         other, sidecar, *_ = read_known(path if equals else entry, None)
         if other.material is None:
             raise InputError(f"--body {entry}: it has no E, nu and rho: run `assign` on it first")
-        known, before = rows_on_record(sidecar), len(mesh.region_names)
+        known, before = BodyRecord.of(sidecar).materials, len(mesh.region_names)
         mesh = join_meshes(mesh, other, shift)
         renamed = zip(other.region_names, mesh.region_names[before:], strict=True)
         rows |= {new: known[old] for old, new in renamed if old in known}

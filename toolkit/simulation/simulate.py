@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,21 +10,13 @@ from typing import Any
 from ...fem.errors import InputError, UsageError
 from ...fem.scenarios.scenario import SCENARIOS
 from ...fem.scene.mesh import TetMesh
-from ...fem.uncertainty.ranges import Draws, Exact
 from ...predictors.asset import UpAxis
 from ..config import command_line
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
+from ..io.body_record import BodyRecord
 from ..io.outputs import check_file, check_folder
-from ..io.sidecar import (
-    Sidecar,
-    classes_on_record,
-    differences_on_record,
-    draws_on_record,
-    exact_on_record,
-    read_known,
-    rows_on_record,
-)
+from ..io.sidecar import Sidecar, read_known
 from ..options import SimulateOptions
 from ..results.simulation import Simulation
 from .conditions import changed_options
@@ -42,11 +34,7 @@ def simulate(
     drive: Path | None = None,
     drive_scale: float | None = None,
     materials: Mapping[str, str] | None = None,
-    classes: Mapping[str, str] | None = None,
-    differences: Sequence[str] | None = None,
-    size_stated: bool | None = None,
-    draws: Draws | None = None,
-    exact: Exact | None = None,
+    record: BodyRecord | None = None,
     options: SimulateOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
     **given: Any,
@@ -58,10 +46,8 @@ def simulate(
     motion as .pvd or .glb; ``report`` the page, .html; ``picture`` the last state as .png, or the
     motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
     ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
-    ``materials`` are the rows of the table by part, by default those on record beside the mesh:
-    they have strengths and a grain; ``classes`` of matter for particles go with them, the
-    ``differences`` of the mesh from its file, and whether its size was ``size_stated``, for the
-    verdicts; for intervals what a predictor ``draws``, and which numbers are ``exact``. For
+    ``record`` is what is known of the body, by default what is on record beside the mesh;
+    ``materials`` are other rows of the table by part: they have strengths and a grain. For
     particles, ``mesh`` may be a field (.npz), or splats or points as `transfer` writes them, which
     follow into a folder ``output``.
 
@@ -79,13 +65,17 @@ def simulate(
     source = Path("MESH") if isinstance(mesh, TetMesh) else Path(mesh)
     scale = 1.0 if drive is None else checked_scale(drive_scale, mesh, drive)
     mesh, sidecar = _with_material(mesh if body is None else body.mesh, up)
-    if materials is None:
-        materials, classes, draws, exact = _recorded(sidecar, body, classes, draws, exact)
-    known = {"up": sidecar.up, "materials": materials, "classes": classes, "progress": progress}
+    record = _known(record or BodyRecord.of(sidecar), body, materials)
+    known = {"up": sidecar.up, "materials": record.materials, "classes": record.classes}
     with logged(output):
-        result = _noted(run_scenario(mesh, options, **known), body)
-    result = replace(result, draws=draws or {}, exact=exact or {})
-    result = _told(result, sidecar, differences, size_stated)
+        result = _noted(run_scenario(mesh, options, **known, progress=progress), body)
+    result = replace(
+        result,
+        draws=record.draws,
+        exact=record.exact,
+        differences=record.differences,
+        size_stated=record.size_stated,
+    )
     if drive is not None and output is not None:
         result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
@@ -100,31 +90,15 @@ def _with_material(mesh: TetMesh | str | Path, up: UpAxis | None) -> tuple[TetMe
     return mesh, replace(sidecar, up=up or sidecar.up)
 
 
-def _recorded(
-    sidecar: Sidecar,
-    body: VoxelBody | None,
-    classes: Mapping[str, str] | None,
-    draws: Draws | None,
-    exact: Exact | None,
-) -> tuple[Mapping[str, str], Mapping[str, str], Draws, Exact]:
-    """Rows, classes, draws and exact numbers of the parts: on record where they are not given."""
-    rows = rows_on_record(sidecar) or (body.materials if body is not None else {})
-    classes, draws = classes or classes_on_record(sidecar), draws or draws_on_record(sidecar)
-    return rows, classes, draws, exact or exact_on_record(sidecar)
-
-
-def _told(
-    result: Simulation,
-    sidecar: Sidecar,
-    differences: Sequence[str] | None,
-    size_stated: bool | None,
-) -> Simulation:
-    """The result with what is known of the making of its mesh, by default what is on record."""
-    if differences is None:
-        differences = differences_on_record(sidecar)
-    if size_stated is None:
-        size_stated = sidecar.source.get("size_stated", False)
-    return replace(result, differences=tuple(differences), size_stated=size_stated)
+def _known(
+    record: BodyRecord, body: VoxelBody | None, materials: Mapping[str, str] | None
+) -> BodyRecord:
+    """The record with the rows that were given, or else, where it has none, those of voxels."""
+    if materials is not None:
+        return record.of_other_materials(materials)
+    if body is None or record.materials:
+        return record
+    return replace(record, materials=body.materials)
 
 
 def _check_material(mesh: TetMesh) -> None:
