@@ -176,12 +176,6 @@ class ElementMaterial:
         """Return the material as stiff across its grain as along it."""
         return self if self.tensor is None else replace(self, tensor=None, axes=None)
 
-    def as_stiff_as(self, other: ElementMaterial) -> bool:
-        """Whether every tet has the very same stiffness in both, whatever they weigh."""
-        names = ("E", "nu", "tensor")
-        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
-        return self is other or all(one is two or np.array_equal(one, two) for one, two in pairs)
-
     @property
     def grained(self) -> Bool[np.ndarray, "tets"]:
         """Which tets have a grain."""

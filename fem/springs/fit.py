@@ -27,7 +27,7 @@ DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
 FOLLOWED = 0.1
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
-# The profile [exp] that a fit starts from where it knows a frequency: bar and slab end at 2.1 to 2.4.
+# The profile [exp] that a fit starts from where it knows a frequency: bar, slab end at 2.1 to 2.4.
 PROFILE = 2.0
 # The surface is at most so many times [exp] stiffer or softer than the middle.
 STEEPEST = 4.0

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
@@ -14,20 +13,18 @@ from torch import Tensor, distributed
 _PATIENCE = timedelta(minutes=10)  # a process that compiles keeps the others waiting
 
 
-@contextmanager
-def joined(device: str) -> Iterator[None]:
-    """Join the group of processes that ``torchrun`` announces, if there is one, and leave it."""
+def join(device: str) -> None:
+    """Join the group of processes that ``torchrun`` announces, if there is one, until the end.
+
+    Not anew for every run: the addresses of a group that was left are still known to the others.
+    """
     if "RANK" not in os.environ or distributed.is_initialized():
-        yield
         return
     on_gpu = device.startswith("cuda")
     if on_gpu:
         torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
     distributed.init_process_group("nccl" if on_gpu else "gloo", timeout=_PATIENCE)
-    try:
-        yield
-    finally:
-        distributed.destroy_process_group()
+    atexit.register(distributed.destroy_process_group)
 
 
 def rank() -> int:

@@ -21,7 +21,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from ...fem.errors import InputError
 from .options import TrainerOptions
-from .processes import agreed, joined, mean, processes, rank
+from .processes import agreed, join, mean, processes, rank
 from .state import FILE, N, TrainingState
 
 log = logging.getLogger(__name__)
@@ -106,19 +106,19 @@ def train_network(
     pause
         Seconds after which to stop for now: ``resume`` holds the state to go on from.
     """
-    with joined(options.device):
-        state = TrainingState(network.to(options.device), options)
-        run = _Run(state, sampler, loss, forward)
-        keep = None if resume is None else _Keeper(resume / FILE, sampler.generator, config or {})
+    join(options.device)
+    state = TrainingState(network.to(options.device), options)
+    run = _Run(state, sampler, loss, forward)
+    keep = None if resume is None else _Keeper(resume / FILE, sampler.generator, config or {})
+    if keep is not None:
+        state.load(*keep)
+    for line in run.reports(pause):
+        if rank() == 0:
+            (report or _log)(line)
         if keep is not None:
-            state.load(*keep)
-        for line in run.reports(pause):
-            if rank() == 0:
-                (report or _log)(line)
-            if keep is not None:
-                state.save(*keep)
-        if save is not None and rank() == 0:
-            save(state.average, state.step)
+            state.save(*keep)
+    if save is not None and rank() == 0:
+        save(state.average, state.step)
     return Trained(state.average, state.history, state.step)
 
 

@@ -13,7 +13,7 @@ from ...datasets.real import RealObject, load_real
 from ...datasets.text_table import load_text_table
 from ...film.checkpoint import load_matching, save_checkpoint
 from ...film.unet import FilmUNet
-from ..processes import joined, rank
+from ..processes import join, rank
 from ..real_slots import RealSlots, shapes_with_real_slots, with_exchanged_slots
 from ..sentences import Sentences
 from ..stores import procedural_store, real_store
@@ -56,24 +56,24 @@ def train_film(
     pause
         Seconds after which to stop for now: ``resume`` holds the state to go on from.
     """
-    with joined(config.device):
-        torch.manual_seed(config.seed + rank())
-        sampler = make_sampler(config, text, real)
-        torch.manual_seed(config.seed)  # the same first weights in every process
-        network = new_network(config, start)
-        torch.manual_seed(config.seed + rank())
+    join(config.device)
+    torch.manual_seed(config.seed + rank())
+    sampler = make_sampler(config, text, real)
+    torch.manual_seed(config.seed)  # the same first weights in every process
+    network = new_network(config, start)
+    torch.manual_seed(config.seed + rank())
 
-        def save(trained: FilmUNet, steps: int) -> None:
-            if output is not None:
-                normalisation = sampler.sentences.normalisation
-                facts = {"steps": steps}
-                save_checkpoint(output, trained, normalisation=normalisation, facts=facts)
+    def save(trained: FilmUNet, steps: int) -> None:
+        if output is not None:
+            normalisation = sampler.sentences.normalisation
+            facts = {"steps": steps}
+            save_checkpoint(output, trained, normalisation=normalisation, facts=facts)
 
-        return train_network(
-            network, sampler, FilmLoss(config.grounded, config.edge), config.options,
-            forward=forward, resume=resume, config=asdict(config), save=save, report=report,
-            pause=pause,
-        )  # fmt: skip
+    return train_network(
+        network, sampler, FilmLoss(config.grounded, config.edge), config.options,
+        forward=forward, resume=resume, config=asdict(config), save=save, report=report,
+        pause=pause,
+    )  # fmt: skip
 
 
 def forward(network: FilmUNet, batch: TrainingBatch) -> FilmOutput:

@@ -16,7 +16,7 @@ from ...datasets.real import RealObject, load_real
 from ...datasets.shapes import MAX_PARTS
 from ...unipixie.checkpoint import save_unipixie
 from ...unipixie.network import UniPixie
-from ..processes import joined, rank
+from ..processes import join, rank
 from ..stores import coarsened, procedural_labels
 from ..trainer import Report, Trained, train_network
 from .config import MatterConfig, Model
@@ -58,25 +58,25 @@ def train_matter(
     output
         Checkpoint to write at the end; of the flow's network alone.
     """
-    with joined(config.device):
-        torch.manual_seed(config.seed + rank())
-        sampler = make_matter_sampler(config, ranges, real)
-        torch.manual_seed(config.seed)  # the same first weights in every process
-        network = new_matter_network(config)
-        torch.manual_seed(config.seed + rank())
+    join(config.device)
+    torch.manual_seed(config.seed + rank())
+    sampler = make_matter_sampler(config, ranges, real)
+    torch.manual_seed(config.seed)  # the same first weights in every process
+    network = new_matter_network(config)
+    torch.manual_seed(config.seed + rank())
 
-        def save(trained: MatterNetwork, steps: int) -> None:
-            if output is not None and isinstance(trained, UniPixie):
-                save_unipixie(output, trained, facts={"steps": steps})
+    def save(trained: MatterNetwork, steps: int) -> None:
+        if output is not None and isinstance(trained, UniPixie):
+            save_unipixie(output, trained, facts={"steps": steps})
 
-        flow = config.model == "flow"
-        velocity = flow and config.network.predicts == "velocity"
-        # Only the flow has a start, at which it leans.
-        loss = MatterLoss(config.lean if config.model != "diffusion" else 0.0, velocity)
-        return train_network(
-            network, sampler, loss, config.options, forward=_FORWARD[config.model],
-            resume=resume, config=asdict(config), save=save, report=report, pause=pause,
-        )  # fmt: skip
+    flow = config.model == "flow"
+    velocity = flow and config.network.predicts == "velocity"
+    # Only the flow has a start, at which it leans.
+    loss = MatterLoss(config.lean if config.model != "diffusion" else 0.0, velocity)
+    return train_network(
+        network, sampler, loss, config.options, forward=_FORWARD[config.model],
+        resume=resume, config=asdict(config), save=save, report=report, pause=pause,
+    )  # fmt: skip
 
 
 def new_matter_network(config: MatterConfig) -> MatterNetwork:
