@@ -17,7 +17,8 @@ FLOORS = {
     "predictors": (
         "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
         "vocabulary", "quantities", "lexemes", "language", "interpreter", "hearing", "construction",
-        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "film", "unipixie",
+        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "matter", "film",
+        "unipixie",
         "assignment", "datasets", "training", "evaluation",
     ),
     "converters": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,8 @@ from jaxtyping import Float
 
 from ..predictors.asset import Asset
 from ..predictors.encoders import speaking_encoder
-from ..predictors.images.surface_colour import skin_of
-from ..predictors.images.surface_voxels import random_points
+from ..predictors.images.cell_looks import cell_looks
+from ..predictors.matter.looks import LOOK
 from ..predictors.predictor import Appearance
 from ..predictors.voxels import PartVoxels
 from .features import features
@@ -19,8 +20,6 @@ from .options import FeatureOptions
 if TYPE_CHECKING:
     from ..predictors.images.features import VoxelFeatures
 
-POINTS = 50_000  # on the surface, for the colours: ten for each outer cell of a cube of 64
-NEAREST = 4  # points whose colours are averaged
 VIEWS, CELLS = 8, 32  # as the network's evidence was measured; more bound no more voxels right
 
 
@@ -29,32 +28,21 @@ def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = Non
 
     The asset lies where its mesh does, in metres.
     """
-    colours = _colours(asset, voxels)
+    looks = _looks(asset, voxels)
+    seen = Appearance(looks[..., :3], finish=looks[..., 3:])
     if encoder is None:
-        return Appearance(colours)
+        return seen
     options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
     words = speaking_encoder(encoder)
-    seen = features(asset, options=options).voxels
-    return Appearance(colours, _features(seen, voxels), words)
+    pictured = features(asset, options=options).voxels
+    return replace(seen, features=_features(pictured, voxels), words=words)
 
 
-def _colours(asset: Asset, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz 3"]:
-    """Colour of the nearest surface, of every occupied cell."""
-    from scipy.spatial import KDTree
-
-    rng = np.random.default_rng(0)
-    area = sum(float(part.mesh.area) for part in asset.parts)
-    points, colours = [], []
-    for part in asset.parts:
-        count = max(NEAREST, round(POINTS * float(part.mesh.area) / area))
-        faces, weights = random_points(part.mesh, count, rng)
-        points.append(np.einsum("nc,nck->nk", weights, part.mesh.triangles[faces]))
-        colours.append(skin_of(part.mesh)(faces, weights)[:, :3])
+def _looks(asset: Asset, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz 7"]:
+    """Look of the nearest surface, of every occupied cell."""
     occupied = voxels.occupied
-    tree = KDTree(np.concatenate(points))
-    _, nearest = tree.query(voxels.grid.centers()[occupied], k=NEAREST)
-    out = np.zeros((*occupied.shape, 3), dtype=np.float32)
-    out[occupied] = np.concatenate(colours)[nearest].mean(axis=1)
+    out = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
+    out[occupied] = cell_looks(asset, voxels.grid.centers()[occupied])
     return out
 
 

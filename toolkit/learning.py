@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..predictors.training.film.config import TrainingConfig
 
 WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
+KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
 # AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
 PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
 PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
@@ -47,6 +48,8 @@ def train(
 
     check_folder(output)
     real = data / TRAINING
+    if str(config) == KINDS:
+        return _train_kinds(real, output)
     if str(config) in RANGE_PRESETS:
         weights, ranges = output / RANGE_WEIGHTS, data / RANGES
         trained = train_matter(
@@ -63,6 +66,16 @@ def train(
         options, text=data / TEXT, real=real, start=start, resume=output, output=weights
     )
     return {"files": [weights], "steps": trained.steps, "history": trained.history}
+
+
+def _train_kinds(real: Path, output: Path) -> dict[str, Any]:
+    """Fit kinds of matter to the looks of real slots."""
+    from ..predictors.training.kinds_by_looks import train_kinds
+
+    found, slots = train_kinds(load_real(real))
+    output.mkdir(parents=True, exist_ok=True)
+    found.save(output / KIND_WEIGHTS)
+    return {"files": [output / KIND_WEIGHTS], "slots": slots}
 
 
 def _config(config: Path | str) -> TrainingConfig:

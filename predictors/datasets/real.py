@@ -17,8 +17,10 @@ from ...fem.scene.materials import Material, load_table
 from ..asset import Asset, Part, upright
 from ..hearing.kinds import KINDS, kind_of
 from ..hearing.vocabulary import Vocabulary
+from ..images.cell_looks import cell_looks
 from ..images.surface_colour import material_name, skin_of
 from ..images.surface_voxels import SPACING, random_points, surface_samples
+from ..matter.looks import FEATURES, measure
 from .shapes import EMPTY, MAX_PARTS
 
 CELLS = 64
@@ -42,6 +44,10 @@ class RealObject:
         Mean colour of each slot in [0, 1].
     features
         Mean unit vector of what an image encoder saw of each slot, None if it did not look.
+    looks
+        What is measured of each slot by ``matter.looks``, None if it was not.
+    seen
+        Look of each cell, in C order; not kept in files.
     """
 
     name: str
@@ -50,6 +56,8 @@ class RealObject:
     slots: tuple[str, ...]
     colours: Float[np.ndarray, "slots 3"]
     features: Float16[np.ndarray, "slots dim"] | None = None
+    looks: Float[np.ndarray, "slots measures"] | None = None
+    seen: Float16[np.ndarray, "n look"] | None = None
 
     def materials(self) -> list[Material | None]:
         """Row of the table for each slot, where its name tells."""
@@ -96,7 +104,23 @@ def voxelise(asset: Asset, name: str, source: str) -> RealObject:
     inside = np.asarray(binary_fill_holes(shell))
     nearest: Any = distance_transform_edt(~shell, return_distances=False, return_indices=True)
     label = np.where(inside, label[tuple(nearest)], EMPTY).astype(np.uint8)
-    return RealObject(name, source, label, tuple(slots), np.array(colours))
+    cells = np.argwhere(inside)
+    seen = cell_looks(asset, lo + (cells + 0.5) * h, turned=True)
+    looks = _measured(cells, seen, label[inside], len(slots))
+    return RealObject(
+        name, source, label, tuple(slots), np.array(colours), looks=looks,
+        seen=seen.astype(np.float16),
+    )  # fmt: skip
+
+
+def _measured(
+    cells: np.ndarray, seen: np.ndarray, slot: np.ndarray, slots: int
+) -> Float[np.ndarray, "slots measures"]:
+    """``matter.looks.measure`` of each slot, NaN of those without cells."""
+    there, piece = np.unique(slot, return_inverse=True)
+    out = np.full((slots, len(FEATURES)), np.nan)
+    out[there] = measure(cells, seen, piece.ravel())
+    return out
 
 
 def cube(asset: Asset) -> tuple[Float[np.ndarray, "3"], float]:
@@ -140,16 +164,19 @@ def save_real(path: Path, objects: Iterable[RealObject]) -> None:
             "slots": o.slots,
             "colours": o.colours.round(3).tolist(),
             "looked": o.features is not None,
+            "measured": o.looks is not None,
         }
         for o in objects
     ]
     looked = [o.features for o in objects if o.features is not None]
+    measures = [o.looks.astype(np.float32) for o in objects if o.looks is not None]
     save_file(
         {
             "values": np.concatenate([value for value, _ in runs]),
             "lengths": np.concatenate([length for _, length in runs]),
             "counts": np.array([len(value) for value, _ in runs], dtype=np.int32),
             **({"features": np.concatenate(looked)} if looked else {}),
+            **({"looks": np.concatenate(measures)} if measures else {}),
         },
         path,
         metadata={"objects": json.dumps(described)},
@@ -164,7 +191,9 @@ def load_real(path: Path) -> list[RealObject]:
         with safe_open(path, framework="np") as file:
             described = json.loads(file.metadata()["objects"])
             values, lengths, counts = (file.get_tensor(k) for k in ("values", "lengths", "counts"))
-            seen = iter(file.get_tensor("features") if "features" in file.keys() else ())
+            seen, measures = (
+                iter(file.get_tensor(k) if k in file.keys() else ()) for k in ("features", "looks")
+            )
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a file of voxelised objects: {error}") from error
     ends = np.cumsum(counts)
@@ -176,6 +205,7 @@ def load_real(path: Path) -> list[RealObject]:
             tuple(data["slots"]),
             np.array(data["colours"], dtype=np.float64).reshape(-1, 3),
             np.array(list(islice(seen, len(data["slots"])))) if data.get("looked") else None,
+            np.array(list(islice(measures, len(data["slots"])))) if data.get("measured") else None,
         )
         for data, n, end in zip(described, counts, ends, strict=True)
     ]

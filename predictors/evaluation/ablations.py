@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from ...fem.scene.materials import load_table
 from ..encoders.minilm import MiniLM
@@ -17,6 +18,9 @@ from ..hearing.clauses import HeardClause
 from ..hearing.hints import name_evidence, subject
 from ..hearing.parser import listen
 from ..hearing.vocabulary import Vocabulary
+from ..matter.evidence import by_looks, matters, moved, told_values
+from ..matter.pieces import by_look
+from ..normalisation import Normalisation
 from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
 from .held_out import HeldOutObject
@@ -33,7 +37,8 @@ class FilmRow:
 
     ``names``: the asset's own names are heard. ``text``: so are the clauses. ``hints``: the
     lexicon's values and the subjects of the clauses. ``colour``, ``vision``: colours are seen, and
-    what an image encoder sees. ``parts``: which cells are of one part is known.
+    what an image encoder sees. ``parts``: which cells are of one part is known. ``looks``: so is
+    how well each kind of matter fits what is seen of a cell.
     """
 
     names: bool = False
@@ -42,6 +47,7 @@ class FilmRow:
     colour: bool = True
     vision: bool = True
     parts: bool = True
+    looks: bool = True
 
     def build(self, setting: Setting) -> VoxelPredictor:
         """Return the network with the weights of the setting."""
@@ -61,7 +67,11 @@ class FilmRow:
                 scene = with_slot_names(scene, example, encoder, vocabulary)
             with torch.inference_mode():
                 output = network(scene)
-            return pooled_by_part(output, scene) if self.parts else output
+            output = pooled_by_part(output, scene) if self.parts else output
+            if not (self.looks and self.text) or example.looks is None:
+                return output
+            looks = example.looks.astype(np.float64)
+            return with_looks(output, example, looks, network.normalisation, parts=self.parts)
 
         return predict
 
@@ -85,6 +95,7 @@ class FilmRow:
 
 FILM, FILM_NAMES = FilmRow(), FilmRow(names=True)
 NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(parts=False)
+VOXELS_NO_LOOKS, NO_LOOKS = FilmRow(parts=False, looks=False), FilmRow(looks=False)
 RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
 
 
@@ -138,6 +149,38 @@ def pooled_by_part(output: Output, scene: VoxelScene) -> Output:
     )
     # 1e-9: a share of nothing has a log too.
     return output._replace(values=values, logits=shares.clamp(min=1e-9).log())
+
+
+def with_looks(
+    output: Output,
+    example: HeldOutObject,
+    looks: Float[np.ndarray, "n look"],
+    normalisation: Normalisation,
+    *,
+    parts: bool,
+) -> Output:
+    """Return shares and values with what looks say of clauses about matter: as at run time."""
+    import torch
+
+    part = example.batch.scene.part[0].numpy()
+    inside = part >= 0
+    shares, values = (
+        x[0].movedim(0, -1).float().numpy()[inside].astype(np.float64)
+        for x in (output.logits.softmax(1), output.values)
+    )
+    clauses = [_one_clause(said) if said else HeardClause("") for said in example.said]
+    piece = np.unique(part[inside], return_inverse=True)[1] if parts else by_look(looks)
+    dealt = by_looks(shares, matters(clauses), np.argwhere(inside), looks, piece, parts=parts)
+    told = told_values(clauses, load_table(), normalisation)
+    columns = []
+    for whole, found in (
+        (output.values, moved(values, dealt - shares, told)),
+        (output.logits, np.log(dealt.clip(min=1e-9))),  # 1e-9: a share of nothing has a log too
+    ):
+        column = whole.float().clone()
+        column[0, :, torch.from_numpy(inside)] = torch.from_numpy(found.T).float()
+        columns.append(column)
+    return output._replace(values=columns[0], logits=columns[1])
 
 
 def with_vision(scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder) -> VoxelScene:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from ..datasets.objects import make_objects
-from ..datasets.real import RealObject
+from ..datasets.real import CELLS, RealObject
 from ..datasets.text_table import TextTable, build_text_table
 from ..encoders.minilm import MiniLM
 from ..hearing.hints import HintedEncoder
@@ -34,13 +34,15 @@ class ImageFeatures(NamedTuple):
 class HeldOutObject(NamedTuple):
     """One object with what its clauses say ("" for none).
 
-    ``names`` are those of its slots if they are given, ``features`` what an image encoder sees.
+    ``names`` are those of its slots if they are given, ``features`` what an image encoder sees,
+    ``looks`` (n, 7) what is seen of each cell, in C order, as ``matter.looks`` wants it.
     """
 
     batch: TrainingBatch
     said: list[str]
     names: tuple[str, ...] = ()
     features: ImageFeatures | None = None
+    looks: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,8 @@ class HeldOutSet:
                 continue
             slots = self.real[index].slots if names and self._furniture else ()
             features = self.features[index] if self.features else None
-            yield index, HeldOutObject(batch, clause_texts(batch, text), slots, features)
+            looks = self.real[index].seen if self._furniture and self.cells == CELLS else None
+            yield index, HeldOutObject(batch, clause_texts(batch, text), slots, features, looks)
 
     def _batches(self, text: TextTable, draw: int, names: bool) -> Iterator[TrainingBatch]:
         """Yield batches of one object each."""

@@ -57,6 +57,15 @@ class Frame:
         out[box] = upright.reshape(-1, *cells.shape[3:])[self.source]
         return out
 
+    def upright(
+        self, cells: Int[np.ndarray, "n 3"], shape: tuple[int, ...]
+    ) -> Int[np.ndarray, "n 3"]:
+        """Indices of cells of a grid of ``shape`` on the same grid, z up."""
+        turned = cells[:, self.axes]
+        for axis in self.flip:
+            turned[:, axis] = shape[self.axes[axis]] - 1 - turned[:, axis]
+        return turned
+
     def back(self, values: np.ndarray, parts: PartVoxels) -> np.ndarray:
         """Bring an array of the frame (x, y, z, ...) back to the cells of ``parts``."""
         shape = [parts.grid.shape[axis] for axis in self.axes]

@@ -19,6 +19,8 @@ from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..hearing.clauses import HeardClause
 from ..hearing.hints import Heard, HintedEncoder
+from ..matter.evidence import by_looks, matters, moved, told_values
+from ..matter.pieces import MOST, by_look
 from ..normalisation import DEFAULT, Normalisation
 from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
@@ -54,6 +56,28 @@ class Inference(NamedTuple):
         return self._replace(
             values=pooled(self.values, parts.part), shares=pooled(self.shares, parts.part)
         )
+
+    def seen(
+        self, parts: PartVoxels, frame: Frame, appearance: Appearance, table: MaterialTable
+    ) -> Inference:
+        """Return it with what looks say of clauses about matter; values follow the shares."""
+        inside = parts.occupied
+        looks = appearance.looks(inside)
+        if looks is None:
+            return self
+        piece = parts.part[inside]
+        if self.of_pieces:
+            piece = piece * (MOST + 1) + by_look(looks)
+        piece = np.unique(piece, return_inverse=True)[1].ravel()
+        cells = frame.upright(np.argwhere(inside), inside.shape)
+        shares, values = self.shares.copy(), self.values.copy()
+        shares[inside] = by_looks(
+            self.shares[inside], matters(self.clauses), cells, looks, piece,
+            parts=not self.of_pieces,
+        )  # fmt: skip
+        told = told_values(self.clauses, table, self.normalisation)
+        values[inside] = moved(self.values[inside], shares[inside] - self.shares[inside], told)
+        return self._replace(shares=shares, values=values)
 
 
 class FilmModel:
@@ -129,7 +153,8 @@ class FilmModel:
             heard.unbound,
         )
         # Otherwise each part is of one matter.
-        return found if heard.of_pieces else found.pooled(parts)
+        found = found if heard.of_pieces else found.pooled(parts)
+        return found.seen(parts, frame, appearance or Appearance(), self.table)
 
     def _scene(
         self,
