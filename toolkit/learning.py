@@ -38,8 +38,9 @@ def train(
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
-    Started by ``torchrun`` it trains on several GPUs. ``output`` holds the whole state, so that the
-    same command continues an interrupted run, and the weights at the end; ``start`` are weights to
+    "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
+    network trains on several GPUs. ``output`` holds the whole state, so that the same command
+    continues an interrupted run, and the weights at the end; ``start`` are weights to
     begin with.
     """
     from ..predictors.training.film.recipe import train_film
@@ -119,7 +120,8 @@ def evaluate(
     predictors
         Rows of the table; those of the split by default.
     data
-        Folder that ``build_dataset`` wrote; without it the furniture is fetched.
+        Folder that ``build_dataset`` wrote; without it the furniture is fetched, and the looks of
+        its cells are seen, which files do not hold.
     weights
         Checkpoint of the network; the shipped one by default.
     objects, cells, seed, texts

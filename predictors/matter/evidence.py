@@ -14,10 +14,6 @@ from ..normalisation import Normalisation
 from .kinds import KindsByLooks
 from .looks import measure
 
-# Exponent of a network's own shares among such clauses beside the looks' ratios. It was trained
-# with real objects and still binds them as one that guesses: of .15, .3 and .5 chosen in training.
-TRUST = 0.3
-_LEAST = 1e-4  # of a share, for its logarithm
 # What is spoken of is there: added to the logarithm in the piece that fits each kind best. e^5 is
 # more than what looks say for or against: theirs are between log(.01) and log(100).
 _SPOKEN = 5.0
@@ -48,8 +44,9 @@ def by_looks(
 ) -> Float[np.ndarray, "n columns"]:
     """Return shares with what clauses about matter have of a cell dealt out anew among their kinds.
 
-    By Bayes: a network's own shares to the power of ``TRUST`` times how much likelier each kind is
-    by the looks of the piece. Within a kind, and for clauses about parts and for none, they stay.
+    By how much likelier each kind is by the looks of the piece. A network's own shares decide
+    within a kind, and for clauses about parts and for none: of kinds of matter it knew no more in
+    objects that it had not seen than a guess does (the card of its weights).
 
     Parameters
     ----------
@@ -73,10 +70,9 @@ def by_looks(
     ratio = KindsByLooks.load().log_ratio(measure(cells, looks, piece))[:, spoken]
     own = shares[:, mine].clip(min=_NOTHING)
     of_each = own @ np.eye(len(spoken))[of_kind]
-    log = TRUST * np.log(of_each.clip(min=_LEAST)) + ratio[piece]
     if parts:
-        log += _SPOKEN * _somewhere(log, piece)[piece]
-    dealt = softmax(log, axis=1)
+        ratio = ratio + _SPOKEN * _somewhere(ratio)
+    dealt = softmax(ratio, axis=1)[piece]
     out = shares.copy()
     out[:, mine] = (own * (dealt / of_each)[:, of_kind]) * shares[:, mine].sum(
         axis=1, keepdims=True
@@ -84,18 +80,13 @@ def by_looks(
     return out
 
 
-def _somewhere(
-    log: Float[np.ndarray, "n kinds"], piece: Int[np.ndarray, "n"]
-) -> Float[np.ndarray, "pieces kinds"]:
+def _somewhere(ratio: Float[np.ndarray, "pieces kinds"]) -> Float[np.ndarray, "pieces kinds"]:
     """One where a piece is to be of a kind so that each kind has one, at the least loss, else 0."""
     from scipy.optimize import linear_sum_assignment
 
-    count = np.bincount(piece)
-    mean = np.stack([np.bincount(piece, column) / count for column in log.T], axis=1)
-    loss = mean.max(axis=1, keepdims=True) - mean
-    kept = np.zeros_like(mean)
-    if len(count) >= mean.shape[1]:
-        kept[linear_sum_assignment(loss)] = 1.0
+    kept = np.zeros_like(ratio)
+    if len(ratio) >= ratio.shape[1]:
+        kept[linear_sum_assignment(ratio.max(axis=1, keepdims=True) - ratio)] = 1.0
     return kept
 
 

@@ -92,7 +92,8 @@ class TrainCommand:
     """
 
     config: tyro.conf.Positional[str]
-    """TOML file of a training run of FiLM, or a preset: cpu and unipixie-cpu take a minute."""
+    """TOML file of a training run of FiLM, or a preset: cpu and unipixie-cpu take a minute;
+    kinds, of matter by looks, seconds."""
     output: Output
     """Folder of the state and of the weights."""
     data: Path = Path("data")
