@@ -120,8 +120,7 @@ def evaluate(
     predictors
         Rows of the table; those of the split by default.
     data
-        Folder that ``build_dataset`` wrote; without it the furniture is fetched, and the looks of
-        its cells are seen, which files do not hold.
+        Folder that ``build_dataset`` wrote, in which cells have no looks; else it is fetched.
     weights
         Checkpoint of the network; the shipped one by default.
     objects, cells, seed, texts

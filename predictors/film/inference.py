@@ -67,7 +67,7 @@ class Inference(NamedTuple):
             return self
         piece = parts.part[inside]
         if self.of_pieces:
-            piece = piece * (MOST + 1) + by_look(looks)
+            piece = piece * MOST + by_look(looks)
         piece = np.unique(piece, return_inverse=True)[1].ravel()
         cells = frame.upright(np.argwhere(inside), inside.shape)
         shares, values = self.shares.copy(), self.values.copy()
