@@ -11,11 +11,12 @@ import numpy as np
 from ..fem.errors import UsageError
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
+from .images.appearance import Appearance
 from .language.binding import Bound
 from .lookup.lookup import lookup_of
 from .partition import alike, merged
 from .prediction import PartChoice, Prediction
-from .predictor import PREDICTORS, Appearance, Predictor
+from .predictor import PREDICTORS, Predictor
 from .voxels import PartVoxels
 
 

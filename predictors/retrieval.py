@@ -8,11 +8,11 @@ from typing import ClassVar
 from ..fem.scene.materials import MaterialTable, load_table
 from .asset import UpAxis
 from .encoders.protocol import TextEncoder
+from .images.appearance import Appearance
 from .language.binding import bind
 from .language.clauses import Sentence
 from .lookup.lookup import Lookup, lookup_of
 from .prediction import PartChoice, Prediction
-from .predictor import Appearance
 from .voxels import PartVoxels
 
 

@@ -10,9 +10,9 @@ from jaxtyping import Float
 
 from ..predictors.asset import Asset
 from ..predictors.encoders import speaking_encoder
+from ..predictors.images.appearance import Appearance
 from ..predictors.images.cell_looks import cell_looks
 from ..predictors.matter.looks import LOOK
-from ..predictors.predictor import Appearance
 from ..predictors.voxels import PartVoxels
 from .features import features
 from .options import FeatureOptions

@@ -27,8 +27,9 @@ DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
 FOLLOWED = 0.1
 # A misfit below this share of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
-# The profile [exp] that a fit starts from where it knows a frequency: bar, slab end at 2.1 to 2.4.
-PROFILE = 2.0
+# The profiles [exp] that a fit starts from where it knows a frequency: bar and slab end at 2.1 to
+# 2.4; where it does not follow from there, it starts once more, between those and the calibrated.
+PROFILES = (2.0, 1.0)
 # The surface is at most so many times [exp] stiffer or softer than the middle.
 STEEPEST = 4.0
 
@@ -170,12 +171,20 @@ def fit_to_motion(
     def misfit(p: np.ndarray) -> np.ndarray:
         return followed.of(stiffness(p))
 
-    start = np.zeros(2)
-    if frequency is not None:  # and before any motion: pieces that turn freely are told here
-        scale = scale_to_frequency(network, frequency, eta=eta, surface=PROFILE)
-        start = np.array([np.log(scale), PROFILE])
+    def start(surface: float) -> np.ndarray:
+        if frequency is None:
+            return np.zeros(2)
+        scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
+        return np.array([np.log(scale), surface])
+
+    near = start(PROFILES[0])  # before any motion: pieces that turn freely are told here
     first = misfit(np.zeros(2))
-    p, error, runs = _gauss_newton(misfit, start, first)
+    p, error, runs = _gauss_newton(misfit, near, first)
+    if frequency is not None and error > FOLLOWED:
+        again = _gauss_newton(misfit, start(PROFILES[1]), first)
+        runs += again.runs
+        if again.error < error:
+            p, error = again.p, again.error
     ratio = np.nan
     if frequency is not None:
         ratio = float(network_frequencies(network, stiffness(p))[0] / frequency)

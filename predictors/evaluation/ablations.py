@@ -18,10 +18,10 @@ from ..hearing.clauses import HeardClause
 from ..hearing.hints import name_evidence, subject
 from ..hearing.parser import listen
 from ..hearing.vocabulary import Vocabulary
+from ..images.appearance import Appearance
 from ..matter.evidence import by_looks, matters, moved, told_values
 from ..matter.pieces import by_look
 from ..normalisation import Normalisation
-from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor

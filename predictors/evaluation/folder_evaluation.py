@@ -14,9 +14,9 @@ from ..field import MaterialField
 from ..film.evidence import with_names
 from ..film.predictor import FilmPredictor
 from ..hearing.parser import listen
+from ..images.appearance import Appearance
 from ..language.reader import parse
 from ..normalisation import DEFAULT
-from ..predictor import Appearance
 from ..retrieval import RetrievalPredictor
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors

@@ -19,10 +19,10 @@ from ..asset import UpAxis
 from ..encoders.protocol import TextEncoder
 from ..hearing.clauses import HeardClause
 from ..hearing.hints import Heard, HintedEncoder
+from ..images.appearance import Appearance
 from ..matter.evidence import by_looks, matters, moved, told_values
 from ..matter.pieces import MOST, by_look
 from ..normalisation import DEFAULT, Normalisation
-from ..predictor import Appearance
 from ..voxels import PartVoxels, pooled
 from .evidence import VISION, standard
 from .frame import Frame

@@ -15,13 +15,13 @@ from ..encoders.protocol import TextEncoder
 from ..field import MaterialField
 from ..hearing.clauses import HeardSentence
 from ..hearing.hints import hear
+from ..images.appearance import Appearance
 from ..language.binding import bind
 from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup, lookup_of
 from ..lookup.nearest import nearest_row
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
-from ..predictor import Appearance
 from ..voxels import PartVoxels
 from .certainty import Certainty
 from .inference import FilmModel, Inference

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..asset import UpAxis
-from ..predictor import Appearance
+from ..images.appearance import Appearance
 from ..voxels import PartVoxels
 from .cube import Cube
 

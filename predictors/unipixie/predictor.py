@@ -18,12 +18,12 @@ from ..field import MaterialField, Ranges
 from ..hearing.binding import NamedPart
 from ..hearing.hints import own_name
 from ..hearing.vocabulary import vocabulary_of
+from ..images.appearance import Appearance
 from ..language.binding import bind
 from ..language.clauses import Sentence
 from ..lookup.lookup import Lookup, lookup_of
 from ..lookup.nearest import nearest_row
 from ..prediction import PartChoice, Prediction
-from ..predictor import Appearance
 from ..voxels import PartVoxels
 from .inference import Found, Known, UniPixieModel, one_torch_thread
 

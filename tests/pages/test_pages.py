@@ -40,6 +40,7 @@ ELSEWHERE = {
     "autophyx-tet evaluate --split validation --objects 80 --encoder embedded --renders 80 "
     "--predictors film film-names table-mean": HOURS,
     "autophyx-tet dataset build -o data": FURNITURE,
+    "autophyx-tet train kinds --data data -o run": FURNITURE,
     "autophyx-tet evaluate --split validation --objects 80 --predictors unipixie unipixie-names "
     "constant table-mean": FURNITURE,
     "autophyx-tet evaluate --split validation --objects 10 --renders 10 --swing    --predictors "

@@ -6,8 +6,8 @@ from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.assignment import predict_materials
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.images.appearance import Appearance
 from autophyx_tet.predictors.interpreter import read_sentence
-from autophyx_tet.predictors.predictor import Appearance
 from autophyx_tet.predictors.voxels import PartVoxels
 
 from .test_looks import table

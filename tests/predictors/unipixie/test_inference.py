@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.images.appearance import Appearance
 from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.predictor import Appearance
 from autophyx_tet.predictors.unipixie import inference
 from autophyx_tet.predictors.unipixie.checkpoint import (
     Loaded,

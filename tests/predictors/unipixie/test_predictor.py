@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.predictors.images.appearance import Appearance
 from autophyx_tet.predictors.language.reader import parse
-from autophyx_tet.predictors.predictor import Appearance
 from autophyx_tet.predictors.unipixie.predictor import UniPixiePredictor
 from autophyx_tet.predictors.voxels import PartVoxels
 
