@@ -171,20 +171,13 @@ def fit_to_motion(
     def misfit(p: np.ndarray) -> np.ndarray:
         return followed.of(stiffness(p))
 
-    def start(surface: float) -> np.ndarray:
-        if frequency is None:
-            return np.zeros(2)
-        scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
-        return np.array([np.log(scale), surface])
-
-    near = start(PROFILES[0])  # before any motion: pieces that turn freely are told here
+    near = _start(network, frequency, eta, PROFILES[0])  # first: pieces that turn freely are told
     first = misfit(np.zeros(2))
-    p, error, runs = _gauss_newton(misfit, near, first)
-    if frequency is not None and error > FOLLOWED:
-        again = _gauss_newton(misfit, start(PROFILES[1]), first)
-        runs += again.runs
-        if again.error < error:
-            p, error = again.p, again.error
+    least = _gauss_newton(misfit, near, first)
+    if frequency is not None and least.error > FOLLOWED:
+        second = _start(network, frequency, eta, PROFILES[1])
+        least = _better(least, _gauss_newton(misfit, second, first))
+    p, error, runs = least
     ratio = np.nan
     if frequency is not None:
         ratio = float(network_frequencies(network, stiffness(p))[0] / frequency)
@@ -207,6 +200,21 @@ class _Least(NamedTuple):
     p: np.ndarray
     error: float
     runs: int
+
+
+def _start(
+    network: SpringNetwork, frequency: float | None, eta: float, surface: float
+) -> np.ndarray:
+    """Where a fit starts: the profile ``surface`` at the scale of the first ``frequency``."""
+    if frequency is None:
+        return np.zeros(2)
+    scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
+    return np.array([np.log(scale), surface])
+
+
+def _better(one: _Least, other: _Least) -> _Least:
+    """The lesser of two, which took the motions of both."""
+    return min(one, other, key=lambda least: least.error)._replace(runs=one.runs + other.runs)
 
 
 def _gauss_newton(

@@ -44,6 +44,7 @@ class Row:
     best_baseline: str | None = None
     difference: float | None = None
     difference_interval: Interval | None = None
+    difference_by_clauses: dict[int, Interval] | None = None
     rendered: int = 0
     psnr: float | None = None
     psnr_interval: Interval | None = None
@@ -135,18 +136,33 @@ def against_best(
     if not known:
         return list(rows)
     best = min(known, key=lambda row: row.mse_mean).predictor
-    theirs = {i: _error(texts) for i, texts in scores[best].items()}
+    theirs = scores[best]
     compared = []
     for row in rows:
-        mine = scores[row.predictor]
-        paired = [_error(mine[i]) - theirs[i] for i in mine if i in theirs]
-        if row.predictor != best and paired:
+        paired = _differences(scores[row.predictor], theirs)
+        if row.predictor != best and len(paired):
+            by_clauses = {
+                k: bootstrap_interval(_differences(scores[row.predictor], theirs, clauses=k))
+                for k in row.by_clauses
+            }
             row = replace(
-                row, best_baseline=best, difference=float(np.mean(paired)),
-                difference_interval=bootstrap_interval(np.array(paired)),
+                row, best_baseline=best, difference=float(paired.mean()),
+                difference_interval=bootstrap_interval(paired), difference_by_clauses=by_clauses,
             )  # fmt: skip
         compared.append(row)
     return compared
+
+
+def _differences(
+    mine: Mapping[int, Sequence[Score]],
+    theirs: Mapping[int, Sequence[Score]],
+    *,
+    clauses: int | None = None,
+) -> np.ndarray:
+    """Mean error less theirs of each object that both scored, of texts of so many ``clauses``."""
+    pairs = [(mine[i], theirs[i]) for i in mine if i in theirs]
+    told = [[[s for s in texts if clauses in (None, s.clauses)] for texts in two] for two in pairs]
+    return np.array([_error(one) - _error(two) for one, two in told if one and two])
 
 
 def _error(texts: Sequence[Score]) -> float:

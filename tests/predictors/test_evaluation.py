@@ -81,15 +81,16 @@ def test_mass_errors():
 def test_differences_are_paired():
     """A row that is better by .1 on every object is better by .1, however the objects differ.
 
-    An object's score is the mean over its texts: here one is .05 better, the other worse.
+    An object's score is the mean over its texts: here that of one clause is .05 worse, the other
+    better, and so are their own differences.
     """
     errors = np.random.default_rng(0).uniform(0.2, 5, 20)
     table = {"film": errors - 0.1, "table-mean": errors, "constant": errors + 1}
     scores = {
         name: {
             i: [
-                Score(np.full(3, e + side), e, e, np.nan, 1, 0.0, seen)
-                for side, seen in ((0.05, ImageSimilarity(30.0, e)), (-0.05, None))
+                Score(np.full(3, e + side * (name == "film")), e, e, np.nan, said, 0.0, seen)
+                for side, said, seen in ((0.05, 1, ImageSimilarity(30.0, e)), (-0.05, 2, None))
             ]
             for i, e in enumerate(v)
         }
@@ -99,6 +100,9 @@ def test_differences_are_paired():
     film, best, constant = against_best(rows, scores, ("table-mean", "constant"))
     assert (film.best_baseline, film.difference) == ("table-mean", pytest.approx(-0.1))
     assert film.difference_interval == pytest.approx((-0.1, -0.1))
+    assert film.difference_by_clauses is not None
+    assert film.difference_by_clauses[1] == pytest.approx((-0.05, -0.05))
+    assert film.difference_by_clauses[2] == pytest.approx((-0.15, -0.15))
     assert best.difference is None
     assert constant.difference == pytest.approx(1)
     assert (film.objects, film.texts) == (20, 40)

@@ -26,8 +26,8 @@ ADVICE = {
     "strength": "A stronger material or a thicker part; at a sharp corner a finer mesh says more.",
     "dial": "Density moves too: what is stiffer may be heavier; --set PART:rho=... holds it.",
     "energy": "Do not rely on this motion; --solver fem has steps that only lose energy.",
-    "impact": "A rebound wants steps far shorter than the impact: in Python drop(mesh, frames=..., "
-    "scheme=Scheme.BDF2).",
+    "impact": "That it settles is right, how it rebounds is not; in Python motions take "
+    "frames=... and scheme=Scheme.BDF2, for steps far shorter than the impact.",
     "size": "Weight, stress and motion all follow from its size: none is right before it is.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "body": "Convert it again as the sentence says, before the answer is relied on.",

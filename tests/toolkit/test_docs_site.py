@@ -1,0 +1,26 @@
+"""The documentation, opened from a folder without a server or a network."""
+
+import subprocess
+import sys
+
+import pytest
+
+from .browser import Visit
+
+
+@pytest.mark.slow
+def test_the_search_works_from_a_file(root, tmp_path, chromium):
+    """Typed into the box: pages are found, marked and led to, and nothing is asked of elsewhere."""
+    words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path)]
+    subprocess.run(words, cwd=root, check=True, capture_output=True, timeout=300)
+    visit = Visit(chromium, tmp_path / "tutorial.html", ready=".md-search__input")
+    page = visit.page
+    page.keyboard.press("f")
+    page.keyboard.type("buckling")
+    page.wait_for_selector(".md-search-result__link")
+    links = page.locator(".md-search-result__link").evaluate_all("them => them.map(a => a.href)")
+    assert any("solver.html" in link for link in links)
+    page.locator(".md-search-result__link").first.click()
+    page.wait_for_selector("h1 >> text=Solver")
+    assert not visit.errors
+    assert all(one.startswith(("file:", "data:", "about:")) for one in visit.requests)
