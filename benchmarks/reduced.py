@@ -21,11 +21,13 @@ from autophyx_tet.fem.device import one_thread
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
-from autophyx_tet.fem.reduced.error import motion_error
+from autophyx_tet.fem.reduced.error import error_of, missed_motion
+from autophyx_tet.fem.reduced.following import Following
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
 from autophyx_tet.fem.reduced.reduction import MOST_UNKNOWNS, reduce_body, relative_error
 from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
 from autophyx_tet.fem.reduced.step import ReducedDynamics
+from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.discretisation_error import motion_elements
 from real_meshes import NAMES
 from reduced_bodies import BODIES, DT, Body, Full, real, solved_in_full
@@ -74,8 +76,8 @@ def estimate(body: Body, model: ReducedModel, load, velocity) -> dict:
         "law": Law.NEO_HOOKEAN,
     }
     known["order"] = body.order
-    found, seconds = timed(lambda: motion_error(body.mesh, body.held, states, **known))
-    share = None if found is None else found.share
+    missed, seconds = timed(lambda: missed_motion(body.mesh, body.held, states, **known))
+    share = None if missed is None else error_of(missed, states, model.mass).share
     return {"estimated": share, "estimate_ms": round(seconds / body.frames * 1e3, 3)}
 
 
@@ -92,9 +94,22 @@ def models(body: Body):
         options |= {"gravity_vector": body.gravity, "order": body.order}
         model, seconds = timed(lambda o=options: reduce_body(*known, **o))
         yield Reduced(label, model, seconds)
+        if label == "vector, 34 coordinates":
+            found, more = timed(
+                lambda m=model: Following(dt=DT, frames=body.frames).of(scene_of(body), m)
+            )
+            yield Reduced("what 34 missed joined", found.model, seconds + more)
         if label.endswith("10 handles"):
             yield Reduced("our 10 handles, 500 equal weights", equal_weights(*known, model), 0.0)
     yield from peers(body.name, *known, body.order)
+
+
+def followed_again(body: Body, model: ReducedModel) -> ReducedModel:
+    """The model with what it missed of the body's motion, let go with its push."""
+    known = {"gravity_vector": body.gravity, "velocity": body.push, "self_contact": False}
+    lasting = {"duration": DT * body.frames, "frames": body.frames}
+    scene = Scene(mesh=body.mesh, supports=body.held, **known, **lasting)
+    return Following(dt=DT, frames=body.frames).of(scene, model).model
 
 
 def rows_of(body: Body, real_piece: bool, order: int | None) -> list[dict]:

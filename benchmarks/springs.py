@@ -28,7 +28,8 @@ from autophyx_tet.fem.discrete.space import make_space
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.laws.law import Law
 from autophyx_tet.fem.matching import ObservedMotion, fit_motion
-from autophyx_tet.fem.reduced.method import ReducedMethod, reduced_dynamics, start_velocity
+from autophyx_tet.fem.reduced.following import reduced_dynamics, start_velocity
+from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.fem.reduced.model import Subspace
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.discretisation_error import motion_order

@@ -38,7 +38,7 @@ ALIKE = 0.5
 
 
 @single_threaded
-def motion_error(
+def missed_motion(
     mesh: TetMesh,
     supports: Supports | None,
     states: Sequence[Motion],
@@ -49,8 +49,10 @@ def motion_error(
     scheme: Scheme = Scheme.BDF2,
     contact: Contact | None = None,
     order: int = 1,
-) -> ModelError | None:
-    """Error of a reduced motion, estimated; None where the mesh is too large for a factor.
+) -> Float[np.ndarray, "frames nodes 3"] | None:
+    """What a reduced motion lacks of the full body's [m], of every frame but the start.
+
+    An estimate; None where the mesh is too large for a factor.
 
     Parameters
     ----------
@@ -80,13 +82,18 @@ def motion_error(
         e = full.solve(step.factor, state, push)
         now, before = step.ended(e), now
         errors.append(e)
+    return np.stack(errors)
+
+
+def error_of(
+    missed: Float[np.ndarray, "frames nodes 3"],
+    states: Sequence[Motion],
+    mass: Float[np.ndarray, "nodes"],
+) -> ModelError:
+    """Size of what was ``missed`` [m] by ``states``, the start first, with the ``mass`` [kg]."""
     moved = np.stack([state.u for state in states[1:]])
-    return _told(np.stack(errors), moved, full.mass)
-
-
-def _told(errors: np.ndarray, moved: np.ndarray, mass: np.ndarray) -> ModelError:
-    size, wanted = (float(np.sqrt((mass[:, None] * x**2).sum())) for x in (errors, moved))
-    largest = float(np.linalg.norm(errors, axis=2).max())
+    size, wanted = (float(np.sqrt((mass[:, None] * x**2).sum())) for x in (missed, moved))
+    largest = float(np.linalg.norm(missed, axis=2).max())
     return ModelError(size / wanted if wanted else 0.0, largest)
 
 

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
-from ..contact.barrier import Contact
-from ..device import one_thread
-from ..discrete.assembly import discretise
-from ..discrete.forces import load_vector
-from ..discrete.space import Space, extend_linear, make_space
 from ..errors import UsageError
 from ..laws.law import Law
 from ..model_error import MOTION_LIMIT, ModelError
-from ..result import Motion, MotionResult, locking_share
+from ..result import MotionResult, locking_share
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress, halving_notes
 from ..solve.schemes import Scheme
 from ..validation import checked_count, checked_positive
-from .error import motion_error
+from .following import ROUNDS, Followed, Following, reduced_dynamics
 from .model import ReducedModel, Subspace
 from .reduction import CELLS, accuracy_warnings, reduce_body
 from .rest import reduced_frequencies
 from .skinning import HANDLES
-from .step import ReducedDynamics
 
 # Derived fields that a motion has: with 21 a bonsai's swings were 4.4 % off, with 36 1.3 %.
 DERIVED_IN_MOTION = 45
@@ -86,28 +79,32 @@ class ReducedMethod:
         if self.announce is not None:
             self.announce(model_in_words(model))
         law = law or Law.NEO_HOOKEAN
-        body = reduced_dynamics(scene, model, law=law, scheme=scheme)
-        states, halved = [body.state], 0
-        for frame in range(1, frames + 1):
-            states.append(body.step(dt))
-            halved += body.last_dt != dt
-            if progress is not None:
-                progress(frame, frames)
-        error = scene_error(scene, model, states, law=law, scheme=scheme)
+        own = self.scale == 1 and self.nu is None
+        found = Following(
+            dt=dt,
+            frames=frames,
+            law=law,
+            scheme=scheme,
+            most_cells=self.most_cells,
+            rounds=ROUNDS if own else 0,
+            announce=self.announce,
+            progress=progress,
+        ).of(scene, model)
+        model = found.model
         return MotionResult(
-            tuple(states),
+            found.states,
             dt,
             len(scene.mesh.points),
             model.order,
             locking_share(scene.mesh) if model.order == 1 else 0.0,
             notes=(
                 *accuracy_warnings(model),
-                *error_notes(error),
-                *halving_notes(halved, frames),
+                *error_notes(found.error),
+                *halving_notes(found.halved, frames),
                 *_dents(scene, model),
             ),
-            solution=(("reduced model", model_in_words(model)),),
-            model_error=error,
+            solution=(("reduced model", model_in_words(model)), *_again(found)),
+            model_error=found.error,
             stiffening=model.accuracy.stiffening,
         )
 
@@ -134,51 +131,6 @@ class ReducedMethod:
 METHOD = ReducedMethod()
 
 
-def reduced_dynamics(
-    scene: Scene, model: ReducedModel, *, law: str, scheme: Scheme = Scheme.BDF2
-) -> ReducedDynamics:
-    """The body of ``scene`` at its start, moved by ``model``."""
-    space, dead = make_space(scene.mesh, model.order), stated_forces(scene, model.order)
-    with one_thread():
-        return ReducedDynamics(
-            model,
-            load=model.weight(scene.gravity_vector) + model.pull_back(dead),
-            velocity=model.coordinates(start_velocity(scene, space)),
-            contact=_contact_of(scene, space),
-            law=law,
-            scheme=scheme,
-        )
-
-
-def _contact_of(scene: Scene, space: Space) -> Contact:
-    """The obstacles of ``scene`` against the nodes of the body."""
-    return Contact(scene.mesh, space, scene.obstacles, scene.friction)
-
-
-def scene_error(
-    scene: Scene,
-    model: ReducedModel,
-    states: Sequence[Motion],
-    *,
-    law: str,
-    scheme: Scheme = Scheme.BDF2,
-) -> ModelError | None:
-    """How far a motion of ``scene`` by ``model`` is from the full body's; see ``motion_error``."""
-    weight = model.mass[:, None] * np.asarray(scene.gravity_vector)
-    space = make_space(scene.mesh, model.order)
-    return motion_error(
-        scene.mesh,
-        scene.supports,
-        states,
-        load=weight + stated_forces(scene, model.order),
-        velocity=start_velocity(scene, space),
-        law=law,
-        scheme=scheme,
-        order=model.order,
-        contact=_contact_of(scene, space),
-    )
-
-
 def error_notes(error: ModelError | None) -> tuple[str, ...]:
     """Say that a motion is not the full body's, or that this was not measured."""
     if error is None:
@@ -189,28 +141,26 @@ def error_notes(error: ModelError | None) -> tuple[str, ...]:
 
 
 def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
-    """The same model with the error of a motion: the held body let go in the scene."""
-    body = reduced_dynamics(replace(scene, obstacles=()), model, law=Law.NEO_HOOKEAN)
+    """The model, with the error of a motion: the held body let go in the scene.
+
+    Where that is off, coordinates of what it missed join it.
+    """
+    loose = replace(scene, obstacles=())
+    body = reduced_dynamics(loose, model, law=Law.NEO_HOOKEAN)
     if not body.load.any() and not body.now.v.any():
         return model
     period = 1 / float(reduced_frequencies(body.elasticity)[0])
-    states = [body.state, *(body.step(period / PER_PERIOD) for _ in range(PERIODS * PER_PERIOD))]
-    error = scene_error(scene, model, states, law=Law.NEO_HOOKEAN)
-    share = np.nan if error is None else error.share
-    return replace(model, accuracy=model.accuracy._replace(motion=share))
+    found = Following(dt=period / PER_PERIOD, frames=PERIODS * PER_PERIOD).of(loose, model)
+    share = np.nan if found.error is None else found.error.share
+    return replace(found.model, accuracy=found.model.accuracy._replace(motion=share))
 
 
-def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
-    """Velocity [m/s] of the nodes that the scene starts with."""
-    given = np.asarray(scene.velocity, dtype=float)
-    at_points = np.broadcast_to(given, scene.mesh.points.shape)
-    return extend_linear(space, at_points)
-
-
-def stated_forces(scene: Scene, order: int) -> Float[np.ndarray, "nodes 3"]:
-    """Forces [N] at the nodes of elements of ``order``, of all that acts but gravity."""
-    grid = discretise(scene.mesh, order)
-    return load_vector(scene.mesh, grid, traction=scene.tractions, forces=scene.forces)
+def _again(found: Followed) -> tuple[tuple[str, str], ...]:
+    """That a motion was followed again, and how far off it was before."""
+    if not found.before:
+        return ()
+    before = ", then by ".join(f"{100 * share:.2g} %" for share in found.before)
+    return (("followed again", f"the motion before was off by {before}; what it missed joined"),)
 
 
 def model_in_words(model: ReducedModel) -> str:

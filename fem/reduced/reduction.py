@@ -25,8 +25,7 @@ from ..solve.discretisation_error import motion_elements
 from ..solve.nonlinear import solve_nonlinear
 from ..validation import checked_count
 from .cubature import CELLS, drawn_cells, with_cells
-from .elasticity import ReducedElasticity
-from .gradients import basis_gradients
+from .elasticity import ReducedElasticity, basis_gradients
 from .model import Accuracy, ReducedModel, Subspace
 from .rest import held_rest, lowest_frequency
 from .skinning import (

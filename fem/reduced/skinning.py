@@ -15,7 +15,7 @@ from ..discrete.mass import lumped_mass
 from ..discrete.space import extend_linear, make_space
 from ..errors import InputError
 from ..scene.mesh import TetMesh, material_of
-from .gradients import hat_gradients
+from .elasticity import hat_gradients
 from .subspace import (
     LinearBody,
     bent_fields,

@@ -14,7 +14,8 @@ from ...converters.spring_archive import save_springs
 from ...fem.discrete.space import make_space
 from ...fem.errors import InputError, UsageError
 from ...fem.matching import MotionFit, ObservedMotion, fit_motion, fit_warnings
-from ...fem.reduced.method import start_velocity, stated_forces, with_motion_error
+from ...fem.reduced.following import start_velocity, stated_forces
+from ...fem.reduced.method import with_motion_error
 from ...fem.reduced.model import ReducedModel
 from ...fem.reduced.reduction import accuracy_warnings, measured
 from ...fem.scene.mesh import TetMesh
@@ -58,8 +59,8 @@ def reduce(
     scene = _scene(mesh, options, up)
     model = reduced_method(options).model_of(scene, options.order)
     if scene.supports is not None and np.any(scene.gravity_vector):
-        model = measured(model, scene.mesh, scene.held, scene.gravity_vector)
         model = with_motion_error(model, scene)
+        model = measured(model, scene.mesh, scene.held, scene.gravity_vector)
     if output is not None:
         save_reduced(output, model)
     files = [] if output is None else [output]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...fem.discrete.space import affordable_order
 from ...fem.errors import InputError
-from ...fem.reduced.method import stated_forces
+from ...fem.reduced.following import stated_forces
 from ...fem.reduced.model import ReducedModel
 from ...fem.reduced.what_if import what_if, what_if_error
 from ...fem.scene.scene import Scene

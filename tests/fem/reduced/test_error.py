@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.mass import lumped_mass
 from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.reduced.error import motion_error
+from autophyx_tet.fem.reduced.error import error_of, missed_motion
 from autophyx_tet.fem.reduced.model import Subspace
 from autophyx_tet.fem.reduced.reduction import relative_error, whole_model
 from autophyx_tet.fem.reduced.step import ReducedDynamics
@@ -45,7 +45,7 @@ def both(model, law, *, gravity=GRAVITY, velocity=(0, 0, 0), scheme=Scheme.BDF2,
     )  # fmt: skip
     states = [body.state, *(body.step(1 / 60) for _ in range(12))]
     known = {"load": MASS[:, None] * gravity, "velocity": v, "law": law, "scheme": scheme}
-    found = motion_error(MESH, supports, states, **known)
+    found = error_of(missed_motion(MESH, supports, states, **known), states, MASS)
     frames = np.stack([full.step(1 / 60).u for _ in range(12)])
     return found, np.stack([s.u for s in states[1:]]), frames
 
