@@ -12,7 +12,6 @@ under 9.81 m/s^2 downwards.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from autophyx_tet.fem.reduced.step import ReducedDynamics
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.discretisation_error import motion_elements
 from real_meshes import NAMES
-from reduced_bodies import BODIES, DT, Body, Full, real, solved_in_full
+from reduced_bodies import BODIES, DT, Body, Full, documented, real, solved_in_full
 from reduced_peers import Reduced, equal_weights, modal_path, peers, timed
 
 
@@ -95,10 +94,8 @@ def models(body: Body):
         model, seconds = timed(lambda o=options: reduce_body(*known, **o))
         yield Reduced(label, model, seconds)
         if label == "vector, 34 coordinates":
-            found, more = timed(
-                lambda m=model: Following(dt=DT, frames=body.frames).of(scene_of(body), m)
-            )
-            yield Reduced("what 34 missed joined", found.model, seconds + more)
+            again, more = timed(lambda m=model: followed_again(body, m))
+            yield Reduced("what 34 missed joined", again, seconds + more)
         if label.endswith("10 handles"):
             yield Reduced("our 10 handles, 500 equal weights", equal_weights(*known, model), 0.0)
     yield from peers(body.name, *known, body.order)
@@ -130,9 +127,8 @@ def rows_of(body: Body, real_piece: bool, order: int | None) -> list[dict]:
     ]
     print(rows[-1], flush=True)
     if real_piece:
-        model, seconds = timed(
-            lambda: reduce_body(body.mesh, body.held, gravity_vector=body.gravity, order=body.order)
-        )
+        model = reduce_body(body.mesh, body.held, gravity_vector=body.gravity, order=body.order)
+        seconds = made_in(body, body.order)
         every = [Reduced("vector", model, seconds, told=True)]
     else:
         every = models(body)
@@ -192,7 +188,7 @@ def draw(rows: list[dict], path: Path) -> None:
 def keep(rows: list[dict], path: Path | None) -> None:
     """Write what is known so far."""
     if path:
-        path.write_text(json.dumps(rows, indent=1) + "\n")
+        path.write_text(documented(rows))
 
 
 def main() -> None:

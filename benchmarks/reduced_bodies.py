@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import platform
+import shlex
+import sys
 import time
 from dataclasses import dataclass, replace
 
@@ -150,3 +154,16 @@ def solved(body: Body) -> Full:
             told = time.monotonic()
             print(f"{body.name}: {frame + 1} of {body.frames} frames of the full body", flush=True)
     return Full(rest, np.stack(frames), np.array(first), step)
+
+
+def documented(rows: list[dict]) -> str:
+    """``rows`` as JSON, with the command and the machine that they were measured by."""
+    machine = {
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0]),
+        "python": platform.python_version(),
+        "date": time.strftime("%Y-%m-%d"),
+    }
+    document = {"command": shlex.join(["python", *sys.argv]), "machine": machine, "rows": rows}
+    return json.dumps(document, indent=1) + "\n"

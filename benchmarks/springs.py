@@ -13,11 +13,6 @@ are compiled.
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
-import shlex
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +36,7 @@ from autophyx_tet.fem.springs.fit import fit_to_motion
 from autophyx_tet.fem.springs.method import COST
 from autophyx_tet.fem.springs.vibration import network_frequencies
 from real_meshes import NAMES
-from reduced_bodies import BODIES, DT, Body, real
+from reduced_bodies import BODIES, DT, Body, documented, real
 
 FRAMES, STEPS = 30, 8
 ANCHORS = (1024, 2048)
@@ -154,19 +149,7 @@ def main() -> None:
                 rows.append({"body": name, "failure": str(error)})
             print(rows[-1], flush=True)
     if options.output:
-        command = shlex.join(["python", *sys.argv])
-        document = {"command": command, "machine": machine(), "rows": rows}
-        options.output.write_text(json.dumps(document, indent=1) + "\n")
-
-
-def machine() -> dict:
-    return {
-        "processor": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0]),
-        "python": platform.python_version(),
-        "date": time.strftime("%Y-%m-%d"),
-    }
+        options.output.write_text(documented(rows))
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def path_of(found):
 
 
 def test_of_the_linear_law_all_that_was_missed_is_the_full_body():
-    """The full path lies in the span then, and a Galerkin step finds it: to the steps' tolerance."""
+    """The full path lies in the span then, and a Galerkin step finds it, to its tolerance."""
     how = Following(dt=DT, frames=SCENE.frames, law="linear", most_cells=0, rounds=0)
     model = modes(4)
     once, missed = how._once(SCENE, model)
