@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fem.errors import UsageError
-from ..fem.scene.materials import MaterialTable, load_table
+from ..fem.scene.materials import MaterialTable, key, load_table
 from .asset import UpAxis
 from .images.appearance import Appearance
 from .language.binding import Bound
@@ -62,9 +62,10 @@ def predict_materials(
     Raises
     ------
     UsageError
-        Where a part, a material or the predictor is unknown, or ``alpha`` is to move, or
-        ``samples`` to draw, what a predictor finds that cannot do it.
+        Where a part, a material or the predictor is unknown, a part is stated twice, ``alpha`` is
+        to move, or ``samples`` to draw, what a predictor finds that cannot do it.
     """
+    _check_once(overrides or {}, materials or {})
     predictor, table = _named(predictor, table, samples), table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
@@ -93,6 +94,14 @@ def _named(predictor: Predictor | str, table: MaterialTable | None, samples: int
         raise UsageError(f"--samples: {predictor} finds one material a part: --predictor {able}")
     given = {"table": table, "samples": samples or None}
     return kind(**{name: value for name, value in given.items() if value is not None})
+
+
+def _check_once(overrides: Mapping[str, str], materials: Mapping[str, str]) -> None:
+    """Refuse a part that two options state."""
+    if both := {key(name) for name in overrides} & {key(name) for name in materials}:
+        raise UsageError(
+            f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
+        )
 
 
 def _check_alpha(alpha: float | None, predictor: Predictor, part: str) -> None:

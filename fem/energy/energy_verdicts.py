@@ -51,15 +51,19 @@ def _takers(motion: MotionResult, scene: Scene) -> str:
 
 
 def _impact(motion: MotionResult, found: EnergyBalance) -> tuple[Check, ...]:
-    """That a frame, where it is one step, takes most of the energy; nothing where none does."""
+    """That a frame, where it is one step, takes most of the energy; nothing where none does.
+
+    Where nothing is met it is a swing that begins and ends within few frames.
+    """
     share = found.dropped / found.given
     if not motion.order or share <= SUDDEN:
         return ()
-    return (
-        Check(
-            "impact", False, share, SUDDEN,
-            f"An impact is not followed: {found.dropped:.3g} J of {found.given:.3g} J are lost in "
-            f"the one step of {motion.dt:.2g} s that ends at {found.time:.3g} s; it does not "
-            "rebound as it would.",
-        ),
-    )  # fmt: skip
+    lost = (
+        f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
+        f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
+    )
+    if not motion.contact_forces.any():
+        said = f"It swings faster than its steps show: {lost}."
+        return (Check("fast swing", False, share, SUDDEN, said),)
+    said = f"An impact is not followed: {lost}; it does not rebound as it would."
+    return (Check("impact", False, share, SUDDEN, said),)

@@ -70,7 +70,7 @@ CATEGORIES: Mapping[str, Band] = {
     "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
     "elastomer": _band((5e4, 1e8), (0.4, 0.5), (800, 2000)),
     "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),
-    "wood": _band((2e8, 3e10), (0.1, 0.5), (50, 1300)),
+    "wood": _band((2e8, 3.5e10), (0.1, 0.5), (50, 1500)),
     "cork": _band((5e6, 1e8), (0.0, 0.45), (80, 400)),
     "plant": _band((1e6, 1.5e10), (0.1, 0.5), (50, 1200)),
     "fruit and vegetable": _band((1e5, 2e7), (0.05, 0.5), (300, 1200)),

@@ -84,6 +84,8 @@ def likely_answers(
     ranges = open_ranges(mesh, materials, draws, exact)
     if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
         return None
+    if held.fixed.all():  # nothing moves
+        return None
     family = _family(scene, ranges, modes)
     if not family.affordable():
         return None

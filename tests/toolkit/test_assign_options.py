@@ -124,3 +124,8 @@ def test_what_is_not_understood_is_told_everywhere(tmp_path, capsys):
     assert not (tmp_path / "out.msh").exists()
     command[command.index("the pot is blarg")] = "the pot is oak"
     assert main([*command, "--strict"]) == 0
+
+
+def test_a_text_and_a_material_of_one_part_are_refused():
+    with pytest.raises(UsageError, match="'bar' has both a text and a material"):
+        assigned(part=("bar=steel",), material=("Bar=oak",))

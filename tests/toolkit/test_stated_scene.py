@@ -98,3 +98,19 @@ def test_wood_bends_more_across_its_grain():
         simulate(mesh, materials=rows, grain=["handle=1,0,0"], **scene)
     with pytest.raises(UsageError, match="springs, particles and reduced bodies know none"):
         simulate(mesh, materials=rows, grain=["part:handle=1,0,0"], scenario="drop", solver="mpm")
+
+
+def test_a_body_that_is_held_everywhere_is_refused(hammer_msh, tmp_path, capsys):
+    """Nothing of it can move: no answer, not one that says that it holds."""
+    call = ["simulate", str(hammer_msh), "-o", str(tmp_path / "x.vtu"), "--fix", "all"]
+    assert main([*call, "--load", "part:head=0,0,-10"]) == 2
+    assert "every point of the body is held" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_held_body_does_not_fall(hammer_msh):
+    """It is told; its swing, of few frames, is called no impact where it meets nothing."""
+    found = simulate(hammer_msh, scenario="drop", fix=["part:handle"], order=1)
+    assert any("does not fall" in line for line in found.warnings)
+    names = [check.name for check in found.checks()]
+    assert "impact" not in names

@@ -209,6 +209,7 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
         )
     if "values" in document:
         mass = f", opacity-weighted mass {document['mass']:.3g} kg" if document["mass"] else ""
+        mass += " (splats overlap: it is not the body's)" if mass else ""
         yield f"{document['values']:,} places got E, nu and rho{mass}"
     if document.get("bins"):
         yield f"{document['bins']:,} materials for {document['for']}"

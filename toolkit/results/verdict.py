@@ -28,6 +28,7 @@ ADVICE = {
     "energy": "Do not rely on this motion; --solver fem has steps that only lose energy.",
     "impact": "That it settles is right, how it rebounds is not; in Python motions take "
     "frames=... and scheme=Scheme.BDF2, for steps far shorter than the impact.",
+    "fast swing": "Where it comes to rest is right; --scenario modal tells how fast it swings.",
     "size": "Weight, stress and motion all follow from its size: none is right before it is.",
     "mass": "Say whether it is hollow: --wall METRES, --part-wall NAME=METRES or NAME=solid.",
     "body": "Convert it again as the sentence says, before the answer is relied on.",

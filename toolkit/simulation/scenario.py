@@ -96,8 +96,20 @@ def stated_scene(
         raise UsageError("--body: bodies meet in motions: --scenario drop ..., --solver fem or mpm")
     mesh, notes = grained(mesh, options, materials or {}, method=kind)
     scene = stated.conditions.applied(scenario.scene(mesh, up=up))
-    own = {"self_contact": options.self_contact, "warnings": (*scene.warnings, *notes)}
-    return replace(scene, **own)
+    notes = (*scene.warnings, *notes, *_held_notes(scene, options.scenario))
+    return replace(scene, self_contact=options.self_contact, warnings=notes)
+
+
+def _held_notes(scene: Scene, scenario: str) -> tuple[str, ...]:
+    """Say that what is to fall is held; refuse a body of which nothing can move."""
+    held = scene.held
+    if held.fixed.all() and not held.values.any():
+        raise UsageError(
+            "every point of the body is held: nothing can move, wanted a smaller --fix"
+        )
+    if scenario == "drop" and held.fixed.any():
+        return ("drop: the body is held, so that it does not fall, but swings under its weight",)
+    return ()
 
 
 def _answer(

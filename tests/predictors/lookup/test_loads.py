@@ -1,0 +1,57 @@
+"""Loads that a text speaks of are told, and set nothing; words of matter are no loads."""
+
+import autophyx_tet as apx
+import pytest
+from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.predictors.vocabulary.loads import loads_said, told_loads
+
+
+@pytest.mark.parametrize(
+    ("text", "load"),
+    [
+        ("a beech chair, a 70 kg person sits on the seat", "70 kg person sits on the seat"),
+        ("a steel chair with a 70 kg person on the seat", "70 kg person on the seat"),
+        ("aluminium chair, the seat carries 700 N", "700 N"),
+        ("aluminium chair, the seat carries 70 kg; legs steel", "carries 70 kg"),
+        ("the trunk is oak dropped from 2 m", "dropped from 2 m"),
+        ("steel legs; a strong wind of 30 m/s", "strong wind of 30 m/s"),
+        ("an oak table with 50 kg on it", "50 kg on it"),
+        ("a man sits on the bench, which is pine", "a man sits on the bench"),
+        ("foam, pushed sideways at the top, soft", "pushed sideways at the top"),
+        ("pine shelf under a load of 200 N", "load of 200 N"),
+        ("oak, 1.5 kN on top", "1.5 kN on top"),
+    ],
+)
+def test_a_load_is_found_to_the_end_of_what_it_says(text, load):
+    assert [found.text for found in loads_said(text)] == [load]
+    (told,) = told_loads(text)
+    assert repr(load) in told
+    assert "--load" in told
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "pressed steel, drop forged hooks, a bronze statue of a man",
+        "body CW617N, lens PMMA 8N, axle EA1N",
+        "E = 200 N/mm2, density 700 kg/m3 on the seat, 25 kN/m3",
+        "a jute sack holding 25 kg of rice",
+        "2 kg of foam on the seat, legs of 3 kg",
+        "a wind chime of brass, a child's chair of beech, a people carrier",
+        "the legs stand on a concrete floor and are steel",
+    ],
+)
+def test_matter_is_no_load(text):
+    assert not loads_said(text)
+
+
+def test_a_load_is_told_once_and_no_part_is_missed_for_it():
+    """Of "a 70 kg person" no part is asked for, and nothing weighs 70 kg."""
+    box = box_mesh((1, 0.2, 0.2), (2, 1, 1))
+    bench = TetMesh(box.points, box.tets, box.region, ("bench",))
+    found = apx.assign(bench, "a beech bench, a 70 kg person sits on it")
+    assert not any("no part was found" in line for line in found.warnings)
+    assert sum("is a load" in line for line in found.warnings) == 1
+    assert found.choices[0].value == load_table().exact("beech").value()
