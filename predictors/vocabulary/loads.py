@@ -29,11 +29,11 @@ _LOADS = re.compile(
     """,
     re.VERBOSE,
 )
-_END = re.compile(r"[;\n]|[,.](?=\s|$)|$")
+_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
 
 
 class SaidLoad(NamedTuple):
-    """Words of a text that speak of a load, and their place in it."""
+    """Words of a text that speak of a load, and the place of those that tell it for one."""
 
     text: str
     start: int
@@ -48,11 +48,10 @@ def loads_said(text: str) -> tuple[SaidLoad, ...]:
     """Phrases that speak of what bears on a thing, in their order, up to the next comma or stop."""
     found: list[SaidLoad] = []
     for match in _LOADS.finditer(text):
-        if found and match.start() < found[-1].end:
-            continue
         end = _END.search(text, match.end())
-        stop = end.start() if end else len(text)
-        found.append(SaidLoad(text[match.start() : stop].strip(), match.start(), stop))
+        said = text[match.start() : end.start() if end else len(text)].strip()
+        if not (found and found[-1].text.endswith(said)):
+            found.append(SaidLoad(said, *match.span()))
     return tuple(found)
 
 

@@ -1,6 +1,7 @@
 """Loads that a text speaks of are told, and set nothing; words of matter are no loads."""
 
 import autophyx_tet as apx
+import numpy as np
 import pytest
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
@@ -22,6 +23,7 @@ from autophyx_tet.predictors.vocabulary.loads import loads_said, told_loads
         ("foam, pushed sideways at the top, soft", "pushed sideways at the top"),
         ("pine shelf under a load of 200 N", "load of 200 N"),
         ("oak, 1.5 kN on top", "1.5 kN on top"),
+        ("a 70 kg person sits on it and the lid is foam", "70 kg person sits on it"),
     ],
 )
 def test_a_load_is_found_to_the_end_of_what_it_says(text, load):
@@ -55,3 +57,11 @@ def test_a_load_is_told_once_and_no_part_is_missed_for_it():
     assert not any("no part was found" in line for line in found.warnings)
     assert sum("is a load" in line for line in found.warnings) == 1
     assert found.choices[0].value == load_table().exact("beech").value()
+
+
+def test_matter_beside_a_load_is_missed_as_ever():
+    """No part is a lid: that is told, though a load stands in the same words."""
+    box = box_mesh((1, 0.2, 0.2), (2, 1, 1))
+    two = TetMesh(box.points, box.tets, np.arange(len(box.tets)) % 2, ("bench", "leg"))
+    found = apx.assign(two, "bench oak, leg oak, a 70 kg person sits on it and the lid is foam")
+    assert any("no part was found for 'the lid is foam'" in line for line in found.warnings)
