@@ -278,10 +278,10 @@ def span_of_answers(
     said += [f"moves by {u.words('.2g')} m{inner[1]}"] if u else []
     said += [f"rings first at {tones[0].words('.3g')} Hz{inner[2]}"] if tones else []
     drawn = f" and by {likely.drawn} samples of what is unknown" if likely and likely.drawn else ""
-    answer = u or (tones[0] if tones else mass)
+    answer, apart = u or (tones[0] if tones else mass), "mesh, grain and guessed matter come on top"
     return Check(
         "range", True, answer.high / answer.low, np.inf,
-        f"By the ranges of E and rho of its materials{drawn} {' and '.join(said)}.",
+        f"By the ranges of E and rho of its materials{drawn} {' and '.join(said)}; {apart}.",
     )  # fmt: skip
 
 

@@ -115,12 +115,16 @@ def transfer(
     ------
     InputError
         Where a file cannot be read or written, or the source has no material.
+    UsageError
+        Where the output is the carrier itself.
     """
     from ..converters.carriers import append_material
     from ..converters.field_sources import field_from_tets
 
     options, target = options or TransferOptions(), Path(target)
     check_file(output, _room(target))
+    if output.resolve() == target.resolve():
+        raise UsageError(f"output {output} is the file to be written again: give it another name")
     scale = checked_scale(options.scale, source, target)
     given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
     lost = _grain_of(source, given)

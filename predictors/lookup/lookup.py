@@ -106,7 +106,7 @@ class Lookup:
         for part, said in zip(parts, statements, strict=True):
             choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
-            warnings += told
+            warnings += [*_kind_taken(choice, said), *told]
         choices, told = with_relations(
             choices,
             [said.all("comparisons") for said in statements],
@@ -209,6 +209,14 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
         borrowed=ways <= {*GENERAL},
         whole=ways == {"whole"} and not (naming and _leaves_nothing_out(naming)),
     )
+
+
+def _kind_taken(choice: PartChoice, said: PartStatement) -> Iterator[str]:
+    """That a row stands for a kind of matter; generic rows span theirs."""
+    naming = said.naming
+    if naming and naming.kind and "generic" not in choice.row.name:
+        kind = f"{naming.phrase!r} is a kind of matter"
+        yield f"part {choice.part!r}: {kind}, taken as {choice.row.name}"
 
 
 def _leaves_nothing_out(clause: Clause) -> bool:

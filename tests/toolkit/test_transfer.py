@@ -122,6 +122,14 @@ def test_a_carrier_elsewhere_is_warned_about(cli, folder):
     assert "--scale" in err
 
 
+def test_a_carrier_is_not_written_over(folder):
+    """The original stays: another name is asked for."""
+    before = (folder / "splats.ply").read_bytes()
+    with pytest.raises(UsageError, match="another name"):
+        apx.transfer(folder / "oak.msh", folder / "splats.ply", output=folder / "splats.ply")
+    assert (folder / "splats.ply").read_bytes() == before
+
+
 def test_a_field_a_density_grid_and_labelled_points_are_carried_too(cli, folder):
     """mesh -> cloud with E -> density grid: the same oak all the way, 0 where there is nothing."""
     lo, hi = np.zeros(3), np.full(3, 0.2)

@@ -240,6 +240,7 @@ def _answer(kind: str, answer: Mapping[str, Any]) -> Iterator[str]:
     elif kind == "motion":
         yield (
             f"{answer['frames']} frames of {answer['dt']:.3g} s, "
+            f"a point moves by at most {answer['max_displacement']:.3g} m, "
             f"largest contact force {answer['max_contact_force']:.3g} N"
         )
         for number, force in enumerate(answer["max_obstacle_forces"], 1):

@@ -40,12 +40,13 @@ class Moving(Simulation):
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Frames, step [s], smallest gap [m], largest force of an obstacle [N], energies [J]."""
+        """Frames, step [s], largest motion and smallest gap [m], forces [N], energies [J]."""
         frames = self.motion.frames
         forces = np.linalg.norm(self.motion.obstacle_forces, axis=2).max(axis=0)
         return {
             "frames": len(frames),
             "dt": self.motion.dt,
+            "max_displacement": float(np.linalg.norm(self.motion.displacements, axis=2).max()),
             "smallest_gap": self.motion.smallest_gap,
             "max_contact_force": float(forces.max(initial=0.0)),
             "max_obstacle_forces": forces.tolist(),
