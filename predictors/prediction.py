@@ -13,7 +13,6 @@ from ..fem.mpm.classes import class_of
 from ..fem.scene.materials import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
 from .language.clauses import Clause, Sentence
-from .vocabulary.loads import loads_said
 from .voxels import PartVoxels
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
@@ -158,7 +157,7 @@ class Prediction:
     ) -> Prediction:
         """Return the choices for the given parts as they are, with the field of their values."""
         field = field_of(parts, choices, alpha=alpha)
-        unbound = unbound_by(choices, sentence)
+        unbound = unbound_by(choices, sentence.clauses)
         return cls(parts, tuple(range(len(choices))), field, tuple(choices), unbound)
 
     def with_choices(self, choices: Mapping[int, PartChoice]) -> Prediction:
@@ -206,13 +205,8 @@ class Prediction:
             yield f"no part was found for {clause!r}: --part NAME={clause!r} tells which one it is"
 
 
-def unbound_by(choices: Sequence[PartChoice], sentence: Sentence) -> tuple[str, ...]:
-    """Clauses that say something of parts and that no choice follows, nor an option repeats.
-
-    What speaks of a load is told as such.
-    """
-    loads = loads_said(sentence.text)
-    clauses = [c for c in sentence.clauses if not any(load.meets(*c.span) for load in loads)]
+def unbound_by(choices: Sequence[PartChoice], clauses: Sequence[Clause]) -> tuple[str, ...]:
+    """Clauses that say something of parts and that no choice follows, nor an option repeats."""
     texts = [choice.clause.text for choice in choices if choice.clause]
     texts += [c.binding.clause for c in choices if c.binding and c.binding.clause]
     followed = "\n".join(texts).lower()

@@ -83,7 +83,7 @@ class FilmPredictor:
             )
         ]
         field = _field(pieces.parts, decided, found)
-        unbound = unbound_by([*choices, *decided], sentence)
+        unbound = unbound_by([*choices, *decided], sentence.clauses)
         return Prediction(pieces.parts, pieces.parents, field, tuple(decided), unbound)
 
     def field(

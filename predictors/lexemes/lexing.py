@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..vocabulary.lexicon import Atom, ReaderLexicon, atoms, part_name_words, words
+from ..vocabulary.loads import without_loads
 from ..vocabulary.spelling import mended_spelling
 from .lexeme import Lexed, Lexeme
 from .ranges import spelt_out
@@ -16,7 +17,7 @@ from .spans import spans
 def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     """Cut a text into lexemes and tag them."""
     known = {word for name in names for word in part_name_words(name)}
-    text = _plain(text)
+    text, told = without_loads(_plain(text))
     cut = atoms(text, lexicon.model, known)
     cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
     chosen = _longest(spans(text, cut, lexicon, names, known))
@@ -25,7 +26,7 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
     ]
-    return Lexed(_tag(lexemes, lexicon), notes)
+    return Lexed(_tag(lexemes, lexicon), [*told, *notes])
 
 
 def _plain(text: str) -> str:

@@ -31,7 +31,6 @@ from ..language.clauses import Clause, Sentence, Subject
 from ..language.reader import parse
 from ..prediction import PartChoice
 from ..vocabulary.lexicon import words
-from ..vocabulary.loads import told_loads
 from ..vocabulary.part_names import parts_called
 from .allotment import allot
 from .comparison import with_relations
@@ -135,7 +134,6 @@ class Lookup:
         told = {line for part in bound.parts for k in part.clauses
                 for line in sentence.clauses[k].doubts}  # fmt: skip
         warnings = [note for note in (*sentence.notes, *_unread(sentence)) if note not in told]
-        warnings += told_loads(sentence.text)
         lost = {k for k in bound.unbound if sentence.clauses[k].says_matter}
         whole = {
             (i, k)

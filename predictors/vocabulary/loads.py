@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import NamedTuple
 
 _WHO = r"person|people|man|woman|child|kid|adult|rider|passenger|somebody|someone"
@@ -39,10 +38,6 @@ class SaidLoad(NamedTuple):
     start: int
     end: int
 
-    def meets(self, start: int, end: int) -> bool:
-        """Whether it shares characters with another place."""
-        return self.start < end and start < self.end
-
 
 def loads_said(text: str) -> tuple[SaidLoad, ...]:
     """Phrases that speak of what bears on a thing, in their order, up to the next comma or stop."""
@@ -50,15 +45,20 @@ def loads_said(text: str) -> tuple[SaidLoad, ...]:
     for match in _LOADS.finditer(text):
         end = _END.search(text, match.end())
         said = text[match.start() : end.start() if end else len(text)].strip()
-        if not (found and found[-1].text.endswith(said)):
+        if found and found[-1].text.endswith(said):
+            found[-1] = found[-1]._replace(end=match.end())
+        else:
             found.append(SaidLoad(said, *match.span()))
     return tuple(found)
 
 
-def told_loads(text: str) -> Iterator[str]:
-    """A sentence for each load that a text speaks of."""
+def without_loads(text: str) -> tuple[str, list[str]]:
+    """The text with blanks for the words that tell loads, and a sentence for each load."""
+    told = []
     for load in loads_said(text):
-        yield (
+        text = text[: load.start] + " " * (load.end - load.start) + text[load.end :]
+        told.append(
             f"{load.text!r} is a load, which the text does not set: --load part:NAME=x,y,z [N], "
             "or --scenario wind, poke or drop"
         )
+    return text, told
