@@ -9,7 +9,7 @@ components join them. Of the linear law all of it is the full body's motion.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +26,10 @@ from ..result import Motion
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
 from ..solve.schemes import Scheme
-from .cubature import CELLS, with_cells
+from .cubature import CELLS
 from .error import error_of, missed_motion
 from .model import ReducedModel, Subspace
-from .reduction import whole_model
+from .reduction import on_few_cells, whole_model
 from .step import ReducedDynamics
 from .subspace import linear_body, orthonormal_fields, principal_fields
 
@@ -71,8 +71,8 @@ class Following:
     def of(self, scene: Scene, model: ReducedModel) -> Followed:
         """The motion of ``scene`` by ``model``, or by what it is made of what that missed."""
         found, missed = self._once(scene, model)
-        error, before = found.error, ()
         for _ in range(self.rounds):
+            error = found.error
             if missed is None or error is None or error.share <= MOTION_LIMIT:
                 break
             if model.kind is not Subspace.VECTOR:
@@ -83,8 +83,7 @@ class Following:
             again, missed = self._once(scene, wider)
             if again.error is None or again.error.share >= error.share:
                 break
-            before = (*before, error.share)
-            found, error = again._replace(before=before), again.error
+            found = again._replace(before=(*found.before, error.share))
         return found
 
     def _once(self, scene: Scene, model: ReducedModel) -> tuple[Followed, np.ndarray | None]:
@@ -129,11 +128,8 @@ def enriched(
     joined = principal_fields(np.moveaxis(missed, 0, 2), model.basis, model.mass, joining)
     basis = orthonormal_fields(np.concatenate([model.basis, joined], axis=2), model.mass)
     whole = whole_model(body, basis, Subspace.VECTOR)
-    known = whole.accuracy._replace(stiffening=model.accuracy.stiffening)
-    whole = replace(whole, accuracy=known)
-    if not most_cells:
-        return whole
-    return with_cells(whole, whole.pull_back(_acting(scene, model)), most_cells)
+    stiffening = model.accuracy.stiffening
+    return on_few_cells(whole, _acting(scene, model), most_cells, stiffening=stiffening)
 
 
 def reduced_dynamics(

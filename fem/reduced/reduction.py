@@ -110,8 +110,20 @@ def reduce_body(
         wanted = (checked_count("handles", handles), dead, acting)
         skin = _skinning(body, *wanted) if kind is Subspace.SKINNING else turning_functions(body)
         whole = whole_model(body, skinned_basis(skin), Subspace.SKINNING)
-    known = whole.accuracy._replace(stiffening=1.0 if used == 2 else stiffening)
-    whole = replace(whole, accuracy=known)
+    stiffening = 1.0 if used == 2 else stiffening
+    return on_few_cells(whole, acting, most_cells, stiffening=stiffening, seed=seed)
+
+
+def on_few_cells(
+    whole: ReducedModel,
+    acting: Float[np.ndarray, "nodes 3"],
+    most_cells: int,
+    *,
+    stiffening: float,
+    seed: int = 0,
+) -> ReducedModel:
+    """The model with its ``stiffening``, on cells accepted by the forces ``acting`` [N]; 0: all."""
+    whole = replace(whole, accuracy=whole.accuracy._replace(stiffening=stiffening))
     if not most_cells:
         return whole
     return with_cells(whole, whole.pull_back(acting), most_cells, seed=seed)
