@@ -8,8 +8,9 @@ import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
+from autophyx_tet.toolkit.meshing.stuffing.carve import without_crumbs
 from autophyx_tet.toolkit.meshing.stuffing.fit import resolving
-from autophyx_tet.toolkit.meshing.stuffing.pieces import came_off, without_crumbs
+from autophyx_tet.toolkit.meshing.stuffing.pieces import came_off
 from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
 from autophyx_tet.toolkit.surfaces.repair import repair
 from autophyx_tet.toolkit.surfaces.solids import Solids

@@ -173,13 +173,14 @@ class Solids:
         stays what it is.
         """
         label = np.full(len(where), -1, dtype=np.int64)
-        for shell in self._largest_first:
+        for shell in self.largest_first:
             inside = np.flatnonzero(shell.contains(where))
             label[inside] = shell.nearest_part(where[inside])
         return label
 
     @cached_property
-    def _largest_first(self) -> list[Shell]:
+    def largest_first(self) -> list[Shell]:
+        """The shells by falling volume."""
         return sorted(self.shells, key=lambda shell: -shell.volume)
 
 

@@ -1,4 +1,4 @@
-"""Tets left out where others meet along a bare edge, which doubling of nodes cannot separate.
+"""Tets left out: crumbs, and those at a bare edge, which doubling of nodes cannot separate.
 
 Halving such an edge, the other way, makes two flat tets of each good one.
 """
@@ -9,11 +9,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.scene.boundary import FACES
+from ....fem.scene.mesh import signed_volumes
+from ...surfaces.solids import Solids
+from ...surfaces.surface import component_volumes
+from ...surfaces.triangles import closest
 from ..manifold import bare_edges
 from ..quality import corner_nodes
 from .lattice import edges_of
+from .pieces import CRUMB_OF_BODY, pieces_of
 
 ROUNDS = 8  # what is left out may bare another edge; after them halving is left
+CRUMB = 1e-3  # of the volume: a smaller piece that is a crumb of its body is held by nothing
 MOST = 0.005  # of the volume: a body that would lose more is too thin for its lattice
 
 
@@ -33,6 +39,24 @@ def carved(
             break
         keep[out] = False
     return keep
+
+
+def without_crumbs(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
+) -> Bool[np.ndarray, "tets"]:
+    """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
+    volumes = signed_volumes(points, tets)
+    pieces = pieces_of(tets)
+    size = np.bincount(pieces, weights=volumes)
+    kept = size >= CRUMB * size.sum()
+    if not kept.all():
+        surface = solids.surface
+        small, first = np.unique(pieces, return_index=True)
+        small, first = small[~kept], first[~kept]
+        face = closest(points[tets[first]].mean(axis=1), surface.points, surface.faces).face
+        body = np.abs(component_volumes(surface))[surface.component[face]]
+        kept[small] = size[small] >= CRUMB_OF_BODY * body
+    return kept[pieces]
 
 
 def _lesser_groups(

@@ -23,7 +23,7 @@ MARGIN = 2.0  # around a shell: an edge beyond its faces, and what an offset add
 # Radius of a bead: every place has a node within sqrt(5) / 4, so that one is inside by an eighth.
 BEAD = 0.7
 NOWHERE = np.zeros((0, 3))
-BEAD_STEP = 0.1  # edge of the boxes that its volume is counted in
+BEAD_STEP = BEAD / 4  # edge of the boxes that its volume is counted in, to some percent
 
 # Groups of some places, by number, that ways link on which every step is one of ``REACH`` at most.
 Together = Callable[[Int[np.ndarray, "n"]], Int[np.ndarray, "n"]]
@@ -86,11 +86,8 @@ class ShellField:
         hole = self.shell.cavity
         if hole is None:
             return Triangles(self.shell.points, self.shell.faces)
-        size = len(self.shell.points)
-        return Triangles(
-            np.concatenate([self.shell.points, hole.points]),
-            np.concatenate([self.shell.faces, hole.faces + size]),
-        )
+        faces = np.concatenate([self.shell.faces, hole.faces + len(self.shell.points)])
+        return Triangles(np.concatenate([self.shell.points, hole.points]), faces)
 
     @cached_property
     def nearest(self) -> ClosestTo:
@@ -162,8 +159,9 @@ class SolidField:
 
         ``beads`` [m] are around places where shells touch, of the larger one.
         """
+        self.solids, self.edge = solids, edge
         shells, first = [], 1
-        for shell in sorted(solids.shells, key=lambda one: -one.volume):
+        for shell in solids.largest_first:
             shells.append(ShellField.of(shell, origin, edge, first))
             first += len(shells[-1].parts)
         self.added = np.zeros(len(shells))  # volume of the beads of each, outside of all shells

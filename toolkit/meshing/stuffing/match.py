@@ -7,6 +7,7 @@ moved outward by the volume that lacks, over its area, gives it back. Lengths ar
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from jaxtyping import Float, Int
 
 from ....fem.scene.boundary import face_areas
 from ...surfaces.samples import Inside, inside
+from ...surfaces.solids import Solids
 from .cut import CutMesh
 from .field import ShellField, SolidField
 
@@ -24,17 +26,19 @@ CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sample
 # Relative errors of volume with which the first passes and the later ones are content.
 PASSES, MOST_PASSES = 2, 9
 GOOD, GOOD_ENOUGH = 0.002, 0.009
-# The volume of a part much thinner than a long edge jumps: so many passes without a better mesh are
-# the last ones.
-PATIENCE = 3
+# The volume of a part much thinner than a long edge jumps: so many passes that misplace more than
+# this share of what the best one does are the last ones.
+PATIENCE, NO_LESS = 3, 0.9
 FARTHEST = 0.35  # largest offset: labels are known within a long edge of the surfaces
 STEEPEST = 3.0  # how many times more or less than its area a volume may grow with the offset
+SHORT = 0.02  # a shorter step tells of the neighbours' steps, not of a shell's own
 
 
 class Matched(NamedTuple):
-    """A mesh, its volume by shell and the one wanted, 0 where it does not matter."""
+    """A mesh made with ``offsets``, its volume by shell and the one wanted: 0 where none is."""
 
     mesh: CutMesh
+    offsets: np.ndarray
     volumes: np.ndarray
     wanted: np.ndarray
 
@@ -49,22 +53,35 @@ class Matched(NamedTuple):
         """Largest relative error of a shell's volume."""
         return float(np.abs(self.errors).max())
 
+    @property
+    def misplaced(self) -> float:
+        """Share of the wanted volume that is too much or too little, of all shells."""
+        return float(np.abs(self.errors) @ self.wanted / self.wanted.sum())
+
 
 def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
     """Volume of each shell without what smaller shells take of it; 0 where they take all."""
+    own = own_volumes(field.solids) / field.edge**3
+    return np.where(own > 0, own + field.added, 0.0)
+
+
+@lru_cache(maxsize=1)  # one body is filled by several lattices
+def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
+    """Volume [m^3] of each shell, largest first, without what smaller ones take; 0 if it is all."""
+    shells = [ShellField.of(one, solids.bounds[0], 1.0, 1) for one in solids.largest_first]
     rng = np.random.default_rng(0)
-    count = max(SAMPLES // len(field.shells), FEWEST)
-    held = [_samples(shell, count, rng) for shell in field.shells]
-    whole = np.array([_volume(*pair) for pair in zip(field.shells, held, strict=True)])
-    wanted = whole.copy()
+    count = max(SAMPLES // len(shells), FEWEST)
+    held = [_samples(shell, count, rng) for shell in shells]
+    whole = np.array([_volume(*pair) for pair in zip(shells, held, strict=True)])
+    own = whole.copy()
     for rank, (where, _, cell, _) in enumerate(held):
-        own = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
-        for higher in field.shells[rank + 1 :]:
+        taken = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
+        for higher in shells[rank + 1 :]:
             free = ~higher.shell.contains(where)
-            where, own = where[free], own[free]
+            where, taken = where[free], taken[free]
         for lower in range(rank):
-            wanted[lower] -= own[field.shells[lower].shell.contains(where)].sum()
-    return np.where(wanted > HIDDEN * whole, wanted + field.added, 0.0)
+            own[lower] -= taken[shells[lower].shell.contains(where)].sum()
+    return np.where(own > HIDDEN * whole, own, 0.0)
 
 
 def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
@@ -88,22 +105,27 @@ def matched(
     field: SolidField,
     wanted: Float[np.ndarray, "shells"],
     build: Callable[[Float[np.ndarray, "shells"]], CutMesh],
+    offsets: Float[np.ndarray, "shells"] | None = None,
 ) -> Matched:
     """Build a mesh, and again with other offsets until the volumes are those ``wanted``.
 
-    The best pass counts.
+    It begins with the ``offsets`` of a similar lattice, if there are some. The pass that misplaces
+    the least volume counts: a bolt that no lattice holds does not decide over the seat.
     """
     idle = 0
     area = np.array([face_areas(*shell.triangles).sum() for shell in field.shells])
-    search, offsets, best = Search(area), np.zeros(len(area)), None
+    search, best = Search(area), None
+    offsets = np.zeros(len(area)) if offsets is None else offsets
     for number in range(MOST_PASSES):
         mesh = build(offsets)
-        found = Matched(mesh, _volumes(field, mesh), wanted)
-        if best is None or found.error < best.error:
-            best, idle = found, 0
+        found = Matched(mesh, offsets, _volumes(field, mesh), wanted)
+        if best is None or found.misplaced < NO_LESS * best.misplaced:
+            idle = 0
         else:
             idle += 1
-        if idle == PATIENCE or best.error < (GOOD if number < PASSES else GOOD_ENOUGH):
+        if best is None or found.misplaced < best.misplaced:
+            best = found
+        if idle == PATIENCE or found.error < (GOOD if number < PASSES else GOOD_ENOUGH):
             break
         lacks = np.where(wanted > 0, wanted - found.volumes, 0.0)
         offsets = search.next(offsets, lacks)
@@ -116,7 +138,7 @@ class Search:
 
     def __init__(self, area: Float[np.ndarray, "shells"]) -> None:
         """Begin with volumes that grow with the offset as fast as their ``area``."""
-        self.area = area
+        self.area, self.slope = area, area
         self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
         self.last: tuple[np.ndarray, np.ndarray] | None = None
         self.halved = np.zeros(len(area), dtype=bool)
@@ -125,21 +147,22 @@ class Search:
         self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
     ) -> Float[np.ndarray, "shells"]:
         """Return offsets to try after these, which left volumes that lack so much."""
-        slope = self.area
         if self.last is not None:
             step, grown = offsets - self.last[0], self.last[1] - lacks
-            rate = grown / np.where(step == 0, 1.0, step)
-            steep = np.clip(rate, self.area / STEEPEST, self.area * STEEPEST)
-            slope = np.where(step == 0, slope, steep)
-            # Half the way to a bound and lacking still: a neighbour's offset has moved the bound.
-            stale = self.halved & (lacks * self.last[1] > 0)
+            told = np.abs(step) >= SHORT
+            steep = grown / np.where(told, step, 1.0)
+            steep = np.clip(steep, self.area / STEEPEST, self.area * STEEPEST)
+            self.slope = np.where(told, steep, self.slope)
+            # Half the way to a bound and lacking still, or bounds that meet beside what is sought:
+            # a neighbour's offset has moved the bound.
+            stale = (self.halved & (lacks * self.last[1] > 0)) | (self.high - self.low < SHORT)
             self.low = np.where(stale & (lacks < 0), -FARTHEST, self.low)
             self.high = np.where(stale & (lacks > 0), FARTHEST, self.high)
         self.last = offsets, lacks
         # The volume of something thin jumps: a bracket keeps the search from jumping back.
         self.low = np.where(lacks > 0, np.maximum(self.low, offsets), self.low)
         self.high = np.where(lacks < 0, np.minimum(self.high, offsets), self.high)
-        tried = offsets + lacks / slope
+        tried = offsets + lacks / self.slope
         self.halved = ((tried <= self.low) | (tried >= self.high)) & (lacks != 0)
         return np.where(self.halved, (self.low + self.high) / 2, tried)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,14 +19,14 @@ from ...surfaces.surface import TouchingPlaces, touching_places
 from ...surfaces.triangles import Triangles
 from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
 from ..manifold import separate
-from .carve import carved
+from .carve import carved, without_crumbs
 from .cut import CutMesh, cut
 from .features import FeatureFinder, features_of, gathered_features
-from .field import NodeField, SolidField
+from .field import NOWHERE, NodeField, SolidField
 from .fit import closed_shares, thin_shares
 from .lattice import MOST_NODES, lattice_around
 from .match import Matched, matched, wanted_volumes
-from .pieces import BodyTets, came_off, loose_contacts, parted_places, without_crumbs
+from .pieces import BodyTets, came_off, loose_contacts, parted_places
 from .ridges import filled_ridges
 from .snap import snapped
 
@@ -35,6 +37,13 @@ ROUNDS = 3  # of beads: what some have joined may show other pieces
 log = logging.getLogger(__name__)
 
 
+class _Filled(NamedTuple):
+    """A filling, and the offsets of its shells that gave their volumes."""
+
+    filling: Filling
+    offsets: np.ndarray
+
+
 def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     """Fill ``solids`` [m] with tets of a lattice with the edge that the ``target`` wants.
 
@@ -43,24 +52,28 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     """
     if runner.progress is not None:
         runner.progress("stuffing", 0.0)
-    edge = _edge(solids, target)
-    places = np.zeros((0, 3))
-    filling = _filled(solids, target, edge, places)
-    assert filling.lattice is not None
-    if filling.lattice.parted_shares and not target.beads:
-        return filling  # a finer lattice may keep it in one piece
+    edge, places = _edge(solids, target), NOWHERE
+    best = _unbeaded(solids, replace(target, beads=False), edge)
+    assert best.filling.lattice is not None
+    if best.filling.lattice.parted_shares and not target.beads:
+        return best.filling  # a finer lattice may keep it in one piece
     touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
     for _ in range(ROUNDS):
-        more = _apart(filling, solids, target, touch, edge)
+        more = _apart(best.filling, solids, target, touch, edge)
         if not len(more):
             break
         places = np.concatenate([places, more])
-        beaded = _filled(solids, target, edge, places)
-        assert beaded.lattice is not None
-        if beaded.lattice.beads > MOST_ADDED * sum(shell.volume for shell in solids.shells):
+        beaded = _filled(solids, target, edge, places, best.offsets)
+        assert beaded.filling.lattice is not None
+        if beaded.filling.lattice.beads > MOST_ADDED * sum(shell.volume for shell in solids.shells):
             break
-        filling = beaded
-    return filling
+        best = beaded
+    return best.filling
+
+
+@lru_cache(maxsize=1)  # an attempt with beads begins with what the one before it made
+def _unbeaded(solids: Solids, target: EngineTarget, edge: float) -> _Filled:
+    return _filled(solids, target, edge, NOWHERE)
 
 
 def _apart(
@@ -76,11 +89,15 @@ def _apart(
 
 
 def _filled(
-    solids: Solids, target: EngineTarget, edge: float, beads: Float[np.ndarray, "n 3"]
-) -> Filling:
+    solids: Solids,
+    target: EngineTarget,
+    edge: float,
+    beads: Float[np.ndarray, "n 3"],
+    offsets: Float[np.ndarray, "shells"] | None = None,
+) -> _Filled:
     """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
     field = SolidField(solids, origin=solids.bounds[0], edge=edge, beads=beads)
-    found = stuff(field, sharp=target.sharp)
+    found = stuff(field, sharp=target.sharp, offsets=offsets)
     tets, volumes = found.mesh.tets, found.mesh.volumes
     kept = carved(tets, volumes) if len(tets) else np.zeros(0, dtype=bool)
     if not kept.any():
@@ -97,12 +114,9 @@ def _filled(
     skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
     closed = closed_shares(solids, edge, skin)
     rel = edge / target.diagonal
-    return Filling(
-        mesh,
-        part,
-        replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1),
-        lattice=LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed, added),
-    )
+    fit = LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed, added)
+    used = replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1)
+    return _Filled(Filling(mesh, part, used, lattice=fit), found.offsets)
 
 
 def _edge(solids: Solids, target: EngineTarget) -> float:
@@ -119,8 +133,13 @@ def _edge(solids: Solids, target: EngineTarget) -> float:
     return edge * (lattice.node_count / MOST_NODES) ** (1 / 3)
 
 
-def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
-    """Fill a field's shells, their volumes matched and their ``sharp`` edges kept."""
+def stuff(
+    field: SolidField, *, sharp: bool = True, offsets: Float[np.ndarray, "shells"] | None = None
+) -> Matched:
+    """Fill a field's shells, their volumes matched and their ``sharp`` edges kept.
+
+    The search for offsets begins with ``offsets``, those of a lattice like it, if there are some.
+    """
     lattice = lattice_around(field.bounds)
     nodes = NodeField(field, lattice.nodes(), lattice.together)
     features = gathered_features([features_of(shell.triangles) for shell in field.shells])
@@ -141,7 +160,7 @@ def stuff(field: SolidField, *, sharp: bool = True) -> Matched:
         mesh, on_edge = snapped(mesh, finder)
         return filled_ridges(mesh, on_edge, finder, lambda where: field.region_at(where, offsets))
 
-    return matched(field, wanted_volumes(field), build)
+    return matched(field, wanted_volumes(field), build, offsets)
 
 
 def _errors(field: SolidField, found: Matched) -> dict[int, float]:

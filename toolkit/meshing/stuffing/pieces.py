@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,35 +12,16 @@ from ....fem.scene.boundary import boundary_faces
 from ....fem.scene.mesh import signed_volumes
 from ...surfaces.samples import facets, sample
 from ...surfaces.solids import INSIDE, Solids
-from ...surfaces.surface import Surface, TouchingPlaces, component_volumes, open_components
+from ...surfaces.surface import Surface, TouchingPlaces, open_components
 from ...surfaces.triangles import ClosestTo, Triangles, closest, winding_numbers
-from .field import BEAD
+from .field import BEAD, NOWHERE
 
-# Of the volume, and of the body of the input that it comes from: a piece that is smaller than both
-# is a crumb of a thin rim and is dropped, as nothing would hold it.
-CRUMB, CRUMB_OF_BODY = 1e-3, 0.02
+CRUMB_OF_BODY = 0.02  # a smaller piece of a body of the input may be a crumb of a thin rim
+FEW = 8  # tets: a smaller piece that is a crumb of its body lies in a gap between larger ones
 WIDER = 0.25  # long edges that a gap within a body may be wider than where it is narrowest
+LONGEST = 5.0  # long edges: a wider gap is none, and a longer tip without tets not joined
 REACH = 2.0  # long edges from such a place to the tets that are joined
-LONGEST = 5.0  # long edges of a tip without tets that is joined to what it touches
 SAMPLES = 20_000  # of the surfaces, and their vertices: where a body may touch others
-
-
-def without_crumbs(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
-) -> Bool[np.ndarray, "tets"]:
-    """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
-    volumes = signed_volumes(points, tets)
-    pieces = _pieces(tets)
-    size = np.bincount(pieces, weights=volumes)
-    kept = size >= CRUMB * size.sum()
-    if not kept.all():
-        surface = solids.surface
-        small, first = np.unique(pieces, return_index=True)
-        small, first = small[~kept], first[~kept]
-        face = closest(points[tets[first]].mean(axis=1), surface.points, surface.faces).face
-        body = np.abs(component_volumes(surface))[surface.component[face]]
-        kept[small] = size[small] >= CRUMB_OF_BODY * body
-    return kept[pieces]
 
 
 def came_off(
@@ -56,7 +37,7 @@ def came_off(
     may be many bodies, like houses on one ground: a piece of it that has nodes within is a body of
     its own, one that has none is a crumb of what is thinner than the lattice's edge.
     """
-    piece = _pieces(tets)
+    piece = pieces_of(tets)
     if not piece.any():
         return {}
     volumes, surface = signed_volumes(points, tets), solids.surface
@@ -145,18 +126,21 @@ def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np
     surface, found, is_open = mesh.surface, [np.zeros((0, 3))], open_components(mesh.surface)
     for body in np.unique(surface.component[np.isin(surface.part, parts)]).tolist():
         held = mesh.of(body) if not is_open[body] else np.zeros(0, dtype=np.int64)
-        piece = _pieces(mesh.tets[held]) if len(held) else held
+        piece = pieces_of(mesh.tets[held]) if len(held) else held
         if not piece.any():
             continue
-        where, numbers = mesh.samples(body), range(piece.max() + 1)
-        gaps = _two_nearest(where, [mesh.middles[held[piece == one]] for one in numbers])
-        for pair in np.unique(gaps.which, axis=0):
-            width = np.where((gaps.which == pair).all(axis=1), gaps.distance.sum(axis=1), np.inf)
-            near = width <= min(width.min() + WIDER * edge, LONGEST * edge)
-            places = _gathered(where[near], BEAD * edge)
+        size = np.bincount(piece)
+        large = (size >= min(FEW, CRUMB_OF_BODY * size.sum()))[piece]
+        held, piece = held[large], np.unique(piece[large], return_inverse=True)[1].reshape(-1)
+        of_all = np.full(len(mesh.tets), -1)
+        of_all[held] = piece
+        middles = mesh.middles[held[np.argsort(piece, kind="stable")]]
+        pieces = np.split(middles, np.cumsum(np.bincount(piece))[:-1])
+        for pair, where in narrowest(mesh.samples(body), pieces, edge):
+            places = _gathered(where, BEAD * edge)
             around = mesh.around(places, REACH * edge)
-            local = _pieces(mesh.tets[around]) if len(around) else around
-            here, there = (local[np.isin(around, held[piece == one])] for one in pair)
+            local = pieces_of(mesh.tets[around]) if len(around) else around
+            here, there = (local[of_all[around] == one] for one in pair)
             if not np.isin(here, there).any():
                 found.append(places)
     return np.concatenate(found)
@@ -175,7 +159,7 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[
             near = mesh.around(patch.thinned, REACH * edge)
             if not len(near):
                 continue
-            piece = _pieces(mesh.tets[near])
+            piece = pieces_of(mesh.tets[near])
             ends = [np.bincount(piece[mesh.within(body, near)]) for body in bodies.tolist()]
             if all(len(end) for end in ends) and ends[0].argmax() == ends[1].argmax():
                 continue
@@ -192,10 +176,9 @@ def _way_to(
 
     None where it is farther than ``LONGEST`` long edges [m] of the lattice.
     """
-    where, held = mesh.samples(body), mesh.of(body)
-    width = _two_nearest(where, [places, mesh.middles[held]]).distance.sum(axis=1)
-    near = width <= min(width.min() + WIDER * edge, LONGEST * edge)
-    return _gathered(where[near], BEAD * edge)
+    ends = [places, mesh.middles[mesh.of(body)]]
+    found = [where for _, where in narrowest(mesh.samples(body), ends, edge)]
+    return _gathered(np.concatenate([NOWHERE, *found]), BEAD * edge)
 
 
 class _Patch(NamedTuple):
@@ -229,23 +212,48 @@ def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarra
     return np.array(out).reshape(-1, 3)
 
 
-class _Gaps(NamedTuple):
-    """``distance`` (n, 2) [m] of the two nearest pieces of each place, and ``which`` (n, 2)."""
+def narrowest(
+    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], edge: float
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Pairs of pieces, and the places [m] at which the gap between them is narrowest.
 
-    distance: np.ndarray
-    which: np.ndarray
+    ``pieces`` are middles (tets, 3) [m]. A gap wider than ``LONGEST`` long edges [m] is none.
+    """
+    distance, which = _two_nearest(where, pieces, LONGEST * edge)
+    near = np.flatnonzero(distance.sum(axis=1) <= LONGEST * edge)
+    width = distance[near].sum(axis=1)
+    pairs, pair = np.unique(which[near], axis=0, return_inverse=True)
+    pair = pair.reshape(-1)
+    least = np.full(len(pairs), np.inf)
+    np.minimum.at(least, pair, width)
+    narrow = width <= least[pair] + WIDER * edge
+    for number, ends in enumerate(pairs):
+        yield ends, where[near[narrow & (pair == number)]]
 
 
-def _two_nearest(where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray]) -> _Gaps:
-    """Distance of the middles (tets, 3) of each piece; infinite where there is only one."""
+def _two_nearest(
+    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], reach: float
+) -> tuple[Float[np.ndarray, "n 2"], Int[np.ndarray, "n 2"]]:
+    """Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are.
+
+    ``pieces`` are middles (tets, 3) [m].
+    """
     from scipy.spatial import KDTree
 
-    distance = np.full((len(where), max(len(pieces), 2)), np.inf)
+    distance = np.full((len(where), 2), np.inf)
+    which = np.zeros((len(where), 2), dtype=np.int64)
     for number, middles in enumerate(pieces):
-        if len(middles):
-            distance[:, number] = KDTree(middles).query(where)[0]
-    which = np.sort(np.argsort(distance, axis=1, kind="stable")[:, :2], axis=1)
-    return _Gaps(np.sort(distance, axis=1)[:, :2], which)
+        if not len(middles):
+            continue
+        lo, hi = middles.min(axis=0) - reach, middles.max(axis=0) + reach
+        near = np.flatnonzero(((where > lo) & (where < hi)).all(axis=1))
+        found = KDTree(middles).query(where[near], distance_upper_bound=reach)[0]
+        three = np.column_stack([distance[near], found])
+        order = np.argsort(three, axis=1, kind="stable")[:, :2]
+        names = np.column_stack([which[near], np.full(len(near), number)])
+        distance[near] = np.take_along_axis(three, order, axis=1)
+        which[near] = np.take_along_axis(names, order, axis=1)
+    return distance, np.sort(which, axis=1)
 
 
 def _have_nodes_within(
@@ -279,7 +287,7 @@ def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"
     return connected_components(graph, directed=False)[1]
 
 
-def _pieces(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+def pieces_of(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
     """Piece that each tet belongs to: those that hang together by faces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
