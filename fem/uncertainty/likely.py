@@ -25,11 +25,11 @@ from ..scene.supports import Supports
 from ..solve.statics import check_held
 from .intervals import Interval, displacement_interval, frequency_intervals, mass_range
 from .lattice import shifted_lattice
-from .ranges import Draws, Exact, OpenRange, material_ranges, open_ranges
+from .ranges import MIDDLE, Draws, Exact, OpenRange, material_ranges, open_ranges
 
-# Draws of E, nu and rho; frequencies, and what of the answers, that are told as likely.
+# Draws of E, nu and rho; frequencies that are told as likely.
 TONES = 3
-SAMPLES, MIDDLE = 256, (0.05, 0.95)
+SAMPLES = 256
 # The basis learns all soft and heavy, all stiff and light, then so many draws at once until it
 # would have known them to this share, at most so many.
 ENDS = ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))

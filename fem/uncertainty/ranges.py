@@ -15,6 +15,8 @@ from ..scene.material_properties import load_grains
 from ..scene.materials import FIELDS, NU_CAP, MaterialValue, Span, load_table
 from ..scene.mesh import TetMesh, material_of
 
+MIDDLE = (0.05, 0.95)  # quantiles between which an answer is told as likely
+
 Draws = Mapping[str, Sequence[MaterialValue]]
 # Which of E, nu and rho of a part were stated in numbers: they have no range.
 Exact = Mapping[str, Sequence[str]]

@@ -12,7 +12,7 @@ import numpy as np
 from ...fem.errors import BandError, InputError, UsageError
 from ...fem.scene.materials import AS_STATED, FIELDS, MaterialValue, Span, outside_band
 from ...fem.scene.mesh import TetMesh
-from ...fem.uncertainty.likely import MIDDLE
+from ...fem.uncertainty.ranges import MIDDLE
 from ...predictors.construction.masses import MassInterval
 from ...predictors.field import MaterialField
 from ..io.body_record import BodyRecord
