@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .model_error import BENDS_ALIKE, MOTION_LIMIT, too_coarse
-from .particle_run import ParticleRun
+from .contact.foothold import foothold
+from .model_error import BENDS_ALIKE, too_coarse
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
-from .scene.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step
+from .scene.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
+from .scene.scene import Scene
 from .uncertainty.intervals import Interval
 from .uncertainty.likely import Likely
 
@@ -22,6 +23,8 @@ CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is hel
 TRUSTED = 0.1
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
+SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
+GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the
@@ -92,14 +95,35 @@ def discretisation(result: SagResult) -> Check:
 
 
 def buckling(factor: LoadFactor) -> Check:
-    """Whether the body stands its load without buckling."""
+    """Whether the body takes its load without buckling."""
     passed = factor.value >= STANDS
     times = "more than 1000" if np.isinf(factor.value) else f"{factor.value:.3g}"
     return Check(
         "buckling", passed, factor.value, STANDS,
-        f"It {'stands' if passed else 'buckles'}: {times} times its load would make it buckle "
-        f"(limit {STANDS:g}).",
+        f"It {'does not buckle' if passed else 'buckles'}: {times} times its load would make it do "
+        f"so (limit {STANDS:g}).",
     )  # fmt: skip
+
+
+def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
+    """Whether the body would stand if its base were not held; nothing where it need not."""
+    if scene.ground is None or scene.holds or not result.trusted or result.assumed:
+        return ()
+    mesh, held = result.static.mesh, result.static.reaction
+    force, moment = -held.sum(axis=0), -np.cross(result.static.space.nodes, held).sum(axis=0)
+    if not np.any(scene.gravity_vector):
+        mass = mesh.volumes * material_of(mesh).rho
+        middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
+        weight = -GRAVITY * mass.sum() * np.eye(3)[scene.up]
+        force, moment = force + weight, moment + np.cross(middle, weight)
+    inside, friction = foothold(mesh.points[result.supported], force, moment, scene.up)
+    passed, found = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
+    does = "stays upright" if passed else "would tip over if its base were not held"
+    said = f"its load meets the ground {found} its feet"
+    said += f", and it slides where friction is below {friction:.2g}" if friction > SLIDES else ""
+    if np.isinf(inside):
+        does, said = "would lift off if its base were not held", "its load outdoes its weight"
+    return (Check("upright", passed, inside, 0.0, f"It {does}: {said}."),)
 
 
 def first_frequency(modes: Modes) -> Check:
@@ -155,66 +179,6 @@ def locking(result: StaticResult | MotionResult) -> Check:
             f"{share:.0%} of the volume."
         )
     return Check("locking", share == 0, share, 0.0, sentence)
-
-
-def no_penetration(motion: MotionResult) -> Check:
-    """Whether the body kept its distance from every obstacle, and from itself where that was so."""
-    gap = motion.smallest_gap
-    passed = gap > 0
-    what = "an obstacle or itself" if motion.kept_apart else "an obstacle"
-    nearest = f"the smallest distance is {gap:.2g} m" if np.isfinite(gap) else "it meets nothing"
-    return Check(
-        "no penetration", passed, gap, 0.0,
-        f"It {'never goes into' if passed else 'goes into'} {what}: {nearest}.",
-    )  # fmt: skip
-
-
-def follows(motion: MotionResult) -> tuple[Check, ...]:
-    """Whether few coordinates move as the full body would; nothing where that is not known."""
-    if (error := motion.model_error) is None:
-        return ()
-    near, coarse = error.share <= MOTION_LIMIT, too_coarse(motion.stiffening)
-    do = "follow" if near else "do not follow"
-    limit = percent(MOTION_LIMIT)
-    said = (
-        f"Its few coordinates {do} the full body of the same elements: off by {error.words} "
-        f"(limit {limit})" + (f"; but {coarse}." if coarse else ".")
-    )
-    return (Check("reduced model", near and not coarse, error.share, MOTION_LIMIT, said),)
-
-
-def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
-    """Who presses whom, at most; ``names`` are those of the pieces."""
-    forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
-    pressures = motion.largest_pressures
-    said = [
-        f"obstacle {k + 1} with {force:.3g} N"
-        + (f" ({pressures.obstacles[k]:.3g} Pa)" if pressures else "")
-        for k, force in enumerate(forces)
-        if force > 0
-    ]
-    between = {
-        pair: float(np.linalg.norm(force, axis=1).max())
-        for pair, force in motion.piece_forces.items()
-        if pair[0] < pair[1]
-    }
-    said += [f"{names[b]} on {names[a]} with {size:.3g} N" for (a, b), size in between.items()]
-    if pressures and pressures.own > 0:
-        said.append(f"the body itself with up to {pressures.own:.3g} Pa")
-    largest = max([*forces.tolist(), *between.values()], default=0.0)
-    return Check(
-        "contact", True, largest, np.inf,
-        f"At most it is pressed by {'; '.join(said)}." if said else "Nothing presses on it.",
-    )  # fmt: skip
-
-
-def in_the_grid(run: ParticleRun) -> Check:
-    """Whether all particles stayed in the grid."""
-    total, lost = len(run.part), run.outside
-    return Check(
-        "particles", not lost, lost, 0,
-        f"{'All' if not lost else f'{total - lost:,} of'} {total:,} particles stay in the grid.",
-    )  # fmt: skip
 
 
 def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:

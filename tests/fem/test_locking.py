@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.energy.motion_verdicts import follows
 from autophyx_tet.fem.model_error import ModelError
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.method import ReducedMethod, model_in_words
@@ -25,7 +26,7 @@ from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.fem.verdicts import follows, locking
+from autophyx_tet.fem.verdicts import locking
 
 from .bodies import faces_at, shaken_box, with_uniform
 

@@ -6,6 +6,7 @@ from autophyx_tet.fem.contact import self_contact
 from autophyx_tet.fem.contact.self_contact import SelfContact
 from autophyx_tet.fem.discrete.assembly import discretise, stiffness
 from autophyx_tet.fem.discrete.block_matrix import GrownPattern, add_blocks
+from autophyx_tet.fem.energy.motion_verdicts import no_penetration
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.components import point_components
 from autophyx_tet.fem.scene.mesh import TetMesh
@@ -13,7 +14,6 @@ from autophyx_tet.fem.scene.obstacles import Plane, gripper
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import METHOD, Dynamics
-from autophyx_tet.fem.verdicts import no_penetration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -129,7 +129,13 @@ class Moving(Simulation):
     def checks(self) -> Sequence[Check]:
         """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
         from ...fem.energy.energy_verdicts import keeps_energy
-        from ...fem.verdicts import contact_forces, follows, in_the_grid, locking, no_penetration
+        from ...fem.energy.motion_verdicts import (
+            contact_forces,
+            follows,
+            in_the_grid,
+            no_penetration,
+        )
+        from ...fem.verdicts import locking
 
         energy = keeps_energy(self.motion, self.scene)
         if self.motion.particles is not None:

@@ -121,11 +121,18 @@ class Settled(Simulation):
         return self.solved.warnings
 
     def checks(self) -> Sequence[Check]:
-        """Shape, buckling, discretisation, explicit step, size, strength, frequency, range."""
-        from ...fem.verdicts import first_frequency, span_of_answers, static_checks, strength
+        """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
+        from ...fem.verdicts import (
+            first_frequency,
+            span_of_answers,
+            static_checks,
+            stays_upright,
+            strength,
+        )
 
         checks = [
             *static_checks(self.solved, size_stated=self.size_stated),
+            *stays_upright(self.solved, self.scene),
             *map(strength, self.safety),
         ]
         if self.modes is not None:

@@ -17,6 +17,8 @@ ADVICE = {
     "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
     "size: --size is the longest side in metres.",
     "buckling": "Slender parts want a stiffer material, more thickness or a support higher up.",
+    "upright": "The other answers are of a base that is held: --fix tells by what; else a wider "
+    "base, more weight low down or less load.",
     "discretisation": "For closer numbers convert to a finer mesh: --edge-length-rel of half that, "
     "or of half of what it was made with.",
     "locking": "--order 2 has elements that do not lock; --solver lbs wants a finer mesh.",
@@ -38,6 +40,7 @@ ADVICE = {
 SERIOUS = (
     "holds shape",
     "buckling",
+    "upright",
     "strength",
     "size",
     "no penetration",
@@ -45,7 +48,9 @@ SERIOUS = (
     "reduced model",
 )
 # Checks whose answer is another one where the mesh is another body than the file.
-OF_THE_BODY = ("holds shape", "buckling", "strength", "first frequency", "range", "mass")
+OF_THE_BODY = (
+    "holds shape", "buckling", "upright", "strength", "first frequency", "range", "mass",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
