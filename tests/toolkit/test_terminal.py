@@ -2,7 +2,7 @@
 
 from autophyx_tet.fem.verdicts import Check
 from autophyx_tet.toolkit.cli.terminal import show
-from autophyx_tet.toolkit.results.verdict import ADVICE, Verdict
+from autophyx_tet.toolkit.results.verdict import ADVICE, Verdict, with_doubts
 
 
 def shown(capsys, document):
@@ -51,6 +51,16 @@ def test_a_failed_check_says_what_to_do(capsys):
         out = shown(capsys, {"verdicts": [bad, good]}).splitlines()
         sign = "!" if bad.mark == "warning" else "i"
         assert out == [f"{sign} Found. {advice}", "✓ Found."], name
+
+
+def test_in_a_doubtful_unit_nothing_is_a_sure_good():
+    """A chair of 900 m: that it holds is told, as of that size; its elements are right at any."""
+    of_size = {"holds shape", "strength", "upright", "mass"}
+    checks = [Check(name, True, 1.0, 2.0, f"{name}.") for name in (*of_size, "locking")]
+    for right in (True, False):
+        found = [Verdict.of(check) for check in (*checks, Check("size", right, 1, 2, "Long."))]
+        sure = {one.detail for one in with_doubts(found, ()) if one.mark == "good"}
+        assert sure == ({*of_size, "locking", "size"} if right else {"locking"})
 
 
 def test_two_sentences_are_told_one_after_the_other(capsys):

@@ -22,7 +22,7 @@ from ..driving import DriveRecord
 from ..io.document import mesh_document
 from .description import describe
 from .summary import as_table, in_a_line
-from .verdict import Verdict, of_another_body
+from .verdict import Verdict, with_doubts
 
 if TYPE_CHECKING:
     from ...fem.verdicts import Check
@@ -133,7 +133,7 @@ class Simulation(ABC):
 
     def verdicts(self) -> list[Verdict]:
         """Findings in plain words: whether the mesh is the file's body, then every check."""
-        return of_another_body(list(self._judged), self.differences)
+        return with_doubts(list(self._judged), self.differences)
 
     @cached_property
     def _judged(self) -> tuple[Verdict, ...]:

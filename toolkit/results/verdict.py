@@ -71,15 +71,25 @@ class Verdict:
         return cls(mark, check.sentence, check.name, ADVICE.get(check.name, ""))
 
 
-def of_another_body(found: Sequence[Verdict], differences: Sequence[str]) -> list[Verdict]:
-    """Verdicts on a mesh with ``differences`` from its file: these first, and no sure good."""
+def with_doubts(found: Sequence[Verdict], differences: Sequence[str]) -> list[Verdict]:
+    """Verdicts without a sure good where another one, or the mesh, puts them in doubt.
+
+    That is where the size is that of another unit, and where the mesh has ``differences`` from its
+    file, which come first.
+    """
+    if any(one.detail == "size" and one.mark != "good" for one in found):
+        found = _doubted(found, "That is at this size.")
     if not differences:
         return list(found)
     first = f"The mesh differs from the file: {'; '.join(differences)}."
-    doubted = [
-        replace(one, mark="note", sentence=f"{one.sentence} That is the mesh's.")
+    of_mesh = _doubted(found, "That is the mesh's.")
+    return [Verdict("warning", first, "body", ADVICE["body"]), *of_mesh]
+
+
+def _doubted(found: Sequence[Verdict], why: str) -> list[Verdict]:
+    return [
+        replace(one, mark="note", sentence=f"{one.sentence} {why}")
         if one.mark == "good" and one.detail in OF_THE_BODY
         else one
         for one in found
     ]
-    return [Verdict("warning", first, "body", ADVICE["body"]), *doubted]
