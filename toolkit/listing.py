@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .io.document import mesh_document
 
 if TYPE_CHECKING:
@@ -54,9 +56,19 @@ def _row(row: Material) -> dict[str, Any]:
 
 
 def info(file: Path) -> dict[str, Any]:
-    """Size, regions, volume [m^3], mass [kg] and quality of a mesh file."""
+    """Size, regions with lowest and highest E, nu, rho, volume, mass and quality of a mesh file."""
     from ..converters.mesh.mesh_file import read_mesh
     from .meshing.quality import quality
 
     mesh = read_mesh(file)
-    return {"file": file, **mesh_document(mesh), "quality": quality(mesh)}
+    document = mesh_document(mesh)
+    if mesh.material is not None:
+        for number, row in enumerate(document["regions"]):
+            mine = mesh.region == number
+            row |= {name: _ends(getattr(mesh.material, name)[mine]) for name in ("E", "nu", "rho")}
+    return {"file": file, **document, "quality": quality(mesh)}
+
+
+def _ends(values: np.ndarray) -> tuple[float, float] | None:
+    """Lowest and highest, of no tets nothing."""
+    return (float(values.min()), float(values.max())) if len(values) else None

@@ -21,6 +21,8 @@ def read_mesh(path: str | os.PathLike) -> TetMesh:
 
 def read_data(path: str | os.PathLike) -> MeshData:
     """Read a tet mesh together with every other array on its points and tets."""
+    if not Path(path).exists():
+        raise InputError(f"no such file: {path}; wanted a tet mesh, as `convert` makes one")
     reader = format_of(path, MESH_FORMATS).read
     if reader is None:
         known = ", ".join(suffix for suffix in MESH_FORMATS if MESH_FORMATS[suffix].read)

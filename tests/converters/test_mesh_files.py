@@ -132,9 +132,10 @@ def test_a_msh_cut_between_two_sections_is_told(section, tmp_path):
         read_mesh(part)
 
 
-def test_unknown_suffix_lists_the_known_ones():
+def test_unknown_suffix_lists_the_known_ones(tmp_path):
+    (tmp_path / "mesh.xyz").write_text("0 0 0")
     with pytest.raises(InputError, match=r"unknown mesh suffix '.xyz'; known are .msh"):
-        read_mesh("mesh.xyz")
+        read_mesh(tmp_path / "mesh.xyz")
     with pytest.raises(InputError, match=r"\.mesh cannot be written; \.msh"):
         write_mesh("mesh.mesh", box_mesh((1, 1, 1), (1, 1, 1)))
 

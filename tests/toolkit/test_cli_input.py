@@ -198,3 +198,18 @@ def test_narrow_terminals_get_whole_sentences(encoding, cube_msh, tmp_path, monk
     assert main(["info", str(cube_msh)]) == 0
     out.flush()
     assert b"tets" in out.buffer.getvalue()
+
+
+def test_info_tells_size_and_matter(cube_msh, tmp_path, capsys):
+    """Sides [m], and E, nu and rho once a mesh has them; what is not there is not a suffix."""
+    assert main(["info", str(cube_msh)]) == 0
+    assert "0.1 x 0.1 x 0.1 m; no E, nu, rho: `assign` gives them" in capsys.readouterr().out
+    oak = tmp_path / "oak.msh"
+    assert main(["assign", str(cube_msh), "--text", "steel", "-o", str(oak), "-q"]) == 0
+    capsys.readouterr()
+    assert main(["info", str(oak)]) == 0
+    told = capsys.readouterr().out
+    assert "0.1 x 0.1 x 0.1 m\n" in told
+    assert "e+11" in told  # of any steel
+    assert main(["info", str(tmp_path / "nothere")]) == 3
+    assert "no such file" in capsys.readouterr().err

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -17,7 +19,8 @@ PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho
 }
 WORDS = {"word": "word", "voxels": "voxels"}
 REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
-MATERIALS = {"name": "material", "category": "category", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
+MATTER = {"E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
+MATERIALS = {"name": "material", "category": "category"} | MATTER
 _FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
 _FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold
 
@@ -60,7 +63,8 @@ def _tables(document: Mapping[str, Any]) -> Iterator[Table]:
     if document.get("materials"):
         yield _table(document["materials"], MATERIALS)
     if "file" in document:
-        yield _table(document["regions"], REGIONS)
+        known = document["regions"] and "E" in document["regions"][0]
+        yield _table(document["regions"], REGIONS | (MATTER if known else {}))
     if rows := document.get("quality_rows"):
         yield _table(rows, {name: name for name in rows[0]})
     if "papers" in document:
@@ -197,7 +201,9 @@ def _totals(document: Mapping[str, Any]) -> Iterator[str]:
         mass = f", mass {document['mass']:.3g} kg" if document.get("mass") else ""
         yield f"{document['tets']:,} tets, volume {document['volume']:.4g} m³{mass}"
     if "file" in document:
-        found = document["quality"]
+        found, sides = document["quality"], np.ptp(document["bounds"], axis=0)
+        none = "" if document["mass"] else "; no E, nu, rho: `assign` gives them"
+        yield f"{' x '.join(f'{side:.3g}' for side in sides)} m{none}"
         yield (
             f"sharpest dihedral angle {found.dihedral_min:.3g}°, smallest altitude "
             f"{found.altitude_min:.3g} m, {found.components} connected pieces"
