@@ -22,6 +22,7 @@ from ..images.appearance import Appearance
 from ..matter.evidence import by_looks, matters, moved, told_values
 from ..matter.pieces import by_look
 from ..normalisation import Normalisation
+from ..partition import match_clauses
 from ..voxels import PartVoxels, pooled
 from .held_out import HeldOutObject
 from .rows import Setting, VoxelPredictor
@@ -38,7 +39,8 @@ class FilmRow:
     ``names``: the asset's own names are heard. ``text``: so are the clauses. ``hints``: the
     lexicon's values and the subjects of the clauses. ``colour``, ``vision``: colours are seen, and
     what an image encoder sees. ``parts``: which cells are of one part is known. ``looks``: so is
-    how well each kind of matter fits what is seen of a cell.
+    how well each kind of matter fits what is seen of a cell. ``assigned``: a part has the value of
+    the one material that its clause names, as `assign` gives it, not the mean of what it may be.
     """
 
     names: bool = False
@@ -48,6 +50,7 @@ class FilmRow:
     vision: bool = True
     parts: bool = True
     looks: bool = True
+    assigned: bool = False
 
     def build(self, setting: Setting) -> VoxelPredictor:
         """Return the network with the weights of the setting."""
@@ -68,10 +71,11 @@ class FilmRow:
             with torch.inference_mode():
                 output = network(scene)
             output = pooled_by_part(output, scene) if self.parts else output
-            if not (self.looks and self.text) or example.looks is None:
-                return output
-            looks = example.looks.astype(np.float64)
-            return with_looks(output, example, looks, network.normalisation, parts=self.parts)
+            scale = network.normalisation
+            if self.looks and self.text and example.looks is not None:
+                looks = example.looks.astype(np.float64)
+                output = with_looks(output, example, looks, scale, parts=self.parts)
+            return with_one_matter(output, example, scale) if self.assigned else output
 
         return predict
 
@@ -93,7 +97,7 @@ class FilmRow:
         return scene
 
 
-FILM, FILM_NAMES = FilmRow(), FilmRow(names=True)
+FILM, FILM_NAMES, ASSIGNED = FilmRow(), FilmRow(names=True), FilmRow(assigned=True)
 NO_TEXT, NO_HINTS, VOXELS = FilmRow(text=False), FilmRow(hints=False), FilmRow(parts=False)
 VOXELS_NO_LOOKS, NO_LOOKS = FilmRow(parts=False, looks=False), FilmRow(looks=False)
 RGB, NO_FEATURES = FilmRow(vision=False), FilmRow(vision=False, colour=False)
@@ -181,6 +185,30 @@ def with_looks(
         column[0, :, torch.from_numpy(inside)] = torch.from_numpy(found.T).float()
         columns.append(column)
     return output._replace(values=columns[0], logits=columns[1])
+
+
+def with_one_matter(output: Output, example: HeldOutObject, normalisation: Normalisation) -> Output:
+    """Return values of the materials that are named, each part's that of the clause it is given.
+
+    With more clauses than parts each cell has the one likeliest there.
+    """
+    import torch
+
+    part = example.batch.scene.part[0].numpy()
+    shares = output.logits.softmax(1)[0].movedim(0, -1).float().numpy()
+    clauses = [_one_clause(said) if said else HeardClause("") for said in example.said]
+    here, names = [k for k, said in enumerate(example.said) if said], int(part.max()) + 1
+    owner = shares.argmax(axis=-1)
+    if len(here) <= names:
+        slots = tuple(f"part {i}" for i in range(names))
+        parts = PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, slots)
+        found = match_clauses(parts, range(names), shares, here)
+        owner = np.array([len(clauses) if one is None else one for one in found])[part]
+    told = np.vstack([told_values(clauses, load_table(), normalisation), np.full(3, np.nan)])
+    known = (part >= 0) & np.isfinite(told[owner, 0])
+    values = output.values.float().clone()
+    values[0, :, torch.from_numpy(known)] = torch.from_numpy(told[owner[known]].T).float()
+    return output._replace(values=values)
 
 
 def with_vision(scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder) -> VoxelScene:

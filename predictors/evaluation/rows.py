@@ -49,6 +49,7 @@ ROWS: Registry[Contender] = Registry(
     {
         "film": "ablations:FILM",
         "film-names": "ablations:FILM_NAMES",
+        "film-assigned": "ablations:ASSIGNED",
         "film-nofeatures": "ablations:NO_FEATURES",
         "film-rgb": "ablations:RGB",
         "film-notext": "ablations:NO_TEXT",
