@@ -12,6 +12,7 @@ from autophyx_tet.predictors.datasets.shapes import EMPTY
 from autophyx_tet.predictors.evaluation import held_out
 from autophyx_tet.predictors.evaluation.ablations import (
     pooled_by_part,
+    with_one_matter,
     with_slot_names,
     with_vision,
 )
@@ -26,6 +27,7 @@ from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
 from autophyx_tet.predictors.film.config import Output, VoxelScene
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.predictors.hearing.vocabulary import Vocabulary
+from autophyx_tet.predictors.normalisation import DEFAULT
 from autophyx_tet.predictors.voxels import PartVoxels
 
 
@@ -160,6 +162,29 @@ def test_a_part_is_of_one_matter():
         assert torch.allclose(pooled.logits.exp()[cells], share.expand(1, 3, 2, 4, 4), atol=1e-6)
     three = scene._replace(clause_mask=torch.ones(1, 3, dtype=torch.bool))
     assert pooled_by_part(found, three) is found
+
+
+@pytest.mark.parametrize("clauses", [2, 3])
+def test_assigned_is_the_material_that_is_named(clauses):
+    """Parts that are .6 and .4 zinc are zinc and walnut, as each clause has one; cells if more."""
+    part = torch.zeros((1, 4, 4, 4), dtype=torch.long)
+    part[:, 2:] = 1
+    part[:, :, 0] = -1
+    said = ["the metal is zinc", "the wood is walnut", "the glass is glass"][:clauses]
+    shares = torch.full((1, clauses + 1, 4, 4, 4), 0.05)
+    shares[:, 0, :2], shares[:, 1, :2] = 0.6, 0.3
+    shares[:, 0, 2:], shares[:, 1, 2:] = 0.5, 0.4
+    scene = SimpleNamespace(part=part)
+    example = HeldOutObject(SimpleNamespace(scene=scene), said)  # type: ignore[arg-type]
+    given = Output(torch.zeros(1, 3, 4, 4, 4), shares.log())
+    found = with_one_matter(given, example, DEFAULT).values[0].movedim(0, -1).numpy()
+    zinc, walnut = (
+        DEFAULT.normalise(*load_table().exact(name).value()) for name in ("zinc", "walnut")
+    )
+    assert found[:2, 1:] == pytest.approx(np.broadcast_to(zinc, (2, 3, 4, 3)), abs=1e-6)
+    other = walnut if clauses == 2 else zinc  # of pieces none is kept for a clause
+    assert found[2:, 1:] == pytest.approx(np.broadcast_to(other, (2, 3, 4, 3)), abs=1e-6)
+    assert (found[:, 0] == 0).all()
 
 
 class Letters:
