@@ -188,9 +188,9 @@ def with_looks(
 
 
 def with_one_matter(output: Output, example: HeldOutObject, normalisation: Normalisation) -> Output:
-    """Return values of the materials that are named, each part's that of the clause it is given.
+    """Return values of the materials that are named: of a part, by the one clause it is given.
 
-    With more clauses than parts each cell has the one likeliest there.
+    With more clauses than parts each cell has the one likeliest there. The binding is that, too.
     """
     import torch
 
@@ -208,7 +208,8 @@ def with_one_matter(output: Output, example: HeldOutObject, normalisation: Norma
     known = (part >= 0) & np.isfinite(told[owner, 0])
     values = output.values.float().clone()
     values[0, :, torch.from_numpy(known)] = torch.from_numpy(told[owner[known]].T).float()
-    return output._replace(values=values)
+    logits = torch.nn.functional.one_hot(torch.from_numpy(owner), shares.shape[-1])
+    return output._replace(values=values, logits=logits.movedim(-1, 0)[None].float())
 
 
 def with_vision(scene: VoxelScene, example: HeldOutObject, encoder: TextEncoder) -> VoxelScene:

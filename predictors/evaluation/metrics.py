@@ -25,7 +25,8 @@ class Row:
     the error of voxels that touch another part over that of the others. ``largest_clause`` is what
     ``clause_accuracy`` would be if all of an object were of its largest matter. ``difference`` is
     ``mse_mean`` less that of ``best_baseline``, the best of the run, over the objects of both.
-    ``psnr`` [dB] and ``ssim`` compare the pictures of the first ``rendered`` objects under load.
+    ``psnr`` [dB] and ``ssim`` compare the pictures of the first ``rendered`` objects under load;
+    their differences are the intervals of what they have more than those of the best baseline.
     """
 
     predictor: str
@@ -50,6 +51,8 @@ class Row:
     psnr_interval: Interval | None = None
     ssim: float | None = None
     ssim_interval: Interval | None = None
+    psnr_difference: Interval | None = None
+    ssim_difference: Interval | None = None
     largest_clause: float | None = None
     clause_margin_interval: Interval | None = None
 
@@ -149,8 +152,28 @@ def against_best(
                 row, best_baseline=best, difference=float(paired.mean()),
                 difference_interval=bootstrap_interval(paired), difference_by_clauses=by_clauses,
             )  # fmt: skip
-        compared.append(row)
+        compared.append(_pictures_against_best(row, known, scores))
     return compared
+
+
+def _pictures_against_best(
+    row: Row, known: Sequence[Row], scores: Mapping[str, Mapping[int, Sequence[Score]]]
+) -> Row:
+    """Row with what its PSNR and SSIM are above those of the baseline that is best in each."""
+    for kind in ("psnr", "ssim"):
+        shown = {one.predictor: getattr(one, kind) for one in known if one.rendered}
+        if not shown or row.predictor == (best := max(shown, key=lambda name: shown[name])):
+            continue
+        pairs = [
+            (getattr(mine.similarity, kind), getattr(theirs.similarity, kind))
+            for i, (mine, *_) in scores[row.predictor].items()
+            for theirs in scores[best].get(i, ())[:1]
+            if mine.similarity and theirs.similarity
+        ]
+        if pairs:
+            gained = bootstrap_interval(np.subtract(*np.array(pairs).T))
+            row = replace(row, **{f"{kind}_difference": gained})
+    return row
 
 
 def _differences(

@@ -110,6 +110,10 @@ def test_differences_are_paired():
     assert (film.objects, film.texts) == (20, 40)
     assert (film.rendered, film.psnr_interval) == (20, (30.0, 30.0))
     assert film.ssim == pytest.approx(film.mse_mean)
+    # Each picture beside that of the baseline that is best in it: the constant's SSIM is its error.
+    assert film.psnr_difference == (0, 0)
+    assert film.ssim_difference == pytest.approx((-1.1, -1.1))
+    assert constant.ssim_difference is None
     assert against_best(rows[:1], scores, ("table-mean",))[0].best_baseline is None
 
 
@@ -177,7 +181,8 @@ def test_assigned_is_the_material_that_is_named(clauses):
     scene = SimpleNamespace(part=part)
     example = HeldOutObject(SimpleNamespace(scene=scene), said)  # type: ignore[arg-type]
     given = Output(torch.zeros(1, 3, 4, 4, 4), shares.log())
-    found = with_one_matter(given, example, DEFAULT).values[0].movedim(0, -1).numpy()
+    values, logits = with_one_matter(given, example, DEFAULT)
+    found = values[0].movedim(0, -1).numpy()
     zinc, walnut = (
         DEFAULT.normalise(*load_table().exact(name).value()) for name in ("zinc", "walnut")
     )
@@ -185,6 +190,9 @@ def test_assigned_is_the_material_that_is_named(clauses):
     other = walnut if clauses == 2 else zinc  # of pieces none is kept for a clause
     assert found[2:, 1:] == pytest.approx(np.broadcast_to(other, (2, 3, 4, 3)), abs=1e-6)
     assert (found[:, 0] == 0).all()
+    owner = logits.argmax(1)[0][:, 1:]
+    assert owner[:2].eq(0).all()
+    assert owner[2:].eq(1 if clauses == 2 else 0).all()
 
 
 class Letters:
