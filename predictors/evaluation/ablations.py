@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -124,7 +125,7 @@ class UniPixieRow:
             scene = example.batch.scene
             part = scene.part[0].numpy()
             slots = example.names or [f"object {i}" for i in range(int(part.max()) + 1)]
-            parts = PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, tuple(slots))
+            parts = _part_voxels(part, slots)
             colours = scene.inputs[0, 1:4].movedim(0, -1).numpy()
             seen = Appearance(colours if scene.inputs[0, 4].any() else None)
             found = predictor.find(parts, seen)
@@ -172,7 +173,7 @@ def with_looks(
         x[0].movedim(0, -1).float().numpy()[inside].astype(np.float64)
         for x in (output.logits.softmax(1), output.values)
     )
-    clauses = [_one_clause(said) if said else HeardClause("") for said in example.said]
+    clauses = _clauses(example)
     piece = np.unique(part[inside], return_inverse=True)[1] if parts else by_look(looks)
     dealt = by_looks(shares, matters(clauses), np.argwhere(inside), looks, piece, parts=parts)
     told = told_values(clauses, load_table(), normalisation)
@@ -196,12 +197,11 @@ def with_one_matter(output: Output, example: HeldOutObject, normalisation: Norma
 
     part = example.batch.scene.part[0].numpy()
     shares = output.logits.softmax(1)[0].movedim(0, -1).float().numpy()
-    clauses = [_one_clause(said) if said else HeardClause("") for said in example.said]
+    clauses = _clauses(example)
     here, names = [k for k, said in enumerate(example.said) if said], int(part.max()) + 1
     owner = shares.argmax(axis=-1)
     if len(here) <= names:
-        slots = tuple(f"part {i}" for i in range(names))
-        parts = PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, slots)
+        parts = _part_voxels(part, [f"part {i}" for i in range(names)])
         found = match_clauses(parts, range(names), shares, here)
         owner = np.array([len(clauses) if one is None else one for one in found])[part]
     told = np.vstack([told_values(clauses, load_table(), normalisation), np.full(3, np.nan)])
@@ -256,6 +256,16 @@ def with_slot_names(
     spread = standard(score.T[part.clip(min=0)], part >= 0)
     evidence[0, 1, here], reliability[0, 1] = torch.from_numpy(spread), trust
     return scene._replace(evidence=evidence, reliability=reliability)
+
+
+def _part_voxels(part: np.ndarray, names: Sequence[str]) -> PartVoxels:
+    """The cells of an object as parts, in a cube of one metre."""
+    return PartVoxels(Grid(np.zeros(3), 1 / len(part), part.shape), part, tuple(names))
+
+
+def _clauses(example: HeldOutObject) -> list[HeardClause]:
+    """What every slot says, an empty clause where it says nothing."""
+    return [_one_clause(said) if said else HeardClause("") for said in example.said]
 
 
 def _one_clause(said: str) -> HeardClause:

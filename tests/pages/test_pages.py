@@ -34,7 +34,8 @@ ELSEWHERE = {
     "autophyx-tet train ablation-concat --data data -o run": HOURS,
     "autophyx-tet train shipped-told --start ...": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --texts 5": HOURS,
-    "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing": HOURS,
+    "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing --predictors "
+    "film-assigned table-first": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing --texts 5    "
     "--predictors film film-assigned table-mean table-first retrieval constant": HOURS,
     "autophyx-tet evaluate --split merged --objects 90 --texts 2 --predictors film-voxels": HOURS,

@@ -13,13 +13,10 @@ if TYPE_CHECKING:
 
     from ..results.verdict import Verdict
 
-PARTS = {"name": "part", "material": "material", "E": "E [Pa]", "nu": "nu", "rho": "kg/m³"} | {
-    "mass": "mass [kg]",
-    "why": "because",
-}
+MATTER = {"E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
+PARTS = {"name": "part", "material": "material", **MATTER, "mass": "mass [kg]", "why": "because"}
 WORDS = {"word": "word", "voxels": "voxels"}
 REGIONS = {"name": "part", "tets": "tets", "volume": "volume [m³]"}
-MATTER = {"E": "E [Pa]", "nu": "nu", "rho": "kg/m³"}
 MATERIALS = {"name": "material", "category": "category"} | MATTER
 _FRAME = re.compile(r"_(\d{5})(\.\w+)$")  # what frames of a motion are called
 _FORMATS = {"rho": ".4g"}  # of numbers that three digits do not hold

@@ -123,7 +123,7 @@ def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np
     A gap wider than ``LONGEST`` long edges [m] of the lattice stays, as one that tets of other
     bodies reach around.
     """
-    surface, found, is_open = mesh.surface, [np.zeros((0, 3))], open_components(mesh.surface)
+    surface, found, is_open = mesh.surface, [NOWHERE], open_components(mesh.surface)
     for body in np.unique(surface.component[np.isin(surface.part, parts)]).tolist():
         held = mesh.of(body) if not is_open[body] else np.zeros(0, dtype=np.int64)
         piece = pieces_of(mesh.tets[held]) if len(held) else held
@@ -152,7 +152,7 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[
     There the tets of the one body and those of the other, within ``REACH`` long edges [m] of the
     lattice, do not hang together.
     """
-    out = [np.zeros((0, 3))]
+    out = [NOWHERE]
     for bodies in np.unique(found.bodies, axis=0):
         where = found.where[(found.bodies == bodies).all(axis=1)]
         for patch in _patches(where, BEAD * edge, REACH * edge):
