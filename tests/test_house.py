@@ -1,4 +1,4 @@
-"""The rules of the house: what imports what, how large a thing is, what a folder says of itself."""
+"""The rules of the house: what imports what, and what a folder says of itself."""
 
 import ast
 from functools import cache
@@ -41,7 +41,6 @@ LEARNERS = (
     "toolkit.datasets",
     "toolkit.image_features",
 )
-MOST_FILES, MOST_LINES, LONGEST = 14, 300, 60
 FOLDERS = sorted({init.parent for room in FLOORS for init in (ROOT / room).rglob("__init__.py")})
 CODE = [path for folder in FOLDERS for path in sorted(folder.glob("*.py"))]
 
@@ -123,10 +122,9 @@ def test_nothing_at_run_time_imports_data_sets_or_training():
 
 
 def test_a_folder_can_be_read():
-    """At most 14 files; its face says in five lines what goes in, what comes out, what to read."""
+    """Its face says in five lines what goes in, what comes out, what to read."""
     for folder in FOLDERS:
         files = sorted(path.stem for path in folder.glob("*.py"))
-        assert len(files) <= MOST_FILES, f"{folder}: {len(files)} files"
         said = ast.get_docstring(ast.parse((folder / "__init__.py").read_text())) or ""
         keys = ("In", "Out", "Read")
         lines = {key: said.partition(f"{key}: ")[2].partition("\n")[0] for key in keys}
@@ -134,37 +132,3 @@ def test_a_folder_can_be_read():
         named = lines["Read"].strip(".").split(", ")
         there = {*files, *(inner.parent.name for inner in folder.glob("*/__init__.py"))}
         assert set(named) <= there, f"{folder}: {set(named) - there} to read is not there"
-
-
-def test_nothing_is_too_long():
-    """Files of at most 300 lines, functions of at most 60; tests, benchmarks and notebooks too."""
-    others = [p for d in ("tests", "benchmarks", "notebooks") for p in (ROOT / d).rglob("*.py")]
-    for path in [*CODE, *others]:
-        text = path.read_text()
-        assert text.count("\n") <= MOST_LINES, f"{path}: {text.count(chr(10))} lines"
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                length = node.end_lineno - node.lineno + 1
-                assert length <= LONGEST, f"{path}:{node.lineno} {node.name}: {length} lines"
-
-
-# One name for one thing: the same thing under one name in two places is what these are.
-TWICE = {
-    "add_diagonal", "body_force", "rigid_motions",  # a function, and its kernel
-    "energy_and_stress", "exact_tangent", "projected_tangent",  # of laws
-    "features",  # the verb, and what it does to an asset
-    "main",
-    "bind",  # of clauses to parts: as people speak, and as the networks were taught
-}  # fmt: skip
-
-
-def test_one_name_one_thing():
-    """No public function or class of one name in two modules."""
-    homes: dict[str, list[str]] = {}
-    for path in CODE:
-        for node in ast.parse(path.read_text()).body:
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-                homes.setdefault(node.name, []).append(name_of(path))
-    twice = {name: where for name, where in homes.items() if len(where) > 1}
-    assert {name: where for name, where in twice.items() if name not in TWICE} == {}
-    assert set(twice) >= TWICE, f"no longer twice: {TWICE - set(twice)}"
