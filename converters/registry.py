@@ -63,6 +63,8 @@ class Format:
         What comes back as it was. What is given beside it, a writer refuses or it is told as lost.
     binned
         What is kept as one value a bin of tets, exactly where there are few values.
+    lumped
+        What is kept on the points: rho as the mass of every point.
     """
 
     title: str
@@ -71,17 +73,24 @@ class Format:
     write: Callable[..., Any] | None = None
     keeps: AbstractSet[Keeps] = frozenset()
     binned: AbstractSet[Keeps] = frozenset()
+    lumped: AbstractSet[Keeps] = frozenset()
 
     def loses(self, given: Iterable[Keeps]) -> tuple[Keeps, ...]:
-        """Return those of the items ``given`` that a file neither keeps nor bins."""
-        return tuple(item for item in given if item not in self.keeps | self.binned)
+        """Return those of the items ``given`` that a file neither keeps nor bins nor lumps."""
+        kept = self.keeps | self.binned | self.lumped
+        return tuple(item for item in given if item not in kept)
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program that meshes are exported to: the formats of its main file, the usual one first."""
+    """A program that meshes are exported to.
+
+    ``formats`` are those of its main file, the usual one first; ``notes`` gives sentences about how
+    the program will take a mesh under the options of a scene.
+    """
 
     formats: tuple[Format, ...]
+    notes: Callable[..., Iterable[str]] | None = None
 
     @property
     def suffixes(self) -> tuple[str, ...]:

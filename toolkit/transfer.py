@@ -267,9 +267,10 @@ def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:
 
 
 def _losses(result: ExportResult) -> Iterator[str]:
-    """Say what the program will not see as it is in the mesh."""
+    """Say how the program takes the body, and what it will not see as it is in the mesh."""
+    yield from result.done.notes
     change = result.quantisation()
-    if change and max(change["largest"].values()) > 0:
+    if change and max(change["largest"].values()) > 1e-9:  # rounding of a mean of equals is less
         worst = change["largest"]
         yield (
             f"materials were grouped into {result.done.bins}: E changes by at most "

@@ -18,13 +18,15 @@ from .scene_options import SceneOptions
 class Exported(NamedTuple):
     """Files written, the number of bins and what they changed (None: exact, per element).
 
-    ``lost`` is what was given and is not in the files; of what is binned ``error`` tells.
+    ``lost`` is what was given and is not in the files; of what is binned ``error`` tells. ``notes``
+    say how the program will take the body.
     """
 
     files: list[Path]
     bins: int | None
     error: BinError | None
     lost: tuple[Keeps, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def export_mesh(
@@ -79,7 +81,11 @@ def export_mesh(
         raise UsageError(f"{out}: {form.title} is not written")
     material_of(mesh)
     lost = form.loses(options.items(mesh))
+    notes = tuple(program.notes(mesh, options)) if program.notes else ()
     if not form.binned:
-        return Exported(form.write(path, mesh, options), None, None, lost)
+        return Exported(form.write(path, mesh, options), None, None, lost, notes)
     binned = bin_materials(mesh, bins=bins, grain=Keeps.GRAIN in form.binned)
-    return Exported(form.write(path, mesh, binned, options), len(binned), binned.error, lost)
+    error = binned.error
+    if Keeps.RHO not in form.binned:  # the bins' rho is not what is written
+        error = BinError((*error.largest[:2], 0.0), (*error.mean[:2], 0.0))
+    return Exported(form.write(path, mesh, binned, options), len(binned), error, lost, notes)

@@ -1,6 +1,7 @@
 """Transfer and export as a user meets them: what is written and said, one line for an error."""
 
 import json
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -13,7 +14,8 @@ from autophyx_tet.converters.mesh.mesh_file import write_mesh
 from autophyx_tet.converters.points.point_file import read_points, write_points
 from autophyx_tet.converters.points.splats.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.converters.programs.material_bins import NameStyle
+from autophyx_tet.converters.programs.export import export_mesh
+from autophyx_tet.converters.programs.material_bins import NameStyle, vertex_masses
 from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.scene.box import box_mesh
@@ -146,7 +148,10 @@ def test_a_field_a_density_grid_and_labelled_points_are_carried_too(cli, folder)
 def test_every_program_gets_its_files(target, cli):
     """The document lists what is there; one material is exact with any number of bins."""
     code, out, err = cli("export", "oak.msh", "--for", target, "-o", "model", "--json")
-    assert (code, err) == (0, "")
+    assert code == 0
+    said = "written for MuJoCo" if target == "mujoco" else ""  # how it moves the body, always
+    assert said in err
+    assert len(err.splitlines()) == bool(said)
     document = json.loads(out)
     assert document["mass"] == pytest.approx(OAK[2] * 0.2**3, rel=1e-6)
     assert document["files"][0] == "model" + PROGRAMS[target].suffixes[0]
@@ -183,7 +188,8 @@ def test_what_the_files_do_not_hold_is_a_warning(cli, folder):
     for target, said in (("mujoco", [words]), ("calculix", [])):
         code, out, _ = cli("export", "halves.msh", "--for", target, "-o", "out", "--json")
         assert code == 0
-        assert json.loads(out)["warnings"] == said, target
+        warnings = json.loads(out)["warnings"]
+        assert [w for w in warnings if not w.startswith("written for MuJoCo")] == said, target
     (folder / "face.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -194,6 +200,44 @@ def test_what_the_files_do_not_hold_is_a_warning(cli, folder):
         assert code == 0
         found = json.loads(out)["warnings"]
         assert [warning[: len(s)] for warning, s in zip(found, said, strict=True)] == said, name
+
+
+@pytest.mark.blockers
+def test_mujoco_gets_rho_in_its_masses_and_its_step_is_told(cli, folder):
+    """No warning of one rho, nor of rho that bins change; how MuJoCo moves it stands there."""
+    mesh = oak_box()
+    n = len(mesh.tets)
+    right = mesh.centroids[:, 0] > 0.1
+    rho = np.where(right, 7800.0, 400.0) + np.arange(n)
+    for E, words in ((1e6, "with a step of 0.2 ms"), (2e11, "one rigid body")):
+        material = ElementMaterial(np.full(n, E), np.full(n, 0.3), rho)
+        write_mesh(folder / "two.msh", mesh.with_material(material))
+        code, out, _ = cli(
+            "export", "two.msh", "--for", "mujoco", "-o", "two", "--bins", "2", "--json"
+        )
+        assert code == 0
+        document = json.loads(out)
+        (said,) = document["warnings"]
+        assert words in said
+        assert document["quantisation"]["largest"]["rho"] == 0
+        found = re.findall(r'<inertial [^>]*mass="([^"]+)"', (folder / "two.xml").read_text())
+        masses = np.array(found, dtype=float)
+        assert masses.sum() == pytest.approx(mesh.with_material(material).mass, rel=1e-12)
+        if E == 1e6:
+            np.testing.assert_allclose(masses, vertex_masses(mesh.with_material(material)))
+
+
+@pytest.mark.blockers
+def test_tets_too_thin_for_mujocos_solver_make_a_rigid_body_and_are_named(folder):
+    """A layer a 10,000th of its neighbours' thickness: rounding would stop the solver."""
+    mesh = oak_box((3, 3, 3))
+    points = mesh.points.copy()
+    points[np.isclose(points[:, 0], 0.2 / 3), 0] *= 1e-4
+    soft = ElementMaterial.uniform(len(mesh.tets), E=1e6, nu=0.3, rho=1000.0)
+    thin = TetMesh(points, mesh.tets, mesh.region, mesh.region_names, soft)
+    done = export_mesh(thin, "mujoco", folder / "thin")
+    assert "a mesh of better tets would stay soft" in done.notes[0]
+    assert "<freejoint/>" in (folder / "thin.xml").read_text()
 
 
 def test_gravity_and_up_reach_the_scene(cli, folder):
