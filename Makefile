@@ -9,9 +9,9 @@ STAMP := $(VENV)/.ready
 unexport PYTHONDONTWRITEBYTECODE
 
 # A thread for each of the two workers: four on two cores wait for each other.
-quick test test-all: export OMP_NUM_THREADS := 1
+quick inside outside: export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo check quick test test-all newest wheel bench lint types notebooks docs figures clean
+.PHONY: setup demo check quick test inside outside test-all newest wheel bench lint types notebooks docs figures clean
 
 setup: $(STAMP)
 
@@ -41,13 +41,21 @@ check: lint
 quick: $(STAMP)
 	@$(PYTEST) -n 2 -m "not slow and not real and not browser and not external"
 
-test: lint types
+# Every test that needs nothing but .venv; `outside` has all others.
+test: lint
+	@$(MAKE) --no-print-directory -j2 types inside
+
+inside: $(STAMP)
 	@$(PYTEST) -n 2 -m "not real and not browser and not external"
 
-test-all: lint types
+# Real assets, a browser and outside programs, which are installed where they are missing.
+outside: $(STAMP)
 	@bash .ci/system --all
 	@EXTRAS=external,openclip bash .ci/setup
-	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2
+	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2 -m "real or browser or external"
+
+test-all: test
+	@$(MAKE) --no-print-directory outside
 
 # The quick tests and the wheel with the newest Python that we promise, in an environment of its own.
 newest:

@@ -23,13 +23,11 @@ import autophyx_tet as apx
 import numpy as np
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
-from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
 
 TABLE = Path(__file__).resolve().parent / "data" / "known_masses.toml"
 HALVES = ("tune", "report")
 WORDINGS = ("text", "name")
 MM = 1e-3
-CELLS = 16  # one part: the grid resolves nothing
 SEGMENTS = 48  # of a circle: the area of a 48-gon is .3 % below
 WATER = 1000.0  # kg/m^3 everywhere: what knows nothing
 
@@ -96,13 +94,12 @@ def _without_repeats(outline: Sequence[Sequence[float]]) -> np.ndarray:
     return np.array(kept)
 
 
-def weigh(thing: Mapping[str, Any], predictor: str) -> Iterator[Weighed]:
-    """Convert a thing once, and assign it under both wordings."""
+def weigh(thing: Mapping[str, Any]) -> Iterator[Weighed]:
+    """Convert a thing once, and assign it under both wordings, with the defaults of both."""
     asset = Asset("thing", (Part("body", shape(thing)),), up="z")
-    solid = apx.convert(asset, options=ConvertOptions(edge_length_rel=0.1))
+    solid = apx.convert(asset)
     for wording in WORDINGS:
-        options = AssignOptions(cells=CELLS, predictor=predictor)
-        result = apx.assign(solid.mesh, thing[wording], options=options)
+        result = apx.assign(solid.mesh, thing[wording], asset=solid.asset)
         row = result.part_rows()[0]
         low, high = row["mass_interval"]
         yield Weighed(
@@ -137,12 +134,11 @@ def main() -> None:
     """Weigh the things and print the figures of each half and wording."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--half", choices=HALVES, help="one half; by default both")
-    parser.add_argument("--predictor", default="film", help="who finds what words leave open")
     parser.add_argument("--list", action="store_true", help="every thing; not the half `report`")
     parser.add_argument("--json", type=Path, help="file for all rows")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
-    rows = [row for thing in things(options.half) for row in weigh(thing, options.predictor)]
+    rows = [row for thing in things(options.half) for row in weigh(thing)]
     for row in rows if options.list else ():
         if row.half == "tune":
             mark = " " if row.covered else "!"

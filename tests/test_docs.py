@@ -1,14 +1,19 @@
 """The documentation builds without a warning, and its commands and numbers are the program's."""
 
 import json
+import os
 import re
 import shlex
 import subprocess
 import sys
+from itertools import product
 
 import pytest
 import tyro
+from _pytest.mark.expression import Expression
 from autophyx_tet.toolkit.cli.main import COMMANDS
+
+GROUPS = ("real", "browser", "external")  # tests that need more than .venv, as in conftest.py
 
 
 @pytest.mark.slow
@@ -95,3 +100,92 @@ def test_recorded_figures_stand_on_their_pages(root):
         for name, value in row.items():
             if isinstance(value, int | float):
                 assert {value, round(100 * value, 3)} & said, (row["name"], name)
+
+
+@pytest.mark.blockers
+def test_ci_runs_the_commands_of_the_readme_in_their_order(root):
+    """`make demo`, then `make test`, as a reader who has just cloned it."""
+    block = re.findall(r"```bash\n(.*?)```", (root / "README.md").read_text(), re.DOTALL)[0]
+    named = re.findall(r"^make \w+", block, re.MULTILINE)
+    called = re.findall(r"\bmake [\w-]+", (root / ".ci" / "run").read_text())
+    assert named == ["make demo", "make test"]
+    assert called[:2] == named
+    assert "make test-all" not in called  # it runs `make test` again
+
+
+@pytest.mark.blockers
+def test_every_test_runs_once_in_ci(root):
+    """Of any groups, a test is selected by exactly one of `make test` and `make outside`."""
+    said = re.findall(r'^(\w+):.*\n(?:\t.*\n)*?\t.*PYTEST\) -n 2 -m "(.*)"', _makefile(root), re.M)
+    inside, outside = (Expression.compile(dict(said)[name]) for name in ("inside", "outside"))
+    for marks in product((False, True), repeat=len(GROUPS)):
+        wears = dict(zip(GROUPS, marks, strict=True))
+        matches = [one.evaluate(lambda name, w=wears: w[name]) for one in (inside, outside)]
+        assert sum(matches) == 1, wears
+
+
+def _makefile(root):
+    return (root / "Makefile").read_text()
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("chosen", "code", "said"),
+    [
+        ("not real and not browser and not external", 0, ""),
+        ("not real", 1, "groups that ran no test: ['browser', 'external']"),
+        ("not blockers", 1, "groups that ran no test: ['real', 'browser', 'external']"),
+    ],
+)
+def test_an_empty_group_fails_where_all_are_required(root, chosen, code, said):
+    """Where ``-m`` leaves a group out by name it is not asked for."""
+    words = [sys.executable, "-m", "pytest", "-m", chosen]
+    words += ["tests/test_docs.py::test_measured_numbers_say_how_and_where"]
+    env = {**os.environ, "AUTOPHYX_REQUIRE_ALL": "1"}
+    done = subprocess.run(words, cwd=root, env=env, capture_output=True, text=True, timeout=300)
+    assert done.returncode == code, done.stderr
+    assert said in done.stderr
+
+
+@pytest.mark.blockers
+def test_no_limit_denies_what_a_registry_offers(root):
+    """A line "no A, B or C" of `limits.md` names nothing that a method, scenario or class does."""
+    from autophyx_tet.fem.mpm.classes import MaterialClass
+    from autophyx_tet.fem.scenarios.scenario import SCENARIOS
+    from autophyx_tet.fem.solve.method import METHODS
+    from autophyx_tet.toolkit.options import SimulateOptions
+
+    offered = {*SCENARIOS.names, *METHODS.names, *(one.name.lower() for one in MaterialClass)}
+    offered |= vars(SimulateOptions()).keys()
+    words = {  # of engineers, for what the registries call otherwise
+        "plasticity": "metal", "viscosity": "visplas", "fracture": "tear", "fluids": "fluid",
+        "vibrations": "modal", "motions": "dynamics", "damping": "damping",
+        "contact of a body with itself": "self_contact",
+    }  # fmt: skip
+    assert {*words.values()} <= offered
+    text = " ".join((root / "docs" / "limits.md").read_text().split())
+    denied = " ".join(re.findall(r"\bno \w[\w ,]*", text, re.IGNORECASE)).lower()
+    assert [word for word in words if word in denied] == []
+
+
+@pytest.mark.blockers
+def test_the_limit_of_units_names_the_formats_that_state_theirs(root):
+    """All suffixes that keep the unit of length, and no other."""
+    from autophyx_tet.converters.registry import Keeps
+    from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS
+
+    text = (root / "docs" / "limits.md").read_text()
+    (said,) = re.findall(r"\* \*\*Units\.\*\*([^;]*) state theirs", text)
+    stated = {suffix for suffix in ASSET_FORMATS if Keeps.UNIT in ASSET_FORMATS[suffix].keeps}
+    assert {*re.findall(r"`(\.\w+)`", said)} == stated
+
+
+@pytest.mark.blockers
+def test_the_page_of_the_architecture_names_every_method(root):
+    """The row of the registry lists all its members."""
+    from autophyx_tet.fem.solve.method import METHODS
+
+    lines = (root / "docs" / "architecture.md").read_text().splitlines()
+    (row,) = [line for line in lines if "`METHODS`" in line]
+    assert {*re.findall(r"`(\w+)`", row)} == {"METHODS", "Scene", *METHODS.names}

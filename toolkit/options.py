@@ -51,7 +51,7 @@ class ConvertOptions:
     size: float | None = None
     """Longest side of the asset's bounding box [m]."""
     units: Unit | None = None
-    """Unit of the file's numbers; glTF is metres, others are taken as metres with a warning."""
+    """Unit of the file's numbers; what states none is taken as metres, with a warning."""
     up: UpAxis | None = None
     """Axis that points up; by default what the format says (glTF and OBJ: y, others: z)."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO

@@ -33,7 +33,8 @@ ELSEWHERE = {
     "autophyx-tet dataset audit -o audit --resume": HOURS,
     "autophyx-tet train ablation-concat --data data -o run": HOURS,
     "autophyx-tet train shipped-told --start ...": HOURS,
-    "autophyx-tet evaluate --split validation --objects 80 --texts 5": HOURS,
+    "autophyx-tet evaluate --split validation --objects 80 --texts 5 --predictors film-assigned "
+    "table-mean": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing --predictors "
     "film-assigned table-first": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing --texts 5    "
