@@ -105,7 +105,7 @@ class Lookup:
         for part, said in zip(parts, statements, strict=True):
             choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
-            warnings += [*_kind_taken(choice, said), *told]
+            warnings += told
         choices, told = with_relations(
             choices,
             [said.all("comparisons") for said in statements],
@@ -162,6 +162,9 @@ class Lookup:
             clauses = said.clauses or (Clause(free, (0, len(free)), _WHOLE),)
             statements[i] = PartStatement(clauses, override=free)
             warnings += [f"--part {name}: {line}" for line in (*said.notes, *_unread(said))]
+        # What every part's name is against speaks of nothing else than these parts.
+        if all(map(self._decider.keeps_name, parts, statements)):
+            statements = [replace(said, whole=False) for said in statements]
         return statements, warnings
 
     def _row_called(self, words: Sequence[str]) -> Material | None:
@@ -207,14 +210,6 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
         borrowed=ways <= {*GENERAL},
         whole=ways == {"whole"} and not (naming and _leaves_nothing_out(naming)),
     )
-
-
-def _kind_taken(choice: PartChoice, said: PartStatement) -> Iterator[str]:
-    """That a row stands for a kind of matter; generic rows span theirs."""
-    naming = said.naming
-    if naming and naming.kind and "generic" not in choice.row.name:
-        kind = f"{naming.phrase!r} is a kind of matter"
-        yield f"part {choice.part!r}: {kind}, taken as {choice.row.name}"
 
 
 def _leaves_nothing_out(clause: Clause) -> bool:
