@@ -130,7 +130,7 @@ class FilmPredictor:
         if certainty is not None:
             why += f", right in about {10 * certainty:.0f} of 10 such cases"
         if clause is not None and clause.material:
-            choice = self.lookup.of_phrase(words.part, clause.material, clause.level, why)
+            choice = self.lookup.of_clause(words.part, clause, why)
             return replace(
                 choice,
                 weight=share,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from ...fem.scene.materials import FIELDS, Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
+from ..hearing.clauses import HeardClause
 from ..language.binding import names_object
 from ..language.clauses import Clause, Degree
 from ..prediction import PartChoice
@@ -137,11 +138,11 @@ class Decider:
             choice = as_stated(choice)
         return replace(choice, unknown=said.unknown), (*_doubts_of(part, said, choice), *warnings)
 
-    def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
-        """Choose for a part what a phrase names, a predictor having found the part for it."""
-        degree = _HEARD_DEGREE.get(level)
-        row = self._named(phrase, phrase, degree)
-        stiffness = degree if row is self.table.exact(phrase) else None
+    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+        """Choose for a part what a clause names, a predictor having found the part for it."""
+        degree, named = _HEARD_DEGREE.get(clause.level), self.table.exact(clause.material or "")
+        row = self._named(clause.phrase, named.name, degree)
+        stiffness = degree if row is named else None
         value = value_at(row, stiffness=stiffness, density=None, absolute=False)
         return PartChoice(part, row, value, 1.0, PLACE[stiffness or 3], why)
 

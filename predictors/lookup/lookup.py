@@ -25,6 +25,7 @@ from ...fem.scene.materials import (
 )
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
+from ..hearing.clauses import HeardClause
 from ..hearing.vocabulary import stem, vocabulary_of
 from ..language.binding import GENERAL, Bound, BoundPart
 from ..language.clauses import Clause, Sentence, Subject
@@ -119,9 +120,9 @@ class Lookup:
         choices = self._overruled(choices, parts, materials or {}, values or {}, alpha)
         return WordChoices(choices, tuple(dict.fromkeys((*warnings, *told))))
 
-    def of_phrase(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
-        """Choose for a part what a phrase of the table names, soft or stiff as ``level`` says."""
-        return self._decider.named(part, phrase, level, why)
+    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+        """Choose for a part the material that a clause names, soft or stiff as its level says."""
+        return self._decider.of_clause(part, clause, why)
 
     def _statements(
         self,
