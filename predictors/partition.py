@@ -118,7 +118,7 @@ def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.n
 
 def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
     """Name of the piece of a part that a clause speaks of, unlike those that are taken."""
-    spoken = clause.parts or map(stem, (clause.material or clause.text).split())
+    spoken = clause.parts or map(stem, (clause.phrase or clause.text).split())
     name = f"{part} {' '.join(spoken)}"
     options = (name, *(f"{name} {i}" for i in range(2, len(taken) + 3)))
     return next(option for option in options if option not in taken)

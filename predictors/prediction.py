@@ -72,8 +72,10 @@ class PartChoice:
         Whether nothing names the material: what is nearest in meaning was taken.
     matter
         Class of matter that a network found, in small letters; "" for that of the row.
-    understood
-        Whether what the text says of the part was understood.
+    unknown
+        The clause that names something unknown for the part, where none names a material.
+    doubts
+        Sentences about how this row came to be taken.
     draws
         Other plausible materials that a network drew, in the order of their seeds.
     exact
@@ -93,10 +95,26 @@ class PartChoice:
     network: str = ""
     derivation: tuple[str, ...] = ()
     guessed: bool = False
-    understood: bool = True
+    unknown: Clause | None = None
+    doubts: tuple[str, ...] = ()
     matter: str = ""
     draws: tuple[MaterialValue, ...] = ()
     exact: tuple[str, ...] = ()
+
+    @property
+    def understood(self) -> bool:
+        """Whether what the text says of the part was understood."""
+        return self.unknown is None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about the row that was taken, whoever took it."""
+        if self.unknown is None:
+            return self.doubts
+        near = ", ".join(map(repr, self.unknown.nearest)) or "none"
+        unread = f"{self.unknown.unknown!r} is no material that is known (nearest: {near})"
+        taken = f"taken as {self.material}, which is no more than a guess"
+        return (f"part {self.part!r}: {unread}; {taken}", *self.doubts)
 
     @property
     def matter_class(self) -> str:
@@ -179,6 +197,7 @@ class Prediction:
             # A network may give a part what is said of another by its name.
             foreign |= choice.binding is not None and choice.binding.clause in own.values()
             say = f"say it in the text or with --part '{choice.part}=...'"
+            yield from choice.warnings
             if choice.elsewhere:
                 said = choice.clause.text if choice.clause else ""
                 yield (

@@ -271,5 +271,5 @@ def _clauses(example: HeldOutObject) -> list[HeardClause]:
 def _one_clause(said: str) -> HeardClause:
     """Read as one what was written as one: "use velvet for the fabric" speaks of fabric."""
     first, *others = [*listen(said, load_table()).clauses, HeardClause(said)]
-    spoken_of = [part for clause in others for part in (clause.material, *clause.parts) if part]
+    spoken_of = [part for clause in others for part in (clause.phrase, *clause.parts) if part]
     return HeardClause(said, first.material, (*first.parts, *spoken_of))

@@ -130,16 +130,22 @@ class FilmPredictor:
         if certainty is not None:
             why += f", right in about {10 * certainty:.0f} of 10 such cases"
         if clause is not None and clause.material:
-            choice = self.lookup.of_phrase(words.part, clause.material, clause.level, why)
+            choice = self.lookup.of_clause(words.part, clause, why)
             return replace(
-                choice, weight=share, settled=False, binding=binding, understood=words.understood
+                choice,
+                weight=share,
+                settled=False,
+                binding=binding,
+                unknown=words.unknown,
+                guessed=words.unknown is not None,
             )
         mean = found.values[cells].mean(axis=0)
         value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
         row = nearest_row(self.table, found.normalisation, mean)
         return PartChoice(
             words.part, row, value, share, 0.5, why, settled=False, binding=binding,
-            network="FiLM", understood=words.understood,
+            network="FiLM", unknown=words.unknown,
+            guessed=clause is None or words.unknown is not None,
         )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ def _strength(noun: str, part: NamedPart) -> float:
 
 def nouns_of(clause: HeardClause) -> tuple[str, ...]:
     """Part words of a clause; of "soil" alone the material is the part."""
-    return clause.parts or tuple(map(stem, (clause.material or "").split()))
+    return clause.parts or tuple(map(stem, clause.phrase.split()))
 
 
 def overlap(

@@ -23,7 +23,7 @@ class HeardClause:
     text
         Its words, without those that say nothing.
     material
-        The phrase of the table that it names, or None.
+        A name of the table's row that it names, or None.
     parts
         Stems of the words for the parts it speaks of, in order.
     level
@@ -31,6 +31,8 @@ class HeardClause:
     written
         All words from its first to its last as they were written: "extremely" is no filler for a
         network. ``text`` where its words stand apart in the sentence.
+    phrase
+        The words that name the row, which the table need not have: "PP". "" without a material.
     """
 
     text: str
@@ -38,10 +40,13 @@ class HeardClause:
     parts: tuple[str, ...] = ()
     level: str | None = None
     written: str = field(default="", compare=False)
+    phrase: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if not self.written:
             object.__setattr__(self, "written", self.text)
+        if not self.phrase:
+            object.__setattr__(self, "phrase", self.material or "")
 
     @classmethod
     def of(cls, clause: Clause) -> HeardClause:
@@ -54,8 +59,8 @@ class HeardClause:
         degrees = ((clause.stiffness, "soft", "stiff"), (clause.density, "light", "dense"))
         levels = [low if n < 3 else high for n, low, high in degrees if n is not None and n != 3]
         return cls(
-            text or clause.text, clause.phrase or clause.material, parts,
-            next(iter(levels), None), clause.text,
+            text or clause.text, clause.material, parts,
+            next(iter(levels), None), clause.text, clause.phrase,
         )  # fmt: skip
 
 

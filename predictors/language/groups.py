@@ -91,10 +91,11 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             degree = lexeme.value
         elif role == "fake":
             fake = True
-        elif role == "material" and lexeme.part and len(lexeme.words) > 1:
-            # "cardboard box" of a part "box": the phrase names the matter, its last word the part.
+        elif role == "material" and lexeme.names and len(lexeme.words) > 1:
+            # "cardboard box" of a part "box", "spring steel" of a spring: the phrase names the
+            # matter, one word of it the part.
             out.append(Mention("material", replace(lexeme, part=False), lexeme.value))
-            out.append(Mention("part", replace(lexeme, words=lexeme.words[-1:])))
+            out.append(Mention("part", replace(lexeme, words=lexeme.names)))
         elif role == "material":
             out.append(_material(lexeme, run, i, owes=owes, fake=fake))
             fake = False

@@ -20,6 +20,7 @@ class Lexeme:
     words: Phrase = ()
     known: bool = True  # to the dictionary, the table or the part names
     part: bool = False  # whether a part of the asset is called so
+    names: Phrase = ()  # those words of a row's phrase that a part is called too
     tag: str = ""
     dep: str = ""
     note: str = ""

@@ -67,7 +67,8 @@ def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]
             best = next((lexeme for lexeme in candidates if lexeme), None)
             if best:
                 single = best.end == cut[i].end or best.role == "material"
-                found.append(replace(best, part=single and best.words[-1] in known))
+                part = single and best.words[-1] in known
+                found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
     return found
 
 
@@ -83,12 +84,16 @@ def _material(
     if not row or not _is_meant(run, stems, lexicon):
         return None
     start, stop = run[0].start, run[-1].end
-    opens = i == 0 or cut[i - 1].text in "|;,\n"  # "| saddle leather": a saddle, what it is of
-    divided = opens and stems[0] in known and stems[1:] in lexicon.rows
-    if divided or text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
+    if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
         return None
+    opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
+    divided = opens and stems[0] in known and stems[1:] in lexicon.rows
+    if divided and known & {atom.stem for atom in cut if atom not in run}:
+        return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")
-    return Lexeme(text[start:stop], start, stop, "material", row, stems, note=note)
+    return Lexeme(
+        text[start:stop], start, stop, "material", row, stems, names=stems[:1] * divided, note=note
+    )
 
 
 def _connector(

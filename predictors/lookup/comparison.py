@@ -94,8 +94,8 @@ def _related(
     wanted = relation.factor * getattr(reference.value, measure)
     if not named and reference.row:
         choice = replace(
-            choice, row=reference.row, value=reference.value, guessed=not relation.exact,
-            settled=True, weight=1.0, network="",
+            choice, row=reference.row, value=reference.value, doubts=(), settled=True, weight=1.0,
+            guessed=not (relation.exact and choice.understood), network="",
         )  # fmt: skip
     own = getattr(choice.value, measure)
     if named and not relation.exact:  # no more than a word: a row that is named keeps its range

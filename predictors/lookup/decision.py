@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from ...fem.scene.materials import FIELDS, Material, MaterialTable, key, load_contents
 from ..hearing.binding import NamedPart
+from ..hearing.clauses import HeardClause
 from ..language.binding import names_object
 from ..language.clauses import Clause, Degree
 from ..prediction import PartChoice
@@ -122,7 +123,7 @@ class Decider:
 
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
-        choice, doubts = self._row_of(part, said)
+        choice = self._row_of(part, said)
         if said.override:
             choice = replace(choice, why=f"override: {said.override!r}", settled=True)
         choice = self._placed(choice, said, alpha)
@@ -135,48 +136,63 @@ class Decider:
             choice = replace(choice, settled=True)
         if {*FIELDS} <= {number.measure for number in said.numbers}:
             choice = as_stated(choice)
-        return choice, (*doubts, *_doubts_of(part, said, choice), *warnings)
+        return replace(choice, unknown=said.unknown), (*_doubts_of(part, said, choice), *warnings)
 
-    def named(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
-        """Choose for a part what a phrase names, a predictor having found the part for it."""
-        degree = _HEARD_DEGREE.get(level)
-        row = self._named(phrase, phrase, degree)
-        stiffness = degree if row is self.table.exact(phrase) else None
+    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+        """Choose for a part what a clause names, a predictor having found the part for it."""
+        degree, named = _HEARD_DEGREE.get(clause.level), self.table.exact(clause.material or "")
+        row = self._named(clause.phrase, named.name, degree)
+        stiffness = degree if row is named else None
         value = value_at(row, stiffness=stiffness, density=None, absolute=False)
         return PartChoice(part, row, value, 1.0, PLACE[stiffness or 3], why)
 
-    def _row_of(self, part: NamedPart, said: PartStatement) -> tuple[PartChoice, Sequence[str]]:
-        """Choose the row, at the middle of its ranges; and say what does not fit."""
+    def _row_of(self, part: NamedPart, said: PartStatement) -> PartChoice:
+        """Choose the row, at the middle of its ranges."""
         naming, deciding = said.naming, said.deciding
         contents = load_contents().phrases.get(part.spoken)
         if contents and not part.material and (said.whole or not said.clauses):
-            return _choice(part, contents, f"name: {part.name!r}"), ()
+            return _choice(part, contents, f"name: {part.name!r}")
         label = self.table.exact(part.material) if part.material else None
-        named = self.table.exact(naming.material or "") if naming else None
-        # "Beech", said of the whole, is against an ash_leg, and not against a glass_top.
-        other = named is label or (named and label and named.category != label.category)
-        if naming is not None and not (said.whole and label and other):
+        if naming is not None and not self.keeps_name(part, said):
             material = naming.material or ""
             row = self._named(naming.phrase or material, material, said.first("stiffness"))
             why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
             choice = _choice(part, row, why, clause=naming, settled=not said.open)
             # "The chair is beech": so are its legs.
             of_object = said.whole and not said.spoken and names_object(naming)
-            return replace(choice, borrowed=said.borrowed and not of_object), ()
+            doubts = _kind_taken(part, said, row)
+            return replace(choice, borrowed=said.borrowed and not of_object, doubts=doubts)
         if label and is_held(part, label):
             bare = " ".join(part.name_words[-1:])
             part, label = replace(part, name_words=(bare,), material=None), None
         if label and not _ruled_out(label, said):
-            why, understood = f"name: {part.material_label!r}", said.unknown is None
-            return _choice(part, label, why, clause=deciding, understood=understood), ()
+            why = f"name: {part.material_label!r}"
+            doubts = _kind_taken(part, said, label)
+            if said.whole and naming and naming.material != label.name:
+                wins = f"its name, {label.name}, wins: the text says {naming.material}"
+                doubts = (*doubts, f"part {part.name!r}: {wins}")
+            known = said.unknown is None
+            return _choice(part, label, why, clause=deciding, settled=known, doubts=doubts)
         coating = said.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
             doubt = f"part {part.name!r}: only what covers it is said, {row.name}: taken as its own"
-            return _choice(part, row, f"{coating}, which covers it", guessed=True), (doubt,)
+            return _choice(part, row, f"{coating}, which covers it", guessed=True, doubts=(doubt,))
         if deciding is None or said.unknown is not None:
-            return self._by_meaning(part, said), ()
+            return self._by_meaning(part, said)
         return self._among(part, said, deciding)
+
+    def keeps_name(self, part: NamedPart, said: PartStatement) -> bool:
+        """Whether a part's own name says more of it than what is said of the whole.
+
+        "Beech", said of the whole, is against an ash_leg, and not against a glass_top.
+        """
+        if not (said.whole and said.naming):
+            return False
+        if not part.material:
+            return part.spoken in load_contents().phrases
+        named, label = self.table.exact(said.naming.material or ""), self.table.exact(part.material)
+        return named is label or named.category != label.category
 
     def _named(self, words: str, material: str, degree: Degree | None) -> Material:
         """Return the row that words name, or its soft or hard relative where one is said."""
@@ -186,9 +202,7 @@ class Decider:
                 return row
         return self.table.exact(material)
 
-    def _among(
-        self, part: NamedPart, said: PartStatement, deciding: Clause
-    ) -> tuple[PartChoice, Sequence[str]]:
+    def _among(self, part: NamedPart, said: PartStatement, deciding: Clause) -> PartChoice:
         """Choose the row nearest in meaning of those that can be as is said, without a name."""
         rows = rows_at(
             self.kernel.rows, stiffness=said.first("stiffness"), density=said.first("density"),
@@ -198,7 +212,7 @@ class Decider:
         rows = fitting or self.kernel.rows
         rubber = None if said.kind else rubber_of(self.table.rows, said.numbers)
         if rubber is not None:
-            return _choice(part, rubber, deciding.text, clause=deciding, guessed=True), ()
+            return _choice(part, rubber, deciding.text, clause=deciding, guessed=True)
         rows = [row for row in rows if may_have(row, said.numbers)] or rows
         usual = {self.table.exact(word).name for word in (*COMMON, *ALSO_COMMON)}
         names = {row.name for row in rows}
@@ -208,11 +222,11 @@ class Decider:
             f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
             f"{near.row.name} is no more than the nearest in meaning"
         )
-        choice = _choice(
+        return _choice(
             part, near.row, f"{deciding.text!r}, nearest in meaning", clause=deciding,
             weight=near.share, guessed=True, settled=not said.open,
+            doubts=() if fitting else (doubt,),
         )  # fmt: skip
-        return choice, () if fitting else (doubt,)
 
     def _by_meaning(self, part: NamedPart, said: PartStatement) -> PartChoice:
         """Choose the row nearest in meaning to the part's name; the common ones if all are far."""
@@ -221,8 +235,7 @@ class Decider:
         near = self.kernel.nearest(query, common=common)
         return _choice(
             part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
-            settled=near.meaningful and not said.open, guessed=True,
-            understood=said.unknown is None,
+            settled=near.meaningful and not (said.open or said.unknown), guessed=True,
         )  # fmt: skip
 
     def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
@@ -260,12 +273,21 @@ def _choice(
     weight: float = 1.0,
     settled: bool = True,
     guessed: bool = False,
-    understood: bool = True,
+    doubts: tuple[str, ...] = (),
 ) -> PartChoice:
     return PartChoice(
-        part.name, row, row.value(), weight, 0.5, why, settled=settled and understood,
-        clause=clause, guessed=guessed, understood=understood,
+        part.name, row, row.value(), weight, 0.5, why, settled=settled, clause=clause,
+        guessed=guessed, doubts=doubts,
     )  # fmt: skip
+
+
+def _kind_taken(part: NamedPart, said: PartStatement, row: Material) -> tuple[str, ...]:
+    """That a row stands for a kind of matter; generic rows span theirs."""
+    naming = said.naming
+    if naming and naming.kind and "generic" not in row.name:
+        kind = f"{naming.phrase!r} is a kind of matter"
+        return (f"part {part.name!r}: {kind}, taken as {row.name}",)
+    return ()
 
 
 def _ruled_out(row: Material, said: PartStatement) -> bool:
@@ -281,12 +303,6 @@ def _ruled_out(row: Material, said: PartStatement) -> bool:
 def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list[str]:
     """Sentences about what was said of a part and could not be taken as it stands."""
     told = []
-    if said.unknown is not None:
-        near = ", ".join(map(repr, said.unknown.nearest)) or "none"
-        told.append(
-            f"part {part.name!r}: {said.unknown.unknown!r} is no material that is known (nearest: "
-            f"{near}); its values are those of {choice.row.name}, which is no more than a guess"
-        )
     named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
     first, *others = named or [""]
     if others:
@@ -294,7 +310,5 @@ def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list
             f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
             f"{first!r} is taken, {', '.join(map(repr, others))} not"
         )
-    if said.whole and named and choice.why.startswith("name: ") and choice.row.name not in named:
-        told.append(f"part {part.name!r}: its name, {choice.row.name}, wins: the text says {first}")
     told += [f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(said.all("doubts"))]
     return told

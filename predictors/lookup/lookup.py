@@ -25,6 +25,7 @@ from ...fem.scene.materials import (
 )
 from ..encoders.protocol import TextEncoder
 from ..hearing.binding import NamedPart
+from ..hearing.clauses import HeardClause
 from ..hearing.vocabulary import stem, vocabulary_of
 from ..language.binding import GENERAL, Bound, BoundPart
 from ..language.clauses import Clause, Sentence, Subject
@@ -105,7 +106,7 @@ class Lookup:
         for part, said in zip(parts, statements, strict=True):
             choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
-            warnings += [*_kind_taken(choice, said), *told]
+            warnings += told
         choices, told = with_relations(
             choices,
             [said.all("comparisons") for said in statements],
@@ -119,9 +120,9 @@ class Lookup:
         choices = self._overruled(choices, parts, materials or {}, values or {}, alpha)
         return WordChoices(choices, tuple(dict.fromkeys((*warnings, *told))))
 
-    def of_phrase(self, part: str, phrase: str, level: str | None, why: str) -> PartChoice:
-        """Choose for a part what a phrase of the table names, soft or stiff as ``level`` says."""
-        return self._decider.named(part, phrase, level, why)
+    def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
+        """Choose for a part the material that a clause names, soft or stiff as its level says."""
+        return self._decider.of_clause(part, clause, why)
 
     def _statements(
         self,
@@ -162,6 +163,9 @@ class Lookup:
             clauses = said.clauses or (Clause(free, (0, len(free)), _WHOLE),)
             statements[i] = PartStatement(clauses, override=free)
             warnings += [f"--part {name}: {line}" for line in (*said.notes, *_unread(said))]
+        # What every part's name is against speaks of nothing else than these parts.
+        if all(map(self._decider.keeps_name, parts, statements)):
+            statements = [replace(said, whole=False) for said in statements]
         return statements, warnings
 
     def _row_called(self, words: Sequence[str]) -> Material | None:
@@ -207,14 +211,6 @@ def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) ->
         borrowed=ways <= {*GENERAL},
         whole=ways == {"whole"} and not (naming and _leaves_nothing_out(naming)),
     )
-
-
-def _kind_taken(choice: PartChoice, said: PartStatement) -> Iterator[str]:
-    """That a row stands for a kind of matter; generic rows span theirs."""
-    naming = said.naming
-    if naming and naming.kind and "generic" not in choice.row.name:
-        kind = f"{naming.phrase!r} is a kind of matter"
-        yield f"part {choice.part!r}: {kind}, taken as {choice.row.name}"
 
 
 def _leaves_nothing_out(clause: Clause) -> bool:

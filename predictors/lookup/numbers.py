@@ -107,7 +107,7 @@ def as_stated(choice: PartChoice) -> PartChoice:
     if not choice.guessed:
         return replace(choice, settled=True)
     row, why = stated_material(choice.value), choice.derivation[-1]
-    return replace(choice, row=row, why=why, weight=1.0, settled=True, guessed=False)
+    return replace(choice, row=row, why=why, weight=1.0, settled=True, guessed=False, doubts=())
 
 
 def may_have(row: Material, numbers: Sequence[Quantity]) -> bool:

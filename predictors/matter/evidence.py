@@ -31,7 +31,7 @@ def matters(clauses: Sequence[HeardClause]) -> Int[np.ndarray, "clauses"]:
 def _matter(clause: HeardClause) -> int:
     if any(kind_of(part) is None for part in clause.parts):
         return -1
-    kind = kind_of(clause.material or "") or kind_of(clause.written)
+    kind = kind_of(clause.phrase) or kind_of(clause.written)
     return -1 if kind is None else KINDS.index(kind)
 
 

@@ -121,7 +121,7 @@ class UniPixiePredictor:
         matter = MaterialClass(int(votes.argmax())).name.lower()
         return PartChoice(
             words.part, row, value, words.weight, share, why, settled=False, network="UniPixie",
-            guessed=True, understood=words.understood, matter=matter,
+            guessed=True, unknown=words.unknown, matter=matter,
         )  # fmt: skip
 
 

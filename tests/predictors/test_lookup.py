@@ -228,7 +228,7 @@ def test_a_sentence_wins_over_a_name_of_its_kind_and_another_kind_is_told():
     labels = [["glass_top"], ["frame"]]
     settled = LOOKUP.settle(labels, read_sentence("an oak table", labels, TABLE))
     assert settled.choices[0].row is TABLE.exact("glass")
-    assert any("'glass_top': its name" in warning for warning in settled.warnings)
+    assert any("'glass_top': its name" in line for line in settled.choices[0].warnings)
 
 
 def test_what_is_said_of_everything_wins_over_names_and_what_names_a_part_over_that():

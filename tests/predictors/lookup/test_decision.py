@@ -85,16 +85,17 @@ def test_a_kind_alone_is_kept():
 
 def test_an_unknown_word_is_not_understood():
     """Its part is marked and told with the nearest words; no predictor takes it for settled."""
-    choice, told = decide("pot", clause("the pot is blarg", unknown="blarg", nearest=("glass",)))
+    choice, _ = decide("pot", clause("the pot is blarg", unknown="blarg", nearest=("glass",)))
+    told = choice.warnings
     assert not choice.understood
     assert not choice.settled
     assert "'pot'" in told[0]
     assert "'blarg'" in told[0]
     assert "'glass'" in told[0]
-    kept, told = decide("pot/Ceramic", clause("the pot is blarg", unknown="blarg"))
+    kept, _ = decide("pot/Ceramic", clause("the pot is blarg", unknown="blarg"))
     assert kept.row is TABLE.exact("ceramic")
     assert not kept.understood
-    assert told
+    assert kept.row.name in kept.warnings[0]
 
 
 def test_two_materials_for_one_part_are_told():
@@ -149,25 +150,25 @@ def test_full_numbers_settle_a_part_without_a_word():
 
 def test_numbers_of_an_unknown_material_stay_as_they_were_said():
     """They settle the part, which is none the less not understood."""
-    choice, told = decide("blob", clause("blarg, 2 GPa", unknown="blarg", numbers=(GPA,)))
+    choice, _ = decide("blob", clause("blarg, 2 GPa", unknown="blarg", numbers=(GPA,)))
     assert choice.value.E == GPA.value
     assert choice.settled
     assert not choice.understood
-    assert "blarg" in told[0]
+    assert "blarg" in choice.warnings[0]
 
 
 def test_where_no_matter_is_as_is_said_that_is_told():
     """Nothing is metal, and neither metal nor anything else: the nearest of all is a guess."""
     every = tuple({row.category for row in TABLE})
-    choice, told = decide("blob", clause("metal", kind="metal", excluded=every))
+    choice, _ = decide("blob", clause("metal", kind="metal", excluded=every))
     assert choice.guessed
-    assert "no material" in told[0]
-    assert not decide("blob", clause("metal", kind="metal"))[1]
+    assert "no material" in choice.warnings[0]
+    assert not decide("blob", clause("metal", kind="metal"))[0].warnings
 
 
 def test_only_what_covers_a_part_is_told():
-    choice, told = decide("knob", clause("covered with leather", coating="leather"))
+    choice, _ = decide("knob", clause("covered with leather", coating="leather"))
     assert choice.row is TABLE.exact("leather")
     assert choice.guessed
-    assert "only what covers it" in told[0]
-    assert not decide("knob", clause("leather on oak", "oak", coating="leather"))[1]
+    assert "only what covers it" in choice.warnings[0]
+    assert not decide("knob", clause("leather on oak", "oak", coating="leather"))[0].warnings
