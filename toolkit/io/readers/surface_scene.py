@@ -15,18 +15,52 @@ from .asset_formats import NamedSurface
 if TYPE_CHECKING:
     import trimesh
 
+# Pictures of a material, by trimesh's names: those that a skin is made of, and the others.
+TEXTURES = ("image", "baseColorTexture", "metallicRoughnessTexture")
+UNSEEN_TEXTURES = ("emissiveTexture", "normalTexture", "occlusionTexture")
+
 
 def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
-    """Parse with trimesh, changing nothing."""
+    """Parse with trimesh, changing nothing; textures are decoded."""
     import trimesh
 
-    return trimesh.load_scene(
+    scene = trimesh.load_scene(
         io.BytesIO(data),
         file_type=path.suffix[1:].lower(),
         resolver=references,  # type: ignore[arg-type]
         process=False,
         **options,
     )
+    _decode_textures(scene, references)
+    return scene
+
+
+def _decode_textures(scene: trimesh.Scene, references: References) -> None:
+    """Decode the pictures that a skin is made of, once, and let go of all others.
+
+    An image that Pillow has only opened decodes itself in whoever first asks for a pixel, and two
+    threads that ask at the same time break each other's stream.
+    """
+    visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
+    materials = (getattr(visual, "material", None) for visual in visuals)
+    for material in {id(material): material for material in materials}.values():
+        for kind in UNSEEN_TEXTURES:
+            if getattr(material, kind, None) is not None:
+                setattr(material, kind, None)
+        for kind in TEXTURES:
+            image = getattr(material, kind, None)
+            if image is None:
+                continue
+            try:
+                image.load()
+            except Exception as error:  # a parser of untrusted bytes may raise anything
+                setattr(material, kind, None)
+                name = getattr(material, "name", None) or "without a name"
+                reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+                references.warn(
+                    f"a texture of material {name} cannot be decoded ({reason}): its parts have "
+                    "the plain colour of the material; export the texture again"
+                )
 
 
 def surface_meshes(scene: trimesh.Scene) -> list[tuple[str, trimesh.Trimesh]]:
