@@ -75,11 +75,26 @@ def node_surfaces(scene: trimesh.Scene) -> list[NamedSurface]:
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
         if is_surface(mesh):
-            mesh = mesh.copy()
-            mesh.apply_transform(transform)
-            names = _ancestry(scene, node, str(geometry))
-            surfaces.append(NamedSurface(mesh, names, mesh_material_name(mesh)))
+            path = node_path(scene, node)
+            names = (node, str(geometry), *path[1:])
+            surfaces.append(NamedSurface(placed(mesh, transform), names, mesh_material_name(mesh)))
     return surfaces
+
+
+def placed(mesh: trimesh.Trimesh, transform: np.ndarray) -> trimesh.Trimesh:
+    """Return a copy of a mesh where ``transform`` (4, 4) puts it."""
+    mesh = mesh.copy()
+    mesh.apply_transform(transform)
+    return mesh
+
+
+def node_path(scene: trimesh.Scene, node: str) -> list[str]:
+    """Names of a node and of the nodes above it, nearest first."""
+    parents = scene.graph.transforms.parents
+    names = [node]
+    while names[-1] in parents:
+        names.append(parents[names[-1]])
+    return names
 
 
 def is_surface(geometry: Any) -> bool:
@@ -102,13 +117,3 @@ def refuse_entities(path: Path, text: bytes) -> None:
     """No XML entities: they can read files and grow without bound."""
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{path}: declares XML entities, which are not read: export it again")
-
-
-def _ancestry(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, ...]:
-    """Names of a node, of its mesh and of the nodes above it, nearest first."""
-    parents = scene.graph.transforms.parents
-    names = [node, geometry]
-    while node in parents:
-        node = parents[node]
-        names.append(node)
-    return tuple(names)
