@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...fem.scene.mesh import TetMesh
+from ...fem.scene.up import up_vector
 from ..files import writing
 from ..registry import Format, Keeps, Program
 from .material_bins import Bins, vertex_masses
@@ -44,17 +45,15 @@ MUJOCO = Program(
 
 
 def _world(mesh: TetMesh, used: np.ndarray, options: SceneOptions) -> Iterator[str]:
-    axis = "xyz".index(options.up)
-    gravity = -options.gravity * np.eye(3)[axis]
-    turn = {"x": "0 1 0 1.5707963267948966", "y": "1 0 0 -1.5707963267948966", "z": "0 0 1 0"}
-    ground = np.zeros(3)
-    ground[axis] = mesh.bounds[0, axis] - 2 * _radius(mesh)
+    upwards = up_vector(options.up)
+    gravity = -options.gravity * upwards
+    ground = (float((mesh.bounds @ upwards).min()) - 2 * _radius(mesh)) * upwards
     yield f'  <option gravity="{_row(gravity)}" integrator="discrete" timestep="0.002"/>\n'
     yield f'  <statistic extent="{_diagonal(mesh)!r}" center="{_row(mesh.bounds.mean(axis=0))}"/>\n'
     yield "  <worldbody>\n"
     yield (
         f'    <geom name="ground" type="plane" size="0 0 1" pos="{_row(ground)}" '
-        f'axisangle="{turn[options.up]}"/>\n'
+        f'zaxis="{_row(upwards)}"/>\n'
     )
     masses = vertex_masses(mesh)[used].tolist()
     for i, (place, mass) in enumerate(zip(mesh.points[used], masses, strict=True)):
