@@ -22,6 +22,7 @@ from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.support_finder import find_supports
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.scene.up import up_vector
 from autophyx_tet.fem.solve.dynamics import TOLERANCE, Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
@@ -102,10 +103,9 @@ def real(name: str) -> Body:
     mesh = read_mesh(real_mesh(name, cache_folder()))
     mesh = mesh.with_material(replace(mesh.material, tensor=None))
     sidecar = json.loads(real_mesh(name, cache_folder()).with_suffix(".msh.json").read_text())
-    axis = "xyz".index(sidecar["up"])
-    held = find_supports(mesh, axis).supports
-    push = 1e-3 * np.eye(3)[(axis + 1) % 3]
-    return Body(name, mesh, held, -9.81 * np.eye(3)[axis], push, 20)
+    up = up_vector(sidecar["up"])
+    held = find_supports(mesh, sidecar["up"]).supports
+    return Body(name, mesh, held, -9.81 * up, 1e-3 * np.roll(up, 1), 20)
 
 
 BODIES = {"bar": bar, "slab": slab, "bonsai": bonsai}

@@ -13,6 +13,7 @@ from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticR
 from .safety import Safety
 from .scene.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
 from .scene.scene import Scene
+from .scene.up import up_vector
 from .uncertainty.intervals import Interval
 from .uncertainty.likely import Likely
 
@@ -114,7 +115,7 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
     if not np.any(scene.gravity_vector):
         mass = mesh.volumes * material_of(mesh).rho
         middle = mass @ mesh.points[mesh.tets].mean(axis=1) / mass.sum()
-        weight = -GRAVITY * mass.sum() * np.eye(3)[scene.up]
+        weight = -GRAVITY * mass.sum() * up_vector(scene.up)
         force, moment = force + weight, moment + np.cross(middle, weight)
     inside, friction = foothold(mesh.points[result.supported], force, moment, scene.up)
     passed, found = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ..fem.errors import InputError
+from ..fem.scene.up import UpAxis, half_turn
 
 if TYPE_CHECKING:
     import trimesh
 
-UpAxis = Literal["x", "y", "z"]
-
-
-def up_vector(up: UpAxis) -> Float[np.ndarray, "3"]:
-    """Unit vector that points up."""
-    return np.eye(3)["xyz".index(up)]
-
 
 def upright(points: Float[np.ndarray, "*n 3"], up: UpAxis) -> Float[np.ndarray, "*n 3"]:
     """Return points turned so that ``up`` becomes z."""
-    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
-    return np.stack({"z": (x, y, z), "y": (x, -z, y), "x": (-z, y, x)}[up], -1)
+    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64) * half_turn(up), -1, 0)
+    return np.stack({"z": (x, y, z), "y": (x, -z, y), "x": (-z, y, x)}[up[-1]], -1)
 
 
 @dataclass(frozen=True, eq=False)

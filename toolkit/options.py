@@ -15,6 +15,7 @@ from ..fem.errors import UsageError
 from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
 from ..fem.scenarios.scenario import SCENARIOS
+from ..fem.scene.axes import UpAxis
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
 from .io.units import Unit
@@ -22,7 +23,6 @@ from .meshing.meshers import AUTO, MESHERS
 
 # What a stage of progress begins with that says how long a run will take: it is always shown.
 EXPECTED = "expected: "
-UpAxis = Literal["x", "y", "z"]
 Names = Literal["symbols", "usd", "vomp", "pixie", "newton"]
 
 
@@ -53,7 +53,7 @@ class ConvertOptions:
     units: Unit | None = None
     """Unit of the file's numbers; what states none is taken as metres, with a warning."""
     up: UpAxis | None = None
-    """Axis that points up; by default what the format says (glTF and OBJ: y, others: z)."""
+    """Axis that points up, COLMAP's is -y; by default the format's (glTF and OBJ: y, others: z)."""
     mesher: Annotated[str, choice(MESHERS, AUTO)] = AUTO
     """ftetwild keeps epsilon; stuffing is quick, auto for samples, large scans, time-outs."""
     edge_length_rel: float | None = None

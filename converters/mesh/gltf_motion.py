@@ -18,16 +18,11 @@ from jaxtyping import Float
 
 from ...fem.errors import InputError
 from ...fem.scene.mesh import TetMesh
+from ...fem.scene.up import UpAxis, half_turn
 from ..files import writing
 
 FLOAT, INDEX, BYTE = 5126, 5125, 5121  # component types
 VERTICES, INDICES = 34962, 34963  # what a buffer view is for
-# Rows that turn the up axis x, y or z of a mesh to +y, glTF's: rotations, no mirror.
-TO_Y = (
-    np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    np.eye(3),
-    np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
-)
 GOLDEN = (5**0.5 - 1) / 2  # turns of the colour wheel between two parts: neighbours differ
 
 
@@ -37,7 +32,7 @@ def write_motion_glb(
     times: Float[np.ndarray, "frames"],
     displacement: Float[np.ndarray, "frames points 3"],
     *,
-    up: int = 2,
+    up: UpAxis = "z",
 ) -> Path:
     """Write the surface of a mesh [m] that moves by ``displacement`` [m] at ``times`` [s].
 
@@ -53,7 +48,7 @@ def write_motion_glb(
         raise InputError(f"{path.name}: a motion needs frames at rising times, got {len(times)}")
     body = _Buffers()
     faces, points, parts = _surface(mesh)
-    turn = TO_Y[up].T
+    turn = to_y(up).T
     shapes = [body.add(u[points] @ turn, "VEC3", VERTICES, ends=True) for u in displacement]
     shades = [colorsys.hsv_to_rgb(part * GOLDEN % 1, 0.45, 0.75) for part in range(parts.max() + 1)]
     colours = np.round(255 * np.array([(*shade, 1.0) for shade in shades])).astype(np.uint8)
@@ -75,6 +70,16 @@ def write_motion_glb(
     with writing(path) as target:
         target.write_bytes(_glb(document, bytes(body.bytes)))
     return path
+
+
+def to_y(up: UpAxis) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation that takes the up axis of a mesh to +y, glTF's."""
+    turns = {
+        "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+        "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        "z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    }
+    return np.array(turns[up[-1]]) * half_turn(up)
 
 
 def _scene(primitive: dict[str, Any], sampler: dict[str, Any], times: np.ndarray) -> dict[str, Any]:

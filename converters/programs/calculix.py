@@ -17,6 +17,7 @@ from ...fem.discrete.space import Space, affordable_order, make_space
 from ...fem.scene.mesh import TetMesh
 from ...fem.scene.support_finder import find_supports
 from ...fem.scene.supports import Supports
+from ...fem.scene.up import UpAxis, up_vector
 from ..files import writing
 from ..registry import MATERIAL, Format, Keeps, Program
 from .material_bins import Bins
@@ -29,15 +30,14 @@ _ELEMENT = {1: "C3D4", 2: "C3D10"}
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
     """Write the deck; ``ccx STEM`` then writes displacement and stress to STEM.frd and .dat."""
     space = make_space(mesh, options.order or affordable_order(mesh))
-    axis = "xyz".index(options.up)
-    supports = node_supports(options.supports or find_supports(mesh, axis)[0], space)
+    supports = node_supports(options.supports or find_supports(mesh, options.up)[0], space)
     with writing(path) as target, target.open("w", encoding="ascii", newline="\n") as file:
         file.write("*HEADING\nGravity sag; SI units: m, kg, s, N, Pa\n")
         file.writelines(_nodes(space))
         file.writelines(_elements(mesh, space, bins))
         file.writelines(_springs(supports, first=len(mesh.tets) + 1))
         file.writelines(_materials(bins))
-        file.writelines(_step(supports, options.gravity, axis))
+        file.writelines(_step(supports, options.gravity, options.up))
     return [path]
 
 
@@ -128,8 +128,8 @@ def _springs(supports: Supports, first: int) -> Iterator[str]:
         yield f"*SPRING, ELSET=SPRING{i + 1}\n{int(axis) + 1}\n{k:.12e}\n"
 
 
-def _step(supports: Supports, gravity: float, axis: int) -> Iterator[str]:
-    down = -np.eye(3, dtype=int)[axis]
+def _step(supports: Supports, gravity: float, up: UpAxis) -> Iterator[str]:
+    down = -up_vector(up).astype(int)
     yield "*STEP\n*STATIC\n*BOUNDARY\n"
     for component in range(3):
         held = np.flatnonzero(supports.fixed[:, component])

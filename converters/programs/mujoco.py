@@ -20,6 +20,7 @@ import numpy as np
 
 from ...fem.scene.material import wave_speed
 from ...fem.scene.mesh import TetMesh, largest_explicit_step, material_of
+from ...fem.scene.up import up_vector
 from ..files import writing
 from ..registry import Format, Keeps, Program
 from .material_bins import Bins, vertex_masses
@@ -134,11 +135,9 @@ MUJOCO = Program(
 
 
 def _world(mesh: TetMesh, motion: Motion, options: SceneOptions) -> Iterator[str]:
-    axis = "xyz".index(options.up)
-    gravity = -options.gravity * np.eye(3)[axis]
-    turn = {"x": "0 1 0 1.5707963267948966", "y": "1 0 0 -1.5707963267948966", "z": "0 0 1 0"}
-    ground = np.zeros(3)
-    ground[axis] = mesh.bounds[0, axis] - 2 * _radius(mesh)
+    upwards = up_vector(options.up)
+    gravity = -options.gravity * upwards
+    ground = (float((mesh.bounds @ upwards).min()) - 2 * _radius(mesh)) * upwards
     solver = "" if motion.rigid else f' iterations="{motion.iterations}"'
     yield (
         f'  <option gravity="{_row(gravity)}" integrator="discrete" '
@@ -148,7 +147,7 @@ def _world(mesh: TetMesh, motion: Motion, options: SceneOptions) -> Iterator[str
     yield "  <worldbody>\n"
     yield (
         f'    <geom name="ground" type="plane" size="0 0 1" pos="{_row(ground)}" '
-        f'axisangle="{turn[options.up]}"/>\n'
+        f'zaxis="{_row(upwards)}"/>\n'
     )
 
 

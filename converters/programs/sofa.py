@@ -9,6 +9,7 @@ import numpy as np
 
 from ...fem.scene.mesh import TetMesh, material_of
 from ...fem.scene.support_finder import find_supports
+from ...fem.scene.up import up_vector
 from ..files import writing
 from ..mesh.msh import write_msh
 from ..registry import Format, Keeps, Program
@@ -41,12 +42,11 @@ def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
     SOFA knows one Poisson's ratio a force field: it is the mean over the volume.
     """
     material = material_of(mesh)
-    axis = "xyz".index(options.up)
-    supports = options.supports or find_supports(mesh, axis)[0]
+    supports = options.supports or find_supports(mesh, options.up)[0]
     mesh_path = path.with_suffix(".msh")
     young = float(material.E.max())
     scene = _SCENE.format(
-        gravity=_row(-options.gravity * np.eye(3)[axis]),
+        gravity=_row(-options.gravity * up_vector(options.up)),
         mesh=mesh_path.name.replace("&", "&amp;").replace('"', "&quot;"),
         masses=_row(vertex_masses(mesh)),
         young=repr(young),

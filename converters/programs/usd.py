@@ -8,12 +8,13 @@ one material a body: a body of several has their mean bound to it, and each to i
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ...fem.errors import UsageError
 from ...fem.scene.mesh import TetMesh, material_of
+from ...predictors.asset import upright
 from ..files import writing
 from ..registry import MATERIAL, Format, Program
 from .material_bins import Bins, bin_materials
@@ -32,13 +33,17 @@ _MATERIAL = ("PhysicsVolumeDeformableMaterialAPI", "OmniPhysicsDeformableMateria
 
 
 def _write(path: Path, mesh: TetMesh, bins: Bins, options: SceneOptions) -> list[Path]:
-    """Write metres and kilograms; exact E, nu, rho stay beside the bins as uniform primvars."""
-    if options.up == "x":
-        raise UsageError("USD knows the up axes y and z; turn the mesh or take another target")
+    """Write metres and kilograms; exact E, nu, rho stay beside the bins as uniform primvars.
+
+    A stage has y or z up: of a body that has another axis up the points are turned until z is.
+    """
+    up = options.up
+    if up not in ("y", "z"):
+        mesh, up = replace(mesh, points=upright(mesh.points, up)), "z"
     with writing(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
         file.write(
             '#usda 1.0\n(\n    defaultPrim = "World"\n    kilogramsPerUnit = 1\n'
-            f'    metersPerUnit = 1\n    upAxis = "{options.up.upper()}"\n)\n\n'
+            f'    metersPerUnit = 1\n    upAxis = "{up.upper()}"\n)\n\n'
             'def Xform "World"\n{\n'
         )
         file.writelines(_tet_mesh(mesh, bins))

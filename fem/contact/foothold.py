@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..scene.up import UpAxis, up_index, up_vector
+
 
 class Foothold(NamedTuple):
     """What a body that only stands on level ground needs of it.
@@ -23,7 +25,7 @@ def foothold(
     feet: Float[np.ndarray, "n 3"],
     force: Float[np.ndarray, "3"],
     moment: Float[np.ndarray, "3"],
-    up: int,
+    up: UpAxis,
 ) -> Foothold:
     """Foothold of a rigid body on level ground along the axis ``up`` below its ``feet`` [m].
 
@@ -31,13 +33,14 @@ def foothold(
     such ground is at rest if and only if its load meets the ground within the convex hull of its
     feet, as there pressures alone balance it.
     """
-    x, y = (up + 1) % 3, (up + 2) % 3
-    if force[up] >= 0:
+    z, upwards = up_index(up), up_vector(up)
+    x, y = (z + 1) % 3, (z + 2) % 3
+    if force @ upwards >= 0:
         return Foothold(-np.inf, np.inf)
-    base = feet[:, up].min() * np.eye(3)[up]
+    base = (feet @ upwards).min() * upwards
     about = moment - np.cross(base, force)
-    place = np.array([-about[y], about[x]]) / force[up]
-    slides = float(np.hypot(force[x], force[y]) / -force[up])
+    place = np.array([-about[y], about[x]]) / force[z]
+    slides = float(np.hypot(force[x], force[y]) / abs(force[z]))
     return Foothold(_depth(place, feet[:, [x, y]]), slides)
 
 

@@ -16,6 +16,7 @@ from ..scene.mesh import TetMesh
 from ..scene.obstacles import Box, Distance, Obstacle, Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
+from ..scene.up import up_index
 from .background import BackgroundGrid, grid_around
 from .particles import Particles
 
@@ -205,12 +206,13 @@ def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
     for wall in (*scene.obstacles, *([scene.ground] if scene.ground else [])):
         if isinstance(wall, Plane):
             normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
-            foot = low + normal * min(0.0, float((np.asarray(wall.point) - low) @ normal))
+            corner = np.where(normal < 0, high, low)
+            foot = corner + normal * min(0.0, float((np.asarray(wall.point) - corner) @ normal))
             reach.append(foot)
     lows, highs = np.min(reach, axis=0), np.max(reach, axis=0)
     first = next(iter(scene.obstacles), None)
-    if isinstance(first, Plane) and abs(first.normal[scene.up]) > 1 - 1e-9:
-        level = {scene.up: float(first.point[scene.up])}
+    if isinstance(first, Plane) and abs(first.normal[up_index(scene.up)]) > 1 - 1e-9:
+        level = {up_index(scene.up): float(first.point[up_index(scene.up)])}
         return grid_around(lows, highs, spacing, planes=level)
     return grid_around(lows, highs, spacing)
 

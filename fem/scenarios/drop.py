@@ -11,9 +11,9 @@ from ..deprecation import renamed_options
 from ..laws.law import Law
 from ..result import MotionResult
 from ..scene.mesh import TetMesh
-from ..scene.obstacles import Plane
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, up_axis
+from ..scene.support_finder import ground_under
+from ..scene.up import UpAxis, up_vector
 from ..solve.dynamics import DynamicMethod
 from ..solve.method import FrameProgress
 from ..solve.schemes import Scheme
@@ -40,21 +40,18 @@ class Drop:
     gravity: float = 9.81
     frames: int = FRAMES
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` above the ground; ``InputError`` where the height is not positive."""
-        axis = up_axis(up)
         size = float(np.ptp(mesh.bounds, axis=0).max())
         height = 0.5 * size if self.height is None else self.height
         checked_positive("height", height, "m")
         checked_positive("gravity", self.gravity, "m/s^2")
         checked_number("friction", self.friction, "", least=0.0)
-        normal = np.eye(3)[axis]
-        ground = Plane(tuple(mesh.bounds[0] - height * normal), tuple(normal))
         return Scene(
             mesh=mesh,
-            up=axis,
-            gravity_vector=-self.gravity * normal,
-            obstacles=(ground,),
+            up=up,
+            gravity_vector=-self.gravity * up_vector(up),
+            obstacles=(ground_under(mesh, up, gap=height),),
             friction=self.friction,
             duration=FALLS * float(np.sqrt(2 * height / self.gravity)),
             frames=self.frames,
@@ -65,7 +62,7 @@ class Drop:
 def drop(
     mesh: TetMesh,
     *,
-    up: Axis = "z",
+    up: UpAxis = "z",
     height: float | None = None,
     friction: float = 0.3,
     gravity: float = 9.81,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis
+from ..scene.up import UpAxis
 from .drop import Drop
 
 # PhysGaussian's and AutoPhyX's falls: 50 frames of 0.04 s.
@@ -31,7 +31,7 @@ class Fall:
     friction: float = 0.3
     gravity: float = 9.81
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` above the ground; ``InputError`` where the height is not positive."""
         size = float(np.ptp(mesh.bounds, axis=0).max())
         height = size if self.height is None else self.height

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from ..result import SagResult
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, up_axis
+from ..scene.support_finder import find_supports
+from ..scene.up import UpAxis, up_vector
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_number
 
@@ -25,18 +24,17 @@ class Hang:
 
     gravity: float = 9.81
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the hanging ``mesh``."""
-        axis = up_axis(up)
-        held, warnings = find_supports(mesh, axis, from_top=True)
-        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * np.eye(3)[axis]
-        return Scene(mesh=mesh, up=axis, supports=held, gravity_vector=weight, warnings=warnings)
+        held, warnings = find_supports(mesh, up, from_top=True)
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
+        return Scene(mesh=mesh, up=up, supports=held, gravity_vector=weight, warnings=warnings)
 
 
 def hang(
     mesh: TetMesh,
     *,
-    up: Axis = "z",
+    up: UpAxis = "z",
     order: int | None = None,
     gravity: float = 9.81,
     law: str | None = None,

@@ -12,7 +12,8 @@ from ..result import SagResult
 from ..scene.loads import spread_force
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
+from ..scene.support_finder import find_supports, ground_under
+from ..scene.up import UpAxis, up_vector
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_direction, checked_positive, checked_vector
 
@@ -35,30 +36,28 @@ class Poke:
     at: Sequence[float] | None = None
     direction: Sequence[float] | None = None
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
-        axis = up_axis(up)
         used = np.unique(mesh.tets)
-        highest = mesh.points[used[np.argmax(mesh.points[used, axis])]]
+        highest = mesh.points[used[np.argmax(mesh.points[used] @ up_vector(up))]]
         place = highest if self.at is None else checked_vector("poke at", self.at, "m")
-        down = -np.eye(3)[axis]
-        given = down if self.direction is None else self.direction
+        given = -up_vector(up) if self.direction is None else self.direction
         pushes = checked_direction("poke direction", given)
         force = checked_positive("poke force", self.force, "N")
         faces = mesh.boundary.faces
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
         patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
-        held, warnings = find_supports(mesh, axis)
+        held, warnings = find_supports(mesh, up)
         loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
-        stands = {"supports": held, "ground": ground_under(mesh, axis)}
-        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings)
 
 
 def poke(
     mesh: TetMesh,
     *,
-    up: Axis = "z",
+    up: UpAxis = "z",
     force: float = 10.0,
     at: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,

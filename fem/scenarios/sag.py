@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from ..errors import InputError
 from ..result import SagResult
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
+from ..scene.support_finder import find_supports, ground_under
+from ..scene.up import UpAxis, up_vector
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_number
 
@@ -33,21 +32,20 @@ class Sag:
     supports: str = "base"
     gravity: float = 9.81
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
-        axis = up_axis(up)
         if self.supports not in SUPPORTS:
             raise InputError(f"supports {self.supports!r}: wanted one of {', '.join(SUPPORTS)}")
-        held, warnings = find_supports(mesh, axis, three_point=self.supports == "three-point")
-        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * np.eye(3)[axis]
-        stands = {"supports": held, "ground": ground_under(mesh, axis)}
-        return Scene(mesh=mesh, up=axis, **stands, gravity_vector=weight, warnings=warnings)
+        held, warnings = find_supports(mesh, up, three_point=self.supports == "three-point")
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, gravity_vector=weight, warnings=warnings)
 
 
 def sag(
     mesh: TetMesh,
     *,
-    up: Axis = "z",
+    up: UpAxis = "z",
     order: int | None = None,
     supports: str = "base",
     gravity: float = 9.81,

@@ -9,7 +9,7 @@ from ..registry import Registry
 if TYPE_CHECKING:
     from ..scene.mesh import TetMesh
     from ..scene.scene import Scene
-    from ..scene.support_finder import Axis
+    from ..scene.up import UpAxis
 
 
 @runtime_checkable
@@ -26,7 +26,7 @@ class Scenario(Protocol):
     # Whether the first vibrations of the standing body belong to its answer.
     with_modes: ClassVar[bool]
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` with the axis ``up`` pointing up."""
         ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..result import MotionResult
 from ..scene.mesh import TetMesh, material_of
 from ..scene.obstacles import gripper
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, up_axis
+from ..scene.up import UpAxis, up_index
 from ..solve.dynamics import DynamicMethod
 from ..solve.method import FrameProgress
 from ..validation import checked_number
@@ -40,17 +40,17 @@ class Squeeze:
     method: ClassVar[str] = "dynamics"
     with_modes: ClassVar[bool] = False
 
-    axis: Axis | None = None
+    axis: Literal["x", "y", "z"] | None = None
     share: float = 0.1
     friction: float = 0.5
     frames: int = FRAMES
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` between the plates; ``InputError`` where the share is not one."""
         if not 0 < self.share < 1:
             raise InputError(f"share {self.share:g}: wanted between 0 and 1")
         checked_number("friction", self.friction, "", least=0.0)
-        k = up_axis(self.axis or ("x" if up != "x" else "y"))
+        k = up_index(self.axis or ("x" if up[-1] != "x" else "y"))
         low, high = mesh.bounds
         diagonal = float(np.linalg.norm(high - low))
         room = ROOM * diagonal * np.eye(3)[k]
@@ -60,7 +60,7 @@ class Squeeze:
         speed = self.share * float(high[k] - low[k]) / 2 / duration
         return Scene(
             mesh=mesh,
-            up=up_axis(up),
+            up=up,
             obstacles=gripper(tuple(low - room), tuple(high + room), k, speed),
             friction=self.friction,
             duration=duration,
@@ -72,7 +72,7 @@ class Squeeze:
 def squeeze(
     mesh: TetMesh,
     *,
-    axis: Axis = "x",
+    axis: Literal["x", "y", "z"] = "x",
     share: float = 0.1,
     friction: float = 0.5,
     frames: int = FRAMES,

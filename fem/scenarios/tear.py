@@ -9,8 +9,8 @@ import numpy as np
 
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, up_axis
 from ..scene.supports import Supports
+from ..scene.up import UpAxis, up_vector
 from ..validation import checked_number, checked_positive
 
 # Points within this share of the length from an end are gripped.
@@ -29,9 +29,8 @@ class Tear:
     time: float = 2.0
     gravity: float = 0.0
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of ``mesh`` between two grips; ``InputError`` where a number is out of range."""
-        axis = up_axis(up)
         checked_positive("share", self.share, "")
         checked_positive("time", self.time, "s")
         checked_number("gravity", self.gravity, "m/s^2", least=0.0)
@@ -41,7 +40,7 @@ class Tear:
         pull = 0.5 * self.share * (high - low)[along] * np.eye(3)[along]
         held = Supports.clamp(len(place), place < GRIPPED, -pull)
         held = held.with_fixed(place > 1 - GRIPPED, (0, 1, 2), pull)
-        weight = -self.gravity * np.eye(3)[axis]
+        weight = -self.gravity * up_vector(up)
         return Scene(
-            mesh=mesh, up=axis, supports=held, gravity_vector=weight, duration=self.time, frames=50
+            mesh=mesh, up=up, supports=held, gravity_vector=weight, duration=self.time, frames=50
         )

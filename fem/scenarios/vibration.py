@@ -7,7 +7,8 @@ from typing import ClassVar
 
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, up_axis
+from ..scene.support_finder import find_supports
+from ..scene.up import UpAxis
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,7 @@ class Vibration:
 
     modes: int = 6
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``."""
-        axis = up_axis(up)
-        held, warnings = find_supports(mesh, axis)
-        return Scene(mesh=mesh, up=axis, supports=held, modes=self.modes, warnings=warnings)
+        held, warnings = find_supports(mesh, up)
+        return Scene(mesh=mesh, up=up, supports=held, modes=self.modes, warnings=warnings)

@@ -13,7 +13,8 @@ from ..scene.boundary import face_normals
 from ..scene.loads import Traction
 from ..scene.mesh import TetMesh
 from ..scene.scene import Scene
-from ..scene.support_finder import Axis, find_supports, ground_under, up_axis
+from ..scene.support_finder import find_supports, ground_under
+from ..scene.up import UpAxis, up_vector
 from ..solve.equilibrium import StaticMethod
 from ..validation import checked_direction, checked_positive
 
@@ -39,10 +40,9 @@ class Wind:
     speed: float = 10.0
     drag: float = 1.2
 
-    def scene(self, mesh: TetMesh, *, up: Axis = "z") -> Scene:
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
-        axis = up_axis(up)
-        given = np.eye(3)[(axis + 1) % 3] if self.direction is None else self.direction
+        given = np.roll(up_vector(up), 1) if self.direction is None else self.direction
         blows = checked_direction("wind direction", given)
         speed = checked_positive("wind speed", self.speed, "m/s")
         drag = checked_positive("drag coefficient", self.drag, "")
@@ -50,16 +50,16 @@ class Wind:
         facing = -face_normals(mesh.points, faces) @ blows
         windward = facing > 0
         push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
-        held, warnings = find_supports(mesh, axis)
+        held, warnings = find_supports(mesh, up)
         loads = (Traction(faces[windward], push, "the windward side"),)
-        stands = {"supports": held, "ground": ground_under(mesh, axis)}
-        return Scene(mesh=mesh, up=axis, **stands, tractions=loads, warnings=warnings, **GUST)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings, **GUST)
 
 
 def wind(
     mesh: TetMesh,
     *,
-    up: Axis = "z",
+    up: UpAxis = "z",
     direction: Sequence[float] | None = None,
     speed: float = 10.0,
     drag: float = 1.2,

@@ -13,6 +13,7 @@ from .loads import Traction
 from .mesh import TetMesh, material_of
 from .obstacles import Obstacle, Plane
 from .supports import Supports
+from .up import UpAxis, up_index
 
 
 class Hold(NamedTuple):
@@ -36,7 +37,7 @@ class Scene:
     mesh
         Tets with a material.
     up
-        Index of the axis that points up: the body's height is measured along it.
+        The axis that points up, with its sign: the body's height is measured along it.
     supports
         What holds the body; None: nothing does.
     holds
@@ -64,7 +65,7 @@ class Scene:
     """
 
     mesh: TetMesh
-    up: int = 2
+    up: UpAxis = "z"
     supports: Supports | None = None
     holds: tuple[Hold, ...] = ()
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
@@ -88,7 +89,7 @@ class Scene:
     @property
     def height(self) -> float:
         """Extent of the body along the up axis [m]."""
-        return float(np.ptp(self.mesh.bounds[:, self.up]))
+        return float(np.ptp(self.mesh.bounds[:, up_index(self.up)]))
 
     @property
     def longest(self) -> float:

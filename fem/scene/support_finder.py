@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
 from .components import face_components, spans_plane
 from .mesh import TetMesh
 from .obstacles import Plane
 from .supports import Supports
+from .up import UpAxis, lowest_corner, up_index, up_vector
 
-Axis = Literal["x", "y", "z"]
-AXES = {"x": 0, "y": 1, "z": 2}
 # Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
 # meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
 BASE_SHARE = 0.02
 
 
-def up_axis(up: str) -> int:
-    """Index of the axis ``up``."""
-    if up not in AXES:
-        raise InputError(f"up axis {up!r}: wanted one of x, y, z")
-    return AXES[up]
-
-
-def ground_under(mesh: TetMesh, axis: int) -> Plane:
-    """Level ground under the lowest point of ``mesh``: what stands on it cannot sink below."""
-    return Plane(tuple(mesh.bounds[0]), tuple(np.eye(3)[axis]))
+def ground_under(mesh: TetMesh, up: UpAxis, *, gap: float = 0.0) -> Plane:
+    """Level ground ``gap`` [m] under the lowest point of ``mesh``: nothing sinks below it."""
+    normal = up_vector(up)
+    return Plane(tuple(lowest_corner(mesh.bounds, up) - gap * normal), tuple(normal))
 
 
 class FoundSupports(NamedTuple):
@@ -39,7 +31,7 @@ class FoundSupports(NamedTuple):
 
 
 def find_supports(
-    mesh: TetMesh, axis: int, *, three_point: bool = False, from_top: bool = False
+    mesh: TetMesh, up: UpAxis, *, three_point: bool = False, from_top: bool = False
 ) -> FoundSupports:
     """Supports on which every component of ``mesh`` stands.
 
@@ -54,7 +46,9 @@ def find_supports(
     fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     loose, assumed = 0, 0.0
     place = _three_points if three_point else _clamp_lowest
-    points = mesh.points * np.where(np.arange(3) == axis, -1.0, 1.0) if from_top else mesh.points
+    axis, points = up_index(up), mesh.points
+    if (up[0] == "-") != from_top:
+        points = points * np.where(np.arange(3) == axis, -1.0, 1.0)
     place(points, used, axis, fixed)
     members = [np.unique(mesh.tets[labels == k]) for k in range(labels.max() + 1)]
     held = np.any(fixed, axis=1)

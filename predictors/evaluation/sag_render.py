@@ -66,7 +66,7 @@ class SagRender:
         self._colours = _HUES[
             blocks(part + 1, self._cells).max(axis=3)[self._occupied] % len(_HUES)
         ]
-        self._supports, _ = find_supports(self._mesh, 2)
+        self._supports, _ = find_supports(self._mesh, "z")
         views = 1 if swing else VIEWS
         self._cameras = hemisphere(self._mesh.bounds, count=views, pixels=PIXELS)
         body = self._body(truth)

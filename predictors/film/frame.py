@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..asset import UpAxis
+from ...fem.scene.up import UpAxis, half_turn
 from ..voxels import PartVoxels
 
 # Cells along the longest side in training; a grid with fewer or more than these is resampled.
@@ -37,7 +37,9 @@ class Frame:
     @classmethod
     def of(cls, parts: PartVoxels, up: UpAxis, *, step: int = STEP) -> Frame:
         """Frame of the occupied box of ``parts``, in the middle of a cube as in training."""
-        axes, flip = {"z": ((0, 1, 2), ()), "y": ((0, 2, 1), (1,)), "x": ((2, 1, 0), (0,))}[up]
+        axes, flip = {"z": ((0, 1, 2), ()), "y": ((0, 2, 1), (1,)), "x": ((2, 1, 0), (0,))}[up[-1]]
+        turned = half_turn(up)
+        flip = tuple(i for i in range(3) if (i in flip) != (turned[axes[i]] < 0))
         upright = np.flip(parts.part.transpose(axes), flip)
         sides = [np.flatnonzero((upright >= 0).any(axis=tuple({0, 1, 2} - {i}))) for i in range(3)]
         box = tuple((int(cells[0]), int(cells[-1] - cells[0] + 1)) for cells in sides)

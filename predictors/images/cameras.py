@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
-from ..asset import UpAxis, up_vector
+from ...fem.scene.up import UpAxis, up_vector
 
 FIELD_OF_VIEW = np.deg2rad(40.0)  # of the made cameras: a portrait lens, little distortion
 MARGIN = 1.05  # share of the image that the bounding sphere leaves free around itself

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
-from ..asset import Asset, UpAxis, up_vector
+from ...fem.scene.up import UpAxis, up_vector
+from ..asset import Asset
 from .cameras import Camera, Shot, hemisphere, read_transforms
 from .surface_colour import gloss_of, material_name, skin_of
 

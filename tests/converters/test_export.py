@@ -1,6 +1,7 @@
 """Exports without the programs: binning laws, files listed, contents that any reader would see."""
 
 import json
+import re
 from typing import get_args
 from xml.etree import ElementTree
 
@@ -17,9 +18,11 @@ from autophyx_tet.converters.programs.material_bins import (
 )
 from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import InputError, UsageError
+from autophyx_tet.fem.scene.axes import UpAxis
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.up import up_vector
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -206,7 +209,39 @@ def test_calculix_numbers_fit_their_field(tmp_path):
     assert any("e-06" in number for number in numbers)
 
 
-def test_usd_has_no_x_up(tmp_path):
-    with pytest.raises(UsageError, match="USD knows the up axes y and z"):
-        export_mesh(varying(), "usd", tmp_path / "m", up="x")
-    assert not list(tmp_path.iterdir())
+@pytest.mark.parametrize("up", get_args(UpAxis))
+def test_usd_has_y_or_z_up(tmp_path, up):
+    """A stage knows no other: heights along its up axis are those along the mesh's."""
+    mesh = varying()
+    (stage,) = export_mesh(mesh, "usd", tmp_path / "m", up=up).files
+    text = stage.read_text()
+    axis = re.search(r'upAxis = "([YZ])"', text).group(1)
+    rows = re.search(r"point3f\[\] points = \[(.*?)\]", text).group(1)
+    points = np.array(re.findall(r"-?[\d.]+(?:e-?\d+)?", rows), dtype=float).reshape(-1, 3)
+    assert points[:, "XYZ".index(axis)] == pytest.approx(mesh.points @ up_vector(up))
+    turned = np.linalg.det(points[mesh.tets[:, 1:]] - points[mesh.tets[:, :1]])
+    assert (turned > 0).all()  # no mirror
+
+
+@pytest.mark.blockers
+@pytest.mark.parametrize("up", get_args(UpAxis))
+def test_gravity_and_ground_of_a_scene_are_against_up(tmp_path, up):
+    """SOFA, CalculiX and MuJoCo: gravity points down, what is held is lowest, so is the ground."""
+    mesh, down = varying(), -up_vector(up)
+    low = (mesh.points @ -down).min()
+    (scene, _) = export_mesh(mesh, "sofa", tmp_path / "m", up=up).files
+    root = ElementTree.parse(scene).getroot()
+    assert np.array(root.get("gravity").split(), float) == pytest.approx(9.81 * down)
+    held = root.find(".//FixedProjectiveConstraint").get("indices").split()
+    heights = mesh.points[np.array(held, int)] @ -down - low
+    assert heights == pytest.approx(0, abs=0.02 * np.ptp(mesh.points @ down))  # BASE_SHARE
+    (deck,) = export_mesh(mesh, "calculix", tmp_path / "m", up=up).files
+    load = re.search(r"EALL, GRAV, (.*)", deck.read_text()).group(1).split(",")
+    assert np.array(load, float) == pytest.approx([9.81, *down])
+    (world,) = export_mesh(mesh, "mujoco", tmp_path / "m", up=up).files
+    root = ElementTree.parse(world).getroot()
+    assert np.array(root.find("option").get("gravity").split(), float) == pytest.approx(9.81 * down)
+    ground = root.find(".//geom[@name='ground']")
+    assert np.array(ground.get("zaxis").split(), float) == pytest.approx(-down)
+    place = np.array(ground.get("pos").split(), float) @ -down
+    assert low - 0.01 < place < low  # the contact margins of ground and body, 2e-3 of the diagonal

@@ -3,14 +3,17 @@
 import json
 import struct
 from importlib.util import find_spec
+from typing import get_args
 
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.mesh.gltf_motion import TO_Y, write_motion_glb
+from autophyx_tet.converters.mesh.gltf_motion import to_y, write_motion_glb
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.fem.scene.axes import UpAxis
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.scene.up import up_vector
 
 TIMES = np.array([0.0, 0.1, 0.25])
 
@@ -52,22 +55,22 @@ def test_every_shape_key_is_the_displacement_of_its_frame(moving, tmp_path):
     document, arrays = parsed(write_motion_glb(tmp_path / "m.glb", mesh, TIMES, displacement))
     (primitive,) = document["meshes"][0]["primitives"]
     rest = arrays[primitive["attributes"]["POSITION"]]
-    back = rest @ TO_Y[2]
+    back = rest @ to_y("z")
     far = np.linalg.norm(back[:, None] - mesh.points, axis=2)
     point = far.argmin(axis=1)
     assert far.min(axis=1).max() < 1e-6
     np.testing.assert_allclose(rest[:, 1], mesh.points[point, 2], atol=1e-7)
     for target, u in zip(primitive["targets"], displacement, strict=True):
-        np.testing.assert_allclose(arrays[target["POSITION"]] @ TO_Y[2], u[point], atol=1e-7)
+        np.testing.assert_allclose(arrays[target["POSITION"]] @ to_y("z"), u[point], atol=1e-7)
     (sampler,) = document["animations"][0]["samplers"]
     np.testing.assert_allclose(arrays[sampler["input"]].ravel(), TIMES, rtol=1e-6)
     np.testing.assert_array_equal(arrays[sampler["output"]].reshape(3, 3), np.eye(3))
 
 
-@pytest.mark.parametrize("up", range(3))
+@pytest.mark.parametrize("up", get_args(UpAxis))
 def test_the_turn_is_a_rotation_that_takes_up_to_y(up):
-    np.testing.assert_array_equal(TO_Y[up] @ np.eye(3)[up], [0, 1, 0])
-    assert np.linalg.det(TO_Y[up]) == pytest.approx(1)
+    np.testing.assert_array_equal(to_y(up) @ up_vector(up), [0, 1, 0])
+    assert np.linalg.det(to_y(up)) == pytest.approx(1)
 
 
 def test_trimesh_reads_a_closed_surface_of_the_same_volume(moving, tmp_path):

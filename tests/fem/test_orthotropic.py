@@ -51,7 +51,7 @@ def test_off_axis_bar(order):
             Traction(f, s * np.tile([1e5, 0, 0], (len(f), 1)))
             for f, s in zip(ends, (-1, 1), strict=True)
         ]
-        held = find_supports(mesh, 0, three_point=True).supports
+        held = find_supports(mesh, "x", three_point=True).supports
         result = solve_static(mesh, held, traction=pull, order=order, tolerance=1e-12)
         c, s = np.cos(angle), np.sin(angle)
         a = OAK

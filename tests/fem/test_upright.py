@@ -85,8 +85,9 @@ def test_lifted_off_and_not_asked():
 def test_feet_on_a_line_hold_nothing():
     """And a load right above a corner is on the edge, up being any axis."""
     line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    assert foothold(line, np.array([0, 0, -1.0]), np.cross([1, 0.1, 1], [0, 0, -1.0]), 2).inside < 0
+    down = np.array([0, 0, -1.0])
+    assert foothold(line, down, np.cross([1, 0.1, 1], down), "z").inside < 0
     square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]])
     force = np.array([0.5, -1.0, 0])
-    held = foothold(square, force, np.cross([0.5, 1.0, 0.5], force), 1)
+    held = foothold(square, force, np.cross([0.5, 1.0, 0.5], force), "y")
     assert held == pytest.approx((0.0, 0.5))

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from autophyx_tet.predictors.asset import Asset, Part, up_vector
+from autophyx_tet.fem.scene.up import up_vector
+from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.network import (
     LENGTH,

@@ -1,14 +1,20 @@
 """Readers: what a file of a rarer kind holds is read, or it is said what it is."""
 
+import io
 import json
 import struct
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 
 import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.images.surface_colour import skin_of
 from autophyx_tet.toolkit.io.load import load_asset
 from autophyx_tet.toolkit.io.readers.gltf import gltf_json
+
+from .command import run_here
 
 
 def _binary_strips(rows, *, count, order):
@@ -60,6 +66,82 @@ def test_a_texture_that_is_not_read_is_told(tmp_path):
         (told,) = (w for w in asset.warnings if "KTX2" in w)
         assert "skin.ktx2" in told
         assert "PNG" in told
+
+
+def _textured(folder, image, kind):
+    """A box whose skin is ``image``, as GLB or as OBJ with its MTL and PNG or JPEG beside it."""
+    from PIL import Image
+
+    picture = io.BytesIO(image)
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    if kind == "glb":
+        box.visual = trimesh.visual.TextureVisuals(
+            uv=box.vertices[:, :2] * 10 + 0.5,
+            material=trimesh.visual.material.PBRMaterial(
+                name="oak", baseColorTexture=Image.open(picture)
+            ),
+        )
+        box.export(folder / "box.glb")
+        return folder / "box.glb"
+    (folder / "skin.img").write_bytes(image)
+    (folder / "box.mtl").write_text("newmtl oak\nKd 1 0 0\nmap_Kd skin.img\n")
+    lines = ["mtllib box.mtl", *("v {} {} {}".format(*point) for point in box.vertices)]
+    lines += ["vt 0 0", "vt 1 0", "vt 0 1", "usemtl oak"]
+    lines += ["f {}/1 {}/2 {}/3".format(*face) for face in box.faces + 1]
+    (folder / "box.obj").write_text("\n".join(lines) + "\n")
+    return folder / "box.obj"
+
+
+def _picture(pixels, kind):
+    from PIL import Image
+
+    noise = np.random.default_rng(0).integers(0, 256, (pixels, pixels, 3), dtype=np.uint8)
+    data = io.BytesIO()
+    Image.fromarray(noise).save(data, kind)
+    return data.getvalue()
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["obj", "glb"])
+def test_threads_may_look_at_one_texture_at_once(tmp_path, kind):
+    """Eight threads ask the same asset for its skin at the same moment: all see the same."""
+    for coding in ("PNG", "JPEG"):
+        path = _textured(tmp_path, _picture(2048, coding), kind)
+        mesh = load_asset(path).parts[0].mesh
+        start = Barrier(8)
+
+        def look(mesh=mesh, start=start):
+            start.wait()
+            return skin_of(mesh)(np.arange(12), np.full((12, 3), 1 / 3))
+
+        with ThreadPoolExecutor(8) as pool:
+            seen = [future.result() for future in [pool.submit(look) for _ in range(8)]]
+        assert all(np.array_equal(colours, seen[0]) for colours in seen)
+        assert np.ptp(seen[0][:, :3]) > 0
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+def test_a_run_of_a_large_texture_writes_its_folder(tmp_path):
+    """4,096 x 4,096 pixels: picture and report look at them from two threads."""
+    path = _textured(tmp_path, _picture(4096, "PNG"), "obj")
+    done = run_here("run", path, "--text", "the box is oak", "--size", 0.1, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert {"picture.png", "report.html", "run.json"} <= {
+        p.name for p in (tmp_path / "out").iterdir()
+    }
+
+
+@pytest.mark.blockers
+def test_a_texture_that_is_cut_short_is_told(tmp_path):
+    """The shape is taken with the plain colour of its material, a warning names the material."""
+    path = _textured(tmp_path, _picture(64, "PNG")[:2000], "obj")
+    asset = load_asset(path, size=0.1)
+    (told,) = (w for w in asset.warnings if "decoded" in w)
+    assert "material oak" in told
+    colours = skin_of(asset.parts[0].mesh)(np.arange(12), np.full((12, 3), 1 / 3))
+    assert colours == pytest.approx(np.tile([1.0, 0, 0, 1], (12, 1)))
 
 
 def _with_json(data, document):

@@ -84,6 +84,7 @@ def _parse(given: list[str]) -> Any:
         close = get_close_matches(verb, COMMANDS, n=1)
         hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(COMMANDS)}"
         raise UsageError(f"there is no command {verb!r}: {hint}")
+    given = _joined_signs(given)
     commands: dict[str, Any] = dict(COMMANDS)
     help_wanted = asked(given) if verb in COMMANDS else ""
     if help_wanted == WHOLE:
@@ -105,6 +106,16 @@ def _parse(given: list[str]) -> Any:
     finally:
         if help_wanted in BRIEF:
             sys.stdout.write(f"Every option: autophyx-tet {verb} {WHOLE}\n")
+
+
+def _joined_signs(given: list[str]) -> list[str]:
+    """Write ``--up -y`` as ``--up=-y``: the parser takes a word with a dash for an option."""
+    joined: list[str] = []
+    for word in given:
+        if word in ("-x", "-y", "-z") and joined and joined[-1] == "--up":
+            word = f"{joined.pop()}={word}"
+        joined.append(word)
+    return joined
 
 
 def lone_sentence(verb: str, given: list[str]) -> str:

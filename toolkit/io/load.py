@@ -186,7 +186,7 @@ def _with_extent(path: Path, surfaces: list[NamedSurface]) -> tuple[list[NamedSu
 
 def _parts(surfaces: Sequence[NamedSurface], stem: str, warnings: list[str]) -> tuple[Part, ...]:
     """One part per (node, material); per material alone where that would be too many."""
-    groups = _grouped(surfaces, [(s.node[:1], s.material) for s in surfaces])
+    groups = _grouped(surfaces, [(s.node[:1], s.material, s.material_number) for s in surfaces])
     if len(groups) > MAX_PARTS:
         groups = _grouped(surfaces, [s.material for s in surfaces])
         warnings.append(f"more than {MAX_PARTS} named pieces: merged by material to {len(groups)}")
@@ -220,8 +220,11 @@ def _is_name(name: str | None) -> bool:
 
 
 def _unique_names(groups: Sequence[Sequence[NamedSurface]], stem: str) -> list[str]:
-    """The node's name where it has one part, else its material's, else both; counted if equal."""
-    nodes = [_first_name(group[0].node[:1]) for group in groups]
+    """The node's name where it has one part, else its material's, else both; counted if equal.
+
+    A node without a name goes by that of its mesh.
+    """
+    nodes = [_first_name(group[0].node[:2]) for group in groups]
     materials = [_first_name((group[0].material,)) for group in groups]
     names: list[str] = []
     for node, material in zip(nodes, materials, strict=True):

@@ -45,7 +45,7 @@ class References:
         if reason is None:
             self.found[name] = path.read_bytes()
             return self.found[name]
-        self._warn(f"{name!r} {reason}: the asset is used without it")
+        self.warn(f"{name!r} {reason}: the asset is used without it")
         if name.lower().endswith(".mtl") and self.materials:
             return "".join(f"newmtl {material}\n" for material in self.materials).encode()
         raise FileNotFoundError(f"{name!r} {reason}")
@@ -63,7 +63,8 @@ class References:
             sha.update(name.encode() + b"\0" + hashlib.sha256(self.found[name]).digest())
         return sha.hexdigest()
 
-    def _warn(self, sentence: str) -> None:
+    def warn(self, sentence: str) -> None:
+        """Keep a sentence for the user, once."""
         if sentence not in self.warnings:
             log.info(sentence)
             self.warnings.append(sentence)

@@ -80,7 +80,8 @@ class Sidecar:
                 f"{path} is not a sidecar of ours ({error}): move it away, or run convert again"
             ) from error
         if sidecar.up not in get_args(UpAxis):
-            raise InputError(f"{path}: up is {sidecar.up!r}, wanted x, y or z")
+            known = ", ".join(get_args(UpAxis))
+            raise InputError(f"{path}: up is {sidecar.up!r}, wanted one of {known}")
         return sidecar
 
     def with_record(self, **record: Any) -> Sidecar:

@@ -31,7 +31,6 @@ from .picture.snapshot import PARTICLES, particle_film
 from .report import report_page
 from .touch import touch_of
 
-AXES: tuple[UpAxis, ...] = ("x", "y", "z")
 log = logging.getLogger(__name__)
 
 
@@ -138,7 +137,7 @@ def show_report(result: RunResult | Simulation, *, height: int = 820) -> Framed:
     """Return the report of a run or of a simulation, for a notebook; ``height`` in pixels."""
     if isinstance(result, RunResult):
         return Framed(report_page(run_page(result)), height)
-    page = simulation_page("mesh", result, Sidecar(up=AXES[result.scene.up]))
+    page = simulation_page("mesh", result, Sidecar(up=result.scene.up))
     return Framed(report_page(page), height)
 
 

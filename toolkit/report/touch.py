@@ -12,6 +12,7 @@ from ...fem.reduced.model import ReducedModel, Subspace
 from ...fem.reduced.reduction import reduce_body
 from ...fem.reduced.rest import reduced_frequencies
 from ...fem.scene.scene import Scene
+from ...fem.scene.up import up_vector
 
 # What a page can step sixty times a second.
 MOST_CELLS, MOST_DOFS = 250, 40
@@ -53,7 +54,7 @@ def touch_of(scene: Scene) -> TouchBody:
     """
     if not scene.held.fixed.any():
         raise UsageError("nothing holds it: there is nothing to pull at")
-    mesh, down = scene.mesh, -9.81 * np.eye(3)[scene.up]
+    mesh, down = scene.mesh, -9.81 * up_vector(scene.up)
     try:
         model = reduce_body(
             mesh, scene.held, gravity_vector=down, kind=Subspace.VECTOR, most_cells=MOST_CELLS

@@ -12,6 +12,7 @@ from ...fem.scene.boundary import face_areas
 from ...fem.scene.loads import Traction, resultant
 from ...fem.scene.obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from ...fem.scene.scene import Hold, Scene
+from ...fem.scene.up import up_vector
 from .outlines import outline
 from .quantities import area_words, si
 
@@ -111,8 +112,9 @@ def _found(scene: Scene) -> Iterator[Hold]:
     fixed = scene.held.fixed
     for pattern in np.unique(fixed[fixed.any(axis=1)], axis=0):
         ids = np.flatnonzero((fixed == pattern).all(axis=1))
-        z = scene.mesh.points[ids, scene.up]
-        low, high = scene.mesh.bounds[:, scene.up]
+        upwards = up_vector(scene.up)
+        z = scene.mesh.points[ids] @ upwards
+        low, high = sorted(scene.mesh.bounds @ upwards)
         end = "its base" if z.mean() - low <= high - z.mean() else "its top"
         yield Hold(end, ids, tuple(np.flatnonzero(pattern).tolist()))
 

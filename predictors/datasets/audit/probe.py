@@ -95,7 +95,7 @@ class Probe:
         self._voxels_of_cell = inside
         self._occupied = np.asarray(inside.any(axis=3))
         self._mesh = voxel_mesh(self._occupied)
-        self._supports, self.notes = find_supports(self._mesh, 2)
+        self._supports, self.notes = find_supports(self._mesh, "z")
         cells = np.argwhere(part >= 0)
         self.part = part[tuple(cells.T)]
         self._cells, self.shape = cells, part.shape

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...asset import Asset, up_vector
+from ....fem.scene.up import up_vector
+from ...asset import Asset
 from ...hearing.kinds import KINDS, bare_words, kind_of
 from ...images.cameras import hemisphere
 from ...images.surface_colour import finish_of, material_name

@@ -41,11 +41,15 @@ ASSET_FORMATS: Registry[Format] = Registry(
 
 
 class NamedSurface(NamedTuple):
-    """One piece of a file: a triangle surface and the names around it, nearest first."""
+    """One piece of a file: a triangle surface and the names around it, nearest first.
+
+    ``material_number`` tells materials apart that share a name or have none.
+    """
 
     mesh: trimesh.Trimesh
     node: tuple[str, ...] = ()
     material: str | None = None
+    material_number: int = 0
 
 
 class AssetContent(NamedTuple):

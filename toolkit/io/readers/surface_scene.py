@@ -15,18 +15,52 @@ from .asset_formats import NamedSurface
 if TYPE_CHECKING:
     import trimesh
 
+# Pictures of a material, by trimesh's names: those that a skin is made of, and the others.
+TEXTURES = ("image", "baseColorTexture", "metallicRoughnessTexture")
+UNSEEN_TEXTURES = ("emissiveTexture", "normalTexture", "occlusionTexture")
+
 
 def parse_scene(path: Path, data: bytes, references: References, **options: Any) -> trimesh.Scene:
-    """Parse with trimesh, changing nothing."""
+    """Parse with trimesh, changing nothing; textures are decoded."""
     import trimesh
 
-    return trimesh.load_scene(
+    scene = trimesh.load_scene(
         io.BytesIO(data),
         file_type=path.suffix[1:].lower(),
         resolver=references,  # type: ignore[arg-type]
         process=False,
         **options,
     )
+    _decode_textures(scene, references)
+    return scene
+
+
+def _decode_textures(scene: trimesh.Scene, references: References) -> None:
+    """Decode the pictures that a skin is made of, once, and let go of all others.
+
+    An image that Pillow has only opened decodes itself in whoever first asks for a pixel, and two
+    threads that ask at the same time break each other's stream.
+    """
+    visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
+    materials = (getattr(visual, "material", None) for visual in visuals)
+    for material in {id(material): material for material in materials}.values():
+        for kind in UNSEEN_TEXTURES:
+            if getattr(material, kind, None) is not None:
+                setattr(material, kind, None)
+        for kind in TEXTURES:
+            image = getattr(material, kind, None)
+            if image is None:
+                continue
+            try:
+                image.load()
+            except Exception as error:  # a parser of untrusted bytes may raise anything
+                setattr(material, kind, None)
+                name = getattr(material, "name", None) or "without a name"
+                reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+                references.warn(
+                    f"a texture of material {name} cannot be decoded ({reason}): its parts have "
+                    "the plain colour of the material; export the texture again"
+                )
 
 
 def surface_meshes(scene: trimesh.Scene) -> list[tuple[str, trimesh.Trimesh]]:
@@ -41,11 +75,26 @@ def node_surfaces(scene: trimesh.Scene) -> list[NamedSurface]:
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
         if is_surface(mesh):
-            mesh = mesh.copy()
-            mesh.apply_transform(transform)
-            names = _ancestry(scene, node, str(geometry))
-            surfaces.append(NamedSurface(mesh, names, mesh_material_name(mesh)))
+            path = node_path(scene, node)
+            names = (node, str(geometry), *path[1:])
+            surfaces.append(NamedSurface(placed(mesh, transform), names, mesh_material_name(mesh)))
     return surfaces
+
+
+def placed(mesh: trimesh.Trimesh, transform: np.ndarray) -> trimesh.Trimesh:
+    """Return a copy of a mesh where ``transform`` (4, 4) puts it."""
+    mesh = mesh.copy()
+    mesh.apply_transform(transform)
+    return mesh
+
+
+def node_path(scene: trimesh.Scene, node: str) -> list[str]:
+    """Names of a node and of the nodes above it, nearest first."""
+    parents = scene.graph.transforms.parents
+    names = [node]
+    while names[-1] in parents:
+        names.append(parents[names[-1]])
+    return names
 
 
 def is_surface(geometry: Any) -> bool:
@@ -68,13 +117,3 @@ def refuse_entities(path: Path, text: bytes) -> None:
     """No XML entities: they can read files and grow without bound."""
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{path}: declares XML entities, which are not read: export it again")
-
-
-def _ancestry(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, ...]:
-    """Names of a node, of its mesh and of the nodes above it, nearest first."""
-    parents = scene.graph.transforms.parents
-    names = [node, geometry]
-    while node in parents:
-        node = parents[node]
-        names.append(node)
-    return tuple(names)

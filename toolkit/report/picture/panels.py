@@ -17,7 +17,8 @@ from jaxtyping import Float
 from ....converters.files import writing
 from ....fem.errors import InputError, UsageError
 from ....fem.scene.mesh import TetMesh
-from ....predictors.asset import Asset, UpAxis, up_vector
+from ....fem.scene.up import UpAxis, up_vector
+from ....predictors.asset import Asset
 from ....predictors.images.cameras import Camera, look_at
 from ....predictors.images.surface_colour import skin_of
 from ...results.quantities import si
@@ -213,7 +214,8 @@ def _view(panels: Sequence[Panel], up: UpAxis, pixels: int) -> tuple[Camera, flo
     lo, hi = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     middle, half = (lo + hi) / 2, (hi - lo) / 2
     axis = up_vector(up)
-    front, right = np.roll(axis, 1), np.roll(axis, 2)
+    front = np.roll(axis, 1)
+    right = np.cross(axis, front)
     toward = 0.74 * front + 0.50 * right + 0.45 * axis
     toward /= np.linalg.norm(toward)
     pose = look_at(middle + toward, middle, up=up).pose[:3, :3]
@@ -222,7 +224,7 @@ def _view(panels: Sequence[Panel], up: UpAxis, pixels: int) -> tuple[Camera, flo
     distance = MARGIN * np.max(z + np.maximum(abs(x), abs(y)) / np.tan(FIELD_OF_VIEW / 2))
     eye = middle + max(distance, 1e-9) * toward
     camera = look_at(eye, middle, up=up, pixels=pixels, field_of_view=float(FIELD_OF_VIEW))
-    return camera, float(axis @ lo)
+    return camera, float(min(axis @ lo, axis @ hi))
 
 
 def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....predictors.asset import UpAxis, up_vector
+from ....fem.scene.up import UpAxis, up_vector
 from ....predictors.images.cameras import Camera
 from ....predictors.images.surface_colour import to_linear, to_srgb
 
@@ -120,7 +120,7 @@ class _Daylight:
         self.surface, self.up, self.rng = surface, up, rng
         lo, hi = surface.bounds
         self.center, self.size = (lo + hi) / 2, float(np.linalg.norm(hi - lo)) or 1.0
-        floor = up @ lo if ground is None else ground
+        floor = min(up @ lo, up @ hi) if ground is None else ground
         self.floor = (floor - up @ self.center) / self.size
         self.scene = EmbreeScene()
         triangles = ((surface.triangles - self.center) / self.size).astype(np.float32)

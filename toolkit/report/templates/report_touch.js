@@ -32,12 +32,12 @@ function channels(color) {
 
 // A camera on a ball around the middle, looking at it.
 class Orbit {
-  constructor(middle, radius, order) {
-    Object.assign(this, { middle, radius, order, side: 0.64, lift: 0.4, away: 2.9 * radius, aspect: 1 });
+  constructor(middle, radius, up) {
+    Object.assign(this, { middle, radius, order: orderOf(up), signs: signsOf(up), side: 0.64, lift: 0.4, away: 2.9 * radius, aspect: 1 });
   }
   // Axis of the asset that is drawn as axis `k`, of which the last points up.
   along(k) {
-    return [0, 1, 2].map((axis) => (axis === this.order[k] ? 1 : 0));
+    return [0, 1, 2].map((axis) => (axis === this.order[k] ? this.signs[axis] : 0));
   }
   frame() {
     const level = plus(this.along(0).map((x) => x * Math.cos(this.side)), this.along(1), Math.sin(this.side));
@@ -82,7 +82,7 @@ class Touch {
     this.stopped = false; // whether the last step failed
     this.pointers = new Map();
     this.measure();
-    this.orbit = new Orbit(this.middle, this.size / 2, ORDER[up]);
+    this.orbit = new Orbit(this.middle, this.size / 2, up);
     this.prepare(packed.region);
     this.listen();
     this.show();

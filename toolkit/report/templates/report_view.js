@@ -2,6 +2,13 @@
 
 // Axis order that puts the asset's up axis last, a rotation (no mirror): plotly turns about z.
 const ORDER = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] };
+function orderOf(up) {
+  return ORDER[up.slice(-1)];
+}
+// By axis of the asset, the sign it is drawn with: -y up is a half turn about the second drawn axis.
+function signsOf(up) {
+  return [0, 1, 2].map((axis) => (up.startsWith("-") && axis !== orderOf(up)[1] ? -1 : 1));
+}
 // Plotly takes faces below an absolute size as flat: everything is drawn this many units long.
 const DRAWN_SIZE = 100;
 const LIGHT = { ambient: 0.5, diffuse: 0.55, specular: 0.05, roughness: 0.8, fresnel: 0.02 };
@@ -33,7 +40,7 @@ class View {
     this.node = document.getElementById(`plot${index}`);
     this.readout = document.getElementById(`readout${index}`);
     this.tets = tets;
-    this.order = ORDER[up];
+    [this.order, this.signs] = [orderOf(up), signsOf(up)];
     this.values = {};
     for (const name of ["E", "nu", "rho", "von_mises"]) {
       if (packed[name]) this.values[name] = unpack(packed[name], Float32Array);
@@ -87,10 +94,7 @@ class View {
         hi[axis] = Math.max(hi[axis], up[axis]);
       }
     }
-    const { corner, length } = this.corner;
-    hi[this.order[0]] = Math.max(hi[this.order[0]], corner[this.order[0]] + length);
-    lo[this.order[2]] = Math.min(lo[this.order[2]], corner[this.order[2]] - SCALE_BELOW * length);
-    for (const place of this.marks.places()) {
+    for (const place of [...this.axisEnds(), ...this.marks.places()]) {
       for (let axis = 0; axis < 3; axis += 1) {
         lo[axis] = Math.min(lo[axis], place[axis]);
         hi[axis] = Math.max(hi[axis], place[axis]);
@@ -133,15 +137,22 @@ class View {
   }
   // Where the axes start: at the lower corner of the body that is nearest to the first look.
   get corner() {
-    const { lo, hi } = this.tets, corner = [...lo];
-    corner[this.order[0]] = hi[this.order[0]];
+    const { lo, hi } = this.tets, corner = [...lo], [right, , up] = this.order;
+    if (this.signs[right] > 0) corner[right] = hi[right];
+    if (this.signs[up] < 0) corner[up] = hi[up];
     return { corner, length: roundBelow(AXES_SHARE * Math.max(...hi.map((h, i) => h - lo[i]))) };
+  }
+  // Ends of the three axes, and the place of their scale below all that is drawn of them.
+  axisEnds() {
+    const { corner, length } = this.corner, up = this.order[2], sign = this.signs[up];
+    const ends = [0, 1, 2].map((axis) => corner.map((x, i) => x + (i === axis ? length : 0)));
+    const depth = sign * (SCALE_BELOW + (sign < 0 ? 1 : 0)) * length;
+    return [...ends, corner.map((x, i) => x - (i === up ? depth : 0))];
   }
   // Three axes of a round length: the scale of the drawing.
   axes() {
-    const { corner, length } = this.corner;
-    const ends = [0, 1, 2].map((axis) => corner.map((x, i) => x + (i === axis ? length : 0)));
-    const below = corner.map((x, i) => x - (i === this.order[2] ? SCALE_BELOW * length : 0));
+    const { corner, length } = this.corner, [below, ...ends] = this.axisEnds().reverse();
+    ends.reverse();
     const text = ["x", "y", "z", words(length, MAPS.moved)];
     const textposition = [...ends.map(() => "top center"), "bottom center"];
     const font = { size: 12, color: inkColor() };
@@ -177,15 +188,15 @@ class View {
     return [{ x, y, z, text, ax: 46, ay: -38, arrowcolor: color, arrowwidth: 1.5, arrowhead: 6, bgcolor: panelColor(), bordercolor: color, borderpad: 3, font: { size: 12, color } }];
   }
   placed(rows) {
-    const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * row[axis])));
+    const [x, y, z] = this.order.map((axis) => rows.map((row) => (row === null ? null : this.zoom * this.signs[axis] * row[axis])));
     return { x, y, z, hoverinfo: "none", showlegend: false };
   }
   // Drawn coordinates of the surface along an axis of the mesh.
   coordinates(axis, factor) {
     const { points } = this.tets;
     const at = (point) => points[3 * point + axis] + (this.moved ? factor * this.moved[3 * point + axis] : 0);
-    const { origin, other, share } = this.faces;
-    return Float32Array.from(origin, (p, k) => this.zoom * ((1 - share[k]) * at(p) + share[k] * at(other[k])));
+    const { origin, other, share } = this.faces, zoom = this.zoom * this.signs[axis];
+    return Float32Array.from(origin, (p, k) => zoom * ((1 - share[k]) * at(p) + share[k] * at(other[k])));
   }
   // How far [m] a point of the surface has moved.
   length(k) {
@@ -241,10 +252,11 @@ class View {
   }
   // Range of the drawing along its three axes.
   range(room) {
-    return this.order.map((i) => [this.zoom * room[0][i], this.zoom * room[1][i]]);
+    const drawn = (i) => room.map((end) => this.zoom * this.signs[i] * end[i]);
+    return this.order.map((i) => drawn(i).sort((a, b) => a - b));
   }
   looks() {
-    return { Start: EYE, ...(LOOKS[this.up] || LOOKS.y) };
+    return { Start: EYE, ...(LOOKS[this.up.slice(-1)] || LOOKS.y) };
   }
   async draw(state, scale, room) {
     const config = { displayModeBar: false, responsive: true, scrollZoom: true };
