@@ -46,10 +46,10 @@ def merged_inside(particles: Particles, spacing: float) -> Particles:
         return particles
     low = particles.x[own].min(axis=0) - spacing / (2 * ALONG)
     block = np.floor((particles.x[own] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
-    shape = tuple(block.max(axis=0) + 2)
+    shape = tuple((block.max(axis=0) + 2).tolist())
     kind = np.stack([particles.rigid[own], particles.part[own], particles.substance[own]], axis=1)
     kinds, which = np.unique(kind, axis=0, return_inverse=True)
-    number = np.ravel_multi_index(tuple(block.T), shape)
+    number = np.asarray(np.ravel_multi_index(tuple(block.T), shape))
     inside, which = np.zeros(len(own), dtype=bool), which.reshape(-1)
     for k in range(len(kinds)):
         counts = np.bincount(number[which == k], minlength=int(np.prod(shape)))

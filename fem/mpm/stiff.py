@@ -93,9 +93,7 @@ def treated(
     bodies = int(numbers.max()) + 1
     changed = merged_inside(changed, spacing)
     rigid = int((changed.rigid >= 0).sum())
-    moves = (
-        f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
-    )
+    moves = f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
     stands = f"{int(standing.sum()):,} particles stand still"
     done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
     note = (

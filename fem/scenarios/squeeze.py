@@ -23,9 +23,9 @@ from ..validation import checked_number
 FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
 SLOWNESS = 50.0
-# And at least this long [s], for plates that closed altogether: friction sticks below a speed that
-# is a share of the size per second, so the corners of a squeeze in milliseconds (stiff bodies) would
-# be too sharp for Newton; and it is the same friction for every share.
+# And at least this long [s] for each width of travel: friction sticks below a speed that is a share
+# of the size per second, so the corners of a squeeze in milliseconds (stiff bodies) would be too
+# sharp for Newton; and it is the same friction for every share.
 LEAST = 100.0
 # The plates begin to push at this share of their travel from the body, where they start. They go on
 # by half of it: wherever in it they end, the body is squeezed as asked to half a per cent.

@@ -223,7 +223,6 @@ def test_a_stiff_body_falls_with_the_defaults(tmp_path, capsys):
     assert np.abs(heights[0] - heights[-1] - 0.3).max() < 0.3 / 64
 
 
-@pytest.mark.blockers
 @pytest.mark.slow
 def test_a_stiff_part_falls_with_a_soft_one(tmp_path, capsys):
     """Steel under jelly: both land, the steel within a cell, and the jelly stays on it."""
