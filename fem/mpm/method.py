@@ -21,7 +21,7 @@ from .classes import MaterialClass, Substance
 from .particles import Particles, ParticleState
 from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
 from .solver import MpmSolver
-from .stability import BUDGET, COURANT, MpmError, largest_modulus
+from .stability import BUDGET, COURANT, MpmError, largest_modulus, longest_step
 from .stiff import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
 from .walls import Wall, scene_room, support_walls
 
@@ -97,18 +97,17 @@ class MpmMethod:
         share = scene.longest / (self.metres or scene.longest)
         scene = scene.similar(share)
         setup = self._setup(scene, device)
-        record, states = _Recorder(scene, setup), [setup.now(0.0)]
-        motions = [record.motion(states[0])]
+        record = _Recorder(scene, setup)
+        motions = [record.motion(setup.now(0.0))]
         for frame in range(1, frames + 1):
             if setup.solver is not None and not setup.solver.advance(dt):
                 assert setup.solver.failure is not None
                 plan = setup.plan(scene.duration)
                 raise MpmError(setup.solver.failure.scaled(share**2), plan, setup.notes)
-            states.append(setup.now(frame * dt))
-            motions.append(record.motion(states[-1]))
+            motions.append(record.motion(setup.now(frame * dt)))
             if progress is not None:
                 progress(frame, frames)
-        return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=record.run(states))
+        return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=record.run())
 
     def _setup(self, scene: Scene, device: str) -> _Setup:
         mesh = scene.mesh
@@ -215,11 +214,13 @@ class _Setup(NamedTuple):
     def plan(self, duration: float) -> str:
         """Particles, steps and the time that they will take, in words."""
         given = self.treatment.particles
-        waves = float(given.wave_speed.max())
-        dt = COURANT * self.room.spacing / waves if waves > 0 else self.treatment.dt
-        if self.solver is not None and self.solver.step is not None:
-            dt = self.solver.step
-        steps = duration / dt
+        dt = np.inf  # nothing moves
+        if self.solver is not None:
+            waves, speeds = float(given.wave_speed.max()), np.linalg.norm(given.velocity, axis=1)
+            pull, spacing = self.solver.substep.pull, self.room.spacing
+            dt = longest_step(waves, float(speeds.max()), spacing, pull=pull)
+            dt = self.solver.step or dt
+        steps = max(duration / dt, 1.0)
         each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in given.kinds])
         seconds = steps * (OVERHEAD + float(each[~given.held].sum()))
         return (
@@ -245,9 +246,13 @@ class _Recorder:
         self.follow = mesh_followers(scene.mesh, given.x, given.part)
         weight = given.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
         self.load = weight + particle_forces(scene, given.x)
+        self.positions: list[np.ndarray] = []
+        self.gradients: list[np.ndarray] = []
 
     def motion(self, state: ParticleState) -> Motion:
-        """The mesh at the time of ``state``; forces are means since the last."""
+        """The mesh at the time of ``state``, which is kept; forces are means since the last."""
+        self.positions.append(state.x.astype(np.float32))
+        self.gradients.append(state.F.astype(np.float32))
         scene, follow, given = self.scene, self.follow, self.setup.treatment.particles
         solver, points, obstacles = self.setup.solver, len(scene.mesh.points), scene.obstacles
         forces = np.zeros((len(obstacles), 3))
@@ -274,7 +279,7 @@ class _Recorder:
             iterations=0,
         )
 
-    def run(self, states: list[ParticleState]) -> ParticleRun:
+    def run(self) -> ParticleRun:
         """What is kept of the particles themselves."""
         setup, found = self.setup, self.setup.treatment
         solver, notes = setup.solver, setup.notes
@@ -295,6 +300,6 @@ class _Recorder:
             notes=notes,
             laws=tuple(sorted({one.law for one in found.particles.substances})),
             part=found.particles.part,
-            positions=np.stack([s.x for s in states]).astype(np.float32),
-            gradients=np.stack([s.F for s in states]).astype(np.float32),
+            positions=np.stack(self.positions),
+            gradients=np.stack(self.gradients),
         )

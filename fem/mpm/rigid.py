@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,13 @@ from jaxtyping import Float, Int
 from ..device import start_warp
 from .kernels.kernels_rigid import rigid_kernels
 from .particles import Particles
+from .sampling import ALONG
 
 # Share of the mass of an inner node: 0.5 at a plane surface, 0.17 half a spacing away from it.
 TOUCHING = 0.2
+# A body that walls leave less than this share of the speed that they took from it rests on them, if
+# they stand still themselves: a flat cube is left .001 to .003, a slope of so much is none.
+REST = 0.02
 # What changes with time.
 CHANGING = ("centre", "rotation", "velocity", "spin")
 
@@ -27,6 +32,51 @@ def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "
     ones = np.ones(len(pairs), dtype=np.int8)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(x), len(x)))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def merged_inside(particles: Particles, spacing: float) -> Particles:
+    """``particles`` with those deep in rigid bodies merged, block by block.
+
+    A block of two ``spacing`` [m] is one particle, at their centre of mass and with their mass,
+    where it and all blocks around it are full of one body: what meets others keeps its particles.
+    """
+    own = np.flatnonzero(particles.rigid >= 0)
+    full = (2 * ALONG) ** 3
+    if len(own) < 27 * full:
+        return particles
+    low = particles.x[own].min(axis=0) - spacing / (2 * ALONG)
+    block = np.floor((particles.x[own] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
+    shape = tuple((block.max(axis=0) + 2).tolist())
+    kind = np.stack([particles.rigid[own], particles.part[own], particles.substance[own]], axis=1)
+    kinds, which = np.unique(kind, axis=0, return_inverse=True)
+    number = np.asarray(np.ravel_multi_index(tuple(block.T), shape))
+    inside, which = np.zeros(len(own), dtype=bool), which.reshape(-1)
+    for k in range(len(kinds)):
+        counts = np.bincount(number[which == k], minlength=int(np.prod(shape)))
+        solid = (counts == full).reshape(shape)
+        for axis in range(3):  # full are the neighbours too, across edges and corners
+            solid = solid & np.roll(solid, 1, axis) & np.roll(solid, -1, axis)
+        inside |= (which == k) & solid.ravel()[number]
+    if not inside.any():
+        return particles
+    deep = own[inside]
+    _, first, row = np.unique(number[inside], return_index=True, return_inverse=True)
+    row, mass, volume = row.reshape(-1), particles.mass[deep], particles.volume[deep]
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.bincount(row, values, len(first))
+
+    masses, volumes, ones = total(mass), total(volume), deep[first]
+    kept = np.delete(np.arange(len(particles.x)), deep)
+    changed = {f.name: getattr(particles, f.name) for f in fields(particles)}
+    for name in ("E", "nu", "part", "substance", "rigid"):
+        changed[name] = np.concatenate([changed[name][kept], changed[name][ones]])
+    for name in ("x", "velocity"):
+        means = np.stack([total(mass * v) for v in changed[name][deep].T], axis=1) / masses[:, None]
+        changed[name] = np.concatenate([changed[name][kept], means])
+    changed["volume"] = np.concatenate([particles.volume[kept], volumes])
+    changed["rho"] = np.concatenate([particles.rho[kept], masses / volumes])
+    return Particles(**changed)
 
 
 class RigidBodies:

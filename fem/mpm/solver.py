@@ -16,7 +16,7 @@ from .cloud import Cloud
 from .fracture import without_cracks
 from .kernels.kernels_survey import INVERTED, MOVED, NOT_FINITE, OUTSIDE, SPEED, SPREAD, WAVE
 from .particles import Particles, ParticleState
-from .stability import COURANT, MOST_STRAIN, Failure, FailureKind, largest_modulus
+from .stability import COURANT, MOST_STRAIN, Failure, FailureKind, largest_modulus, longest_step
 from .substep import Substep
 from .walls import Wall
 
@@ -79,6 +79,7 @@ class MpmSolver:
             for span in self.cloud.spans
         ):
             raise InputError("weights at rest are for jelly that does not tear: lagrangian=False")
+        self._walls = max((float(np.linalg.norm(w.shape.velocity)) for w in walls), default=0.0)
         self.time, self.substeps, self.outside = 0.0, 0, 0
         self.failure: Failure | None = None
         held = particles.only(self._held) if self._held.any() else None
@@ -116,6 +117,8 @@ class MpmSolver:
         H, numbers = cloud.read("H"), cloud.read("k")
         lam, mu = lame_parameters(cloud.particles.E, cloud.particles.nu)
         for span in cloud.spans:
+            if span.rigid:
+                continue
             own = cloud.order[span.first : span.first + span.count]
             given = (H[own], lam[own], mu[own], numbers[own, 0])
             found = elastic_density(span.kind, *given, form=span.form)
@@ -184,7 +187,10 @@ class MpmSolver:
             self._fail("left grid", "nothing is left in the grid: make its room larger")
         if self.failure is not None:
             return 0.0, 0
-        longest = self.courant * spacing / max(found[WAVE] + found[SPEED], 1e-300)
+        pull, fastest = self.substep.pull, max(float(found[SPEED]), self._walls)
+        longest = longest_step(
+            float(found[WAVE]), fastest, spacing, pull=pull, courant=self.courant
+        )
         longest = min(longest, MOST_STRAIN / max(found[SPREAD], 1e-300))
         if self.step is not None:
             if self.step > longest * (1 + 1e-9):
@@ -197,8 +203,9 @@ class MpmSolver:
                 self.cloud.sort()
                 self._list()
                 found[MOVED] = 0.0
-            room = (DRIFT - found[MOVED]) * spacing
-            count = min(count, max(1, int(room / max(found[SPEED] * dt, 1e-300))))
+            room = DRIFT - found[MOVED]
+            drifts = longest_step(0.0, fastest, spacing, pull=pull, courant=room)
+            count = min(count, max(1, int(min(drifts / dt, count))))
         return dt, max(1, int(min(count, CHUNK) * short))
 
     def _fail(self, kind: FailureKind, advice: str) -> None:

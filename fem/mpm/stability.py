@@ -69,9 +69,17 @@ class MpmError(ConvergenceError):
         self.failure, self.plan, self.notes = failure, plan, notes
 
 
-def longest_step(wave: float, speed: float, spacing: float, *, courant: float = COURANT) -> float:
-    """Longest stable step [s] of waves and matter of these speeds [m/s] on a grid [m]."""
-    return courant * spacing / (wave + speed) if wave + speed > 0 else np.inf
+def longest_step(
+    wave: float, speed: float, spacing: float, *, pull: float = 0.0, courant: float = COURANT
+) -> float:
+    """Longest step [s] of waves and matter of these speeds [m/s] on a grid [m].
+
+    What crosses ``courant`` spacings may gain speed by ``pull`` [m/s^2] within the step: it is all
+    that bounds the steps of rigid bodies that begin to fall.
+    """
+    reach, speed = courant * spacing, wave + speed
+    ends = speed + np.sqrt(speed**2 + 4 * pull * reach)
+    return 2 * reach / ends if ends > 0 else np.inf
 
 
 def largest_modulus(nu, rho, spacing: float, dt: float, *, courant: float = COURANT) -> Any:

@@ -13,7 +13,7 @@ from ..scene.mesh import material_of
 from ..scene.scene import Scene
 from .classes import MaterialClass, Substance
 from .particles import Particles
-from .rigid import rigid_labels
+from .rigid import merged_inside, rigid_labels
 from .stability import BUDGET, COURANT, largest_modulus
 
 # Particles this close, in spacings of the grid, are of one rigid body: two to a cell and axis.
@@ -91,9 +91,9 @@ def treated(
         rigid=numbers,
     )
     bodies = int(numbers.max()) + 1
-    moves = (
-        f"{int(free.sum()):,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
-    )
+    changed = merged_inside(changed, spacing)
+    rigid = int((changed.rigid >= 0).sum())
+    moves = f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
     stands = f"{int(standing.sum()):,} particles stand still"
     done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
     note = (
@@ -104,7 +104,7 @@ def treated(
         found,
         particles=changed,
         stationary=int(standing.sum()),
-        rigid=int(free.sum()),
+        rigid=rigid,
         bodies=bodies,
         notes=(note,),
     )

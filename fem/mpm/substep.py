@@ -14,7 +14,7 @@ from .cloud import Cloud
 from .kernels.kernels_grid import grid_kernels
 from .kernels.kernels_transfer import move_kernel, push_kernel, scatter_kernel
 from .particles import Particles
-from .rigid import RigidBodies
+from .rigid import REST, RigidBodies
 from .walls import Wall, still_nodes
 
 # What one thread launches, for both threads.
@@ -71,6 +71,12 @@ class Substep:
         self._still = still_nodes(held, lattice)
         self._stages: list[Stage] = []
         self._graph: Any = None
+
+    @property
+    def pull(self) -> float:
+        """Acceleration [m/s^2] by gravity and outer forces, at most."""
+        outer = np.linalg.norm(self.cloud.struct.push.numpy(), axis=1).max(initial=0.0)
+        return float(np.linalg.norm(self._gravity) + outer)
 
     @property
     def moving(self) -> bool:
@@ -215,7 +221,7 @@ class Substep:
                 gathers.append(self._launch(bodies.kernels.gather, span.count, summed))
                 moved = [*given, bodies.struct]
                 carries.append(self._launch(bodies.kernels.carry, span.count, moved))
-        settle = [bodies.struct, self._clock]
+        settle = [bodies.struct, self._clock, cloud.real(0.0 if self.moving else REST)]
         settles = [self._launch(bodies.kernels.settle, bodies.count, settle)]
         return [[[*gathers, *settles, *carries], []]]
 

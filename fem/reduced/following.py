@@ -169,4 +169,4 @@ def _acting(scene: Scene, model: ReducedModel) -> Float[np.ndarray, "nodes 3"]:
 
 def _contact_of(scene: Scene, space: Space) -> Contact:
     """The obstacles of ``scene`` against the nodes of the body."""
-    return Contact(scene.mesh, space, scene.obstacles, scene.friction)
+    return Contact(scene.mesh, space, scene.obstacles, scene.friction, scene.thickness)

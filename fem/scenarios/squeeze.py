@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from ..contact.barrier import barrier_thickness
 from ..deprecation import renamed_options
 from ..errors import InputError
 from ..laws.law import Law
@@ -22,11 +23,13 @@ from ..validation import checked_number
 FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
 SLOWNESS = 50.0
-# And at least this long [s]: friction sticks below a speed that is a share of the size per second,
-# so the corners of a squeeze in milliseconds (stiff bodies) would be too sharp for Newton.
-LEAST = 10.0
-# The plates start this share of the body's diagonal away from it.
-ROOM = 5e-4
+# And at least this long [s] for each width of travel: friction sticks below a speed that is a share
+# of the size per second, so the corners of a squeeze in milliseconds (stiff bodies) would be too
+# sharp for Newton; and it is the same friction for every share.
+LEAST = 100.0
+# The plates begin to push at this share of their travel from the body, where they start. They go on
+# by half of it: wherever in it they end, the body is squeezed as asked to half a per cent.
+REACH = 0.01
 
 
 @dataclass(frozen=True)
@@ -53,16 +56,19 @@ class Squeeze:
         k = up_index(self.axis or ("x" if up[-1] != "x" else "y"))
         low, high = mesh.bounds
         diagonal = float(np.linalg.norm(high - low))
-        room = ROOM * diagonal * np.eye(3)[k]
+        travel = self.share * float(high[k] - low[k]) / 2
+        reach = min(REACH * travel, barrier_thickness(mesh))
         material = material_of(mesh)
         slowest = float(np.sqrt((material.lame.mu / material.rho).min()))
-        duration = max(LEAST, SLOWNESS * diagonal / slowest)
-        speed = self.share * float(high[k] - low[k]) / 2 / duration
+        duration = max(LEAST * self.share, SLOWNESS * diagonal / slowest)
+        speed = (travel + reach / 2) / duration
+        away = reach * np.eye(3)[k]
         return Scene(
             mesh=mesh,
             up=up,
-            obstacles=gripper(tuple(low - room), tuple(high + room), k, speed),
+            obstacles=gripper(tuple(low - away), tuple(high + away), k, speed),
             friction=self.friction,
+            thickness=reach,
             duration=duration,
             frames=self.frames,
         )

@@ -52,6 +52,8 @@ class Scene:
         What the body stands on, without friction; None: it is held in the air.
     obstacles, friction
         Rigid obstacles, and the coefficient of Coulomb friction [1] on all of them.
+    thickness
+        Distance [m] from obstacles at which they begin to push; None: as the method says.
     self_contact
         Whether faces of the body keep out of each other in a motion, those of its pieces too.
     velocity
@@ -74,6 +76,7 @@ class Scene:
     ground: Plane | None = None
     obstacles: tuple[Obstacle, ...] = ()
     friction: float = 0.0
+    thickness: float | None = None
     self_contact: bool = True
     velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     duration: float = 1.0

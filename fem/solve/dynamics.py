@@ -291,6 +291,7 @@ def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) ->
         forces=forces,
         obstacles=scene.obstacles,
         friction=scene.friction,
+        thickness=scene.thickness,
         self_contact=scene.self_contact,
         velocity=scene.velocity,
         law=law,

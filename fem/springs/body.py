@@ -189,7 +189,7 @@ def _contact(scene: Scene, anchors: Anchors, weights: Any) -> SurfaceContact | N
         stiffness=HARDNESS * E[used] * area / anchors.spacing,
         planes=planes,
         friction=scene.friction,
-        reach=REACH * diagonal,
+        reach=REACH * diagonal if scene.thickness is None else scene.thickness,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from autophyx_tet.converters import npz
 from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.pvd import read_pvd
 from autophyx_tet.converters.npz import load_npz, save_npz
 from autophyx_tet.converters.points.point_file import read_points, write_points
 from autophyx_tet.fem.errors import UsageError
@@ -16,6 +17,7 @@ from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.material_properties import load_flows
 from autophyx_tet.fem.scene.materials import load_contents, load_table
+from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
@@ -175,6 +177,64 @@ def test_bodies_that_no_run_can_follow_are_told(tmp_path, capsys):
         call = ["simulate", str(path), "--scenario", "fall", "--grid", "8", "--fall-height", ".01"]
         assert main([*call, "-o", str(tmp_path / "o.pvd")]) == code
         assert why in capsys.readouterr().err
+
+
+def fallen(path, mesh, capsys, *options):
+    """Heights [m] of the points in every frame and what is told, of a fall by the command."""
+    write_mesh(path / "body.msh", mesh)
+    call = ["simulate", str(path / "body.msh"), "--scenario", "fall", *options, "--json"]
+    assert main([*call, "-o", str(path / "o.pvd")]) == 0
+    moved = [frame.point_data["displacement"][:, 2] for _, frame in read_pvd(path / "o.pvd")]
+    heights = mesh.points[:, 2] + np.stack(moved)
+    return heights, json.loads(capsys.readouterr().out)["motion"]
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.05, 0.2, 1.0])
+def test_a_steel_cube_falls_and_rests(size, tmp_path, capsys):
+    """It falls by g t^2 / 2, lands within a cell, and from then on neither sinks nor rocks."""
+    mesh = box_mesh((size,) * 3, (2, 2, 2))
+    steel = ElementMaterial.uniform(len(mesh.tets), E=2e11, nu=0.3, rho=7850.0)
+    heights, told = fallen(tmp_path, mesh.with_material(steel), capsys, "--grid", "16")
+    fallen_by = heights[0].mean() - heights.mean(axis=1)
+    cell, time = size / 16, 0.04 * np.arange(len(heights))
+    exact = 9.81 * time**2 / 2
+    # A step that adds g dt to the speed first falls g t dt / 2 too far, in the longest steps by
+    # which it begins: those in which gravity crosses 0.4 cells.
+    late = 9.81 * time * np.sqrt(0.4 * cell / 9.81) / 2
+    falls = exact + late < size
+    assert falls.sum() > 2
+    assert (fallen_by - exact >= -1e-9 * size)[falls].all()
+    assert (fallen_by - exact <= late + 1e-9 * size)[falls].all()
+    rests = time > 1.2 * np.sqrt(2 * size / 9.81)
+    assert np.abs(fallen_by[rests] - size).max() < cell  # surfaces are as sharp as the grid
+    assert np.ptp(heights[rests], axis=0).max() < 1e-6 * size
+    assert told["obstacle_forces"][-1][0] == pytest.approx(7850 * 9.81 * size**3, rel=1e-6)
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+def test_a_stiff_body_falls_with_the_defaults(tmp_path, capsys):
+    """A plastic ruler of 0.3 m lands flat, half a cell above the ground or in it."""
+    mesh = box_mesh((0.3, 0.03, 0.01), (6, 2, 1))
+    stiff = ElementMaterial.uniform(len(mesh.tets), E=2e9, nu=0.3, rho=1200.0)
+    heights, _ = fallen(tmp_path, mesh.with_material(stiff), capsys)
+    assert np.abs(heights[0] - heights[-1] - 0.3).max() < 0.3 / 64
+
+
+@pytest.mark.slow
+def test_a_stiff_part_falls_with_a_soft_one(tmp_path, capsys):
+    """Steel under jelly: both land, the steel within a cell, and the jelly stays on it."""
+    mesh = box_mesh((0.1, 0.1, 0.2), (2, 2, 4))
+    soft = mesh.centroids[:, 2] > 0.1
+    E, rho = np.where(soft, 1e5, 2e11), np.where(soft, 1000.0, 7850.0)
+    matter = ElementMaterial(E, np.full(len(E), 0.3), rho)
+    both = TetMesh(mesh.points, mesh.tets, soft.astype(np.int32), ("steel", "jelly"), matter)
+    heights, _ = fallen(tmp_path, both, capsys, "--grid", "16")
+    cell, low = 0.2 / 16, mesh.points[:, 2] < 0.05
+    assert np.abs(heights[0] - heights[-1] - 0.2)[low].max() < cell
+    assert np.abs(heights[0] - heights[-1] - 0.2).max() < 3 * cell  # the jelly sags
 
 
 @pytest.mark.slow

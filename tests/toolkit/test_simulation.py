@@ -96,8 +96,24 @@ def test_squeeze_closes_by_the_share():
     options = SimulateOptions(scenario="squeeze", squeeze_share=0.2)
     result = simulate(mesh, up="x", options=options)
     moved = mesh.points + result.displacement
-    # 2 %: the plates start a little away from the body
-    assert np.ptp(moved[:, 1]) == pytest.approx(0.08, rel=0.02)
+    # A squeeze right to 0.5 %, of a fifth.
+    assert np.ptp(moved[:, 1]) == pytest.approx(0.08, rel=1.3e-3)
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+def test_the_force_told_of_a_squeeze_is_that_of_the_squeeze():
+    """E A times the strain for a cube with nu 0, proportional to the share; its curve is told."""
+    mesh = box_mesh((0.1, 0.1, 0.1), (2, 2, 2))
+    mesh = mesh.with_material(ElementMaterial.uniform(48, E=1e7, nu=0.0, rho=1000.0))
+    for share in (0.003, 0.01, 0.03):
+        result = simulate(mesh, options=SimulateOptions(scenario="squeeze", squeeze_share=share))
+        told = result.document()["motion"]
+        wanted = 1e7 * 0.01 * share
+        # 0.5 % of the squeeze; the finite law is a share of the strain off E A eps.
+        assert told["max_contact_force"] == pytest.approx(wanted, rel=0.01 + share)
+        assert told["obstacle_forces"][-1] == told["max_obstacle_forces"]
+        assert told["obstacle_forces"][0] == pytest.approx([0, 0], abs=1e-6 * wanted)
 
 
 def test_the_report_of_a_simulation_stands_alone(column, tmp_path):

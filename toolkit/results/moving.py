@@ -42,7 +42,8 @@ class Moving(Simulation):
     def numbers(self) -> dict[str, Any]:
         """Frames, step [s], largest motion and smallest gap [m], forces [N], energies [J]."""
         frames = self.motion.frames
-        forces = np.linalg.norm(self.motion.obstacle_forces, axis=2).max(axis=0)
+        pushes = np.linalg.norm(self.motion.obstacle_forces, axis=2)
+        forces = pushes.max(axis=0)
         return {
             "frames": len(frames),
             "dt": self.motion.dt,
@@ -50,6 +51,7 @@ class Moving(Simulation):
             "smallest_gap": self.motion.smallest_gap,
             "max_contact_force": float(forces.max(initial=0.0)),
             "max_obstacle_forces": forces.tolist(),
+            "obstacle_forces": pushes.tolist(),
             **self._contact(),
             "energy": [f.energy for f in frames],
             "energy_balance": self._energy(),

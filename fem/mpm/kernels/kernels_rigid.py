@@ -13,8 +13,8 @@ class RigidKernels(NamedTuple):
     """Kernels of rigid bodies.
 
     ``gather`` (first, cloud, frame, grid, kick, bodies) sums momenta and what walls kicked,
-    ``settle`` (bodies, clock) makes velocities of them and moves the bodies, ``carry`` (first,
-    cloud, bodies) moves their particles.
+    ``settle`` (bodies, clock, rest) makes velocities of them and moves the bodies, ``carry``
+    (first, cloud, bodies) moves their particles.
     ``Bodies`` is their struct.
     """
 
@@ -101,11 +101,13 @@ def _settle(real: Any, Bodies: Any) -> Any:
         return R * (wp.inverse(inertia) * (wp.transpose(R) * turning))
 
     @wp.kernel(module="unique", enable_backward=False)
-    def settle(bodies: Bodies, clock: wp.array(dtype=real)):
+    def settle(bodies: Bodies, clock: wp.array(dtype=real), rest: real):
         """Stop at walls, then move: by the spin at the start, which momentum then makes anew.
 
         A wall stops the nodes in it, a share of the body's mass: what it gave is scaled until the
-        body as a whole no longer approaches, or it would creep into the ground.
+        body as a whole no longer approaches, or it would creep into the ground. A body of which
+        they leave less than ``rest`` of the speed that they took from it rests: what gravity adds
+        in every step would rock it, and it would sink from corner to corner.
         """
         b = wp.tid()
         dt = clock[0]
@@ -117,9 +119,17 @@ def _settle(real: Any, Bodies: Any) -> Any:
         more = real(0.0)
         if answer > real(0.0):
             more = wp.max(bodies.approach[b] / answer - real(1.0), real(0.0))
-        V = (bodies.momentum[b] + more * push) / bodies.mass[b]
+        P = bodies.momentum[b] + more * push
         L = bodies.turning[b] + more * torque
+        given = more * push
         w = spin_of(R, bodies.inertia[b], L)
+        taken = (real(1.0) + more) * (real(1.0) + more) * answer
+        if wp.dot(P, P) / bodies.mass[b] + wp.dot(L, w) < rest * rest * taken:
+            given = given - P
+            P = vec3()
+            L = vec3()
+            w = vec3()
+        V = P / bodies.mass[b]
         angle = wp.length(w) * dt
         if angle > real(0.0):
             n = w / wp.length(w)
@@ -135,7 +145,7 @@ def _settle(real: Any, Bodies: Any) -> Any:
         bodies.push[b] = vec3()
         bodies.torque[b] = vec3()
         bodies.approach[b] = real(0.0)
-        bodies.extra[b] = bodies.extra[b] + more * push
+        bodies.extra[b] = bodies.extra[b] + given
 
     return settle
 
