@@ -7,8 +7,8 @@ Refined: every tet in eight, the same shape and the same held faces, quadratic t
 is the difference of the quadratic answers, doubled: at a sharp inner corner errors halve with the
 edges, so that the rest of the series is as much again. Beside it what a user's run computes: the
 ``estimate``, by what cubic tets would add, and the number ``said``. ``kept`` of ``meshes`` are
-within what is said; ``effectivity`` are the least and the largest ratio of estimate and error, where
-that is above a thousandth.
+within what is said; ``effectivity`` are the least and the largest ratio of estimate and error,
+where that is above a thousandth.
 """
 
 from __future__ import annotations

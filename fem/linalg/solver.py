@@ -226,11 +226,12 @@ def rough_inverse(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Solves A x = b (nodes, 3) by CG to a relative residual, or as far as it comes.
 
-    It is made ready once for many b. ``matrix`` is used up; the rest is as in ``solve_system``.
+    It is made ready once for many b. ``matrix`` stays; the rest is as in ``solve_system``.
     """
     from . import kernels_solver as k
 
-    wp, system = start_warp(), scale(matrix)
+    wp = start_warp()
+    system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
     cycle, cg = _prepared(system, points, fixed, _level_edges(matrix, edges))
     launch = Recorder(matrix.nodes, cycle.device)
 

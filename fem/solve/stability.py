@@ -23,6 +23,9 @@ from .held_inverse import HeldInverse, held_inverse
 TOLERANCE = 1e-4
 # Most steps of Lanczos, and the least before it says that there is nothing to find.
 STEPS, LEAST = 80, 10
+# Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
+# minute of a core for a compact body, which wants the least number of steps.
+ROUGH, MOST_TETS = 1e-7, 150_000
 # A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
 LARGEST = 1000.0
 
@@ -58,7 +61,7 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     InputError
         Where the result is not linear.
     ConvergenceError
-        If the mesh is too large for a factor, or the eigensolver does not reach its tolerance.
+        If the mesh is too large for it, or the eigensolver does not reach its tolerance.
     """
     if result.law != Law.LINEAR:
         raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
@@ -96,7 +99,8 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
-    inverse = held_inverse(grid, material, held)
+    affordable = len(result.mesh.tets) <= MOST_TETS
+    inverse = held_inverse(grid, material, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
         raise ConvergenceError(
             f"{len(result.mesh.tets):,} tets of this shape are too many for it: take a coarser mesh"
