@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from .contact.foothold import foothold
+from .laws.law import LAWS
 from .model_error import BENDS_ALIKE, too_coarse
 from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
 from .safety import Safety
@@ -22,6 +24,10 @@ HOLDS = 0.05
 CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
+OFF_BY = {
+    "cubic surplus": "by what cubic elements would add to its quadratic ones",
+    "P1/P2": "by what quadratic elements add to its linear ones",
+}
 # A body stands where it buckles under no less than this multiple of its load.
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
@@ -49,15 +55,48 @@ GIVES_WAY = {
 }
 
 
+Outcome = Literal["passed", "failed", "doubtful", "not made"]
+
+
 @dataclass(frozen=True)
 class Check:
-    """One verdict: ``passed`` compares ``value`` with ``threshold``; ``sentence`` says it."""
+    """One verdict: ``passed`` compares ``value`` with ``threshold``; ``sentence`` says it.
+
+    One that was not ``made`` has not passed, and its sentence says why; ``doubt`` is a sentence on
+    what a check that passed cannot know.
+    """
 
     name: str
     passed: bool
     value: float
     threshold: float
     sentence: str
+    made: bool = True
+    doubt: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Which of the four it is."""
+        if not self.made:
+            return "not made"
+        return "failed" if not self.passed else "doubtful" if self.doubt else "passed"
+
+
+# What no check of a rest is sure of where another one was not made, by the name of that.
+DOUBTS = {
+    "buckling": "Whether it buckles was not checked.",
+    "discretisation": "What the mesh costs was not estimated.",
+}
+OF_A_REST = ("holds shape", "buckling", "upright", "strength")
+
+
+def with_unmade(checks: Sequence[Check]) -> list[Check]:
+    """``checks`` of a rest, those that passed in doubt where another one was not made."""
+    doubts = " ".join(DOUBTS[c.name] for c in checks if not c.made and c.name in DOUBTS)
+    return [
+        replace(c, doubt=doubts) if doubts and c.passed and c.name in OF_A_REST else c
+        for c in checks
+    ]
 
 
 def percent(value: float) -> str:
@@ -85,18 +124,25 @@ def holds_shape(result: SagResult) -> Check:
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
     found = result.discretisation_error
+    if found.why:
+        said = f"How far the mesh is off was not estimated: {found.why}."
+        return Check("discretisation", False, found.value, TRUSTED, said, made=False)
     about, passed = found.bound, found.bound <= TRUSTED
-    by = "the P1/P2 gap" if found.kind == "P1/P2" else f"the {found.kind} gap"
-    by += " and stress recovery" if np.isfinite(found.recovery) else ""
+    by = OFF_BY[found.kind]
+    by += ", at small strains" if LAWS[result.static.law].finite else ""
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
     edge = "" if passed else f"{edge_share(result.static.mesh):.2g}"
     does = f"coarse, its edges {edge} of its diagonal" if edge else "fine enough"
-    said = f"The mesh is {does}: displacement within about {shown} (limit {TRUSTED:.0%}), by {by}."
+    said = f"largest displacement within about {shown} (limit {TRUSTED:.0%}), {by}"
+    said = f"The mesh is {does}: {said}."
     return Check("discretisation", passed, about, TRUSTED, said)
 
 
-def buckling(factor: LoadFactor) -> Check:
-    """Whether the body takes its load without buckling."""
+def buckling(factor: LoadFactor | None, why: str = "") -> Check:
+    """Whether the body takes its load without buckling; without a factor ``why`` is told."""
+    if factor is None:
+        said = f"Whether it buckles was not checked: {why}."
+        return Check("buckling", False, np.nan, STANDS, said, made=False)
     passed = factor.value >= STANDS
     times = "more than 1000" if np.isinf(factor.value) else f"{factor.value:.3g}"
     return Check(
@@ -253,13 +299,13 @@ def span_of_answers(
 def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Check, ...]:
     """Verdicts that a static result allows, and whether the user stated the size of its body."""
     mesh = result.static.mesh
-    stable = () if result.load_factor is None else (buckling(result.load_factor),)
-    return (
+    checks = (
         holds_shape(result),
-        *stable,
+        buckling(result.load_factor, result.load_factor_unmade),
         discretisation(result),
         locking(result.static),
         explicit_step(mesh),
         usual_size(mesh, stated=size_stated),
         usual_mass(mesh),
     )
+    return tuple(with_unmade(checks))

@@ -38,8 +38,9 @@ class Elimination:
     panel, update
         Where the columns of every supernode begin in the factor (supernodes + 1), and what is
         left to its parent in the stack of updates.
-    stack
-        Length of that stack.
+    stack, entries
+        Length of that stack; numbers in the factor. Beyond 2^31 of either ``panel`` and ``update``,
+        int32, are void, and no factor can be made.
     operations
         Multiplications and additions of the factorisation.
     """
@@ -57,12 +58,8 @@ class Elimination:
     panel: Any
     update: Any
     stack: int
+    entries: int
     operations: float
-
-    @property
-    def entries(self) -> int:
-        """Numbers in the factor."""
-        return int(self.panel.numpy()[-1])
 
 
 def _ints(values: Any) -> Any:
@@ -215,7 +212,7 @@ def _fronts(pattern: list, order: Any, position: Any, tree: np.ndarray, first: n
     local = wp.empty_like(rows)
     inputs = [_ints(first), _ints(start), rows, _ints(parent), local]
     wp.launch(k.locate_in_parent, supernodes, inputs=inputs, device="cpu")
-    k_, r_ = 3 * np.diff(first), 3 * np.diff(start)
+    k_, r_ = 3 * np.diff(first).astype(np.int64), 3 * np.diff(start).astype(np.int64)
     panel = np.concatenate([[0], np.cumsum(k_ * (k_ + r_))])
     has = parent >= 0
     child_start = np.concatenate([[0], np.cumsum(np.bincount(parent[has], minlength=supernodes))])
@@ -224,7 +221,8 @@ def _fronts(pattern: list, order: Any, position: Any, tree: np.ndarray, first: n
     operations = float((k_**3 / 3 + k_**2 * r_ + k_.astype(float) * r_**2).sum())
     return Elimination(
         order, position, _ints(owner), _ints(first), _ints(start), rows, local, parent,
-        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, operations,
+        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, int(panel[-1]),
+        operations,
     )  # fmt: skip
 
 

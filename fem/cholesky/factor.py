@@ -153,15 +153,24 @@ _KEPT = 2
 KEPT_ENTRIES = 100_000_000  # 800 MB: beyond, only the last is kept
 
 
+def find_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor | None:
+    """Factor of ``matrix`` if one of the last ones is of the very same values."""
+    digest = _digest(matrix)
+    same = (f for kept, f in _RECENT if f.plan is plan and kept == digest)
+    return next(same, None)
+
+
 def known_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
     """Factor of ``matrix``, made only if the last ones were not of the very same values."""
-    digest = sha256(np.ascontiguousarray(matrix.values.numpy()).data).digest()
-    for kept, factor in _RECENT:
-        if factor.plan is plan and kept == digest:
-            return factor
-    factor = CholeskyFactor(matrix, plan)
-    _RECENT.insert(0, (digest, factor))
-    del _RECENT[_KEPT:]
-    while len(_RECENT) > 1 and sum(f.plan.entries for _, f in _RECENT) > KEPT_ENTRIES:
+    if (known := find_factor(matrix, plan)) is not None:
+        return known
+    del _RECENT[_KEPT - 1 :]  # room for the new one is made before it is
+    while _RECENT and plan.entries + sum(f.plan.entries for _, f in _RECENT) > KEPT_ENTRIES:
         _RECENT.pop()
+    factor = CholeskyFactor(matrix, plan)
+    _RECENT.insert(0, (_digest(matrix), factor))
     return factor
+
+
+def _digest(matrix: BlockMatrix) -> bytes:
+    return sha256(np.ascontiguousarray(matrix.values.numpy()).data).digest()

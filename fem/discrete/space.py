@@ -14,8 +14,10 @@ from ..scene.mesh import TetMesh
 # Edges of a tet in the order of VTK's quadratic tetrahedron: node 4 + k lies on edge k.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 
-# Unknowns of a P2 space above which a solve takes linear elements.
-LARGEST_P2 = 150_000
+# Unknowns of a P2 space above which a rest takes linear elements: CG takes half a minute of a core
+# and 1.1 GB at 700,000. Motions and vibrations, of many solves, take them above the other number.
+LARGEST_P2 = 1_000_000
+LARGEST_MOVING = 150_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +91,12 @@ def p2_unknowns(mesh: TetMesh) -> int:
     return 3 * (used + edges)
 
 
-def affordable_order(mesh: TetMesh) -> int:
-    """Quadratic elements while they are affordable: linear ones are far too stiff on thin parts."""
-    return 2 if p2_unknowns(mesh) <= LARGEST_P2 else 1
+def affordable_order(mesh: TetMesh, most: int | None = None) -> int:
+    """Quadratic elements up to ``most`` unknowns: linear ones are far too stiff on thin parts.
+
+    None: what a rest affords.
+    """
+    return 2 if p2_unknowns(mesh) <= (LARGEST_P2 if most is None else most) else 1
 
 
 class Quadrature(NamedTuple):

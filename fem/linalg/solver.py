@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,8 @@ CG_RATE = 1.6e7  # blocks of the matrix in one iteration of two-level CG, set-up
 USUAL = 60
 # Below this many unknowns a factor is made before anything is estimated.
 DIRECT = 6_000
-# Numbers of a factor above which it is not made: 1.6 GB.
-MOST_ENTRIES = 200_000_000
+# Numbers of a factor above which it is not made: 3.2 GB, 5 GB at most with all that it takes.
+MOST_ENTRIES = 400_000_000
 # The iterations grow as 1 / sqrt(1 - 2 nu): P2 at nu = .4999 takes about 600.
 MAX_ITERATIONS = 1000
 # A pivot this small a share of its diagonal entry may be round-off of a zero: a body that is not
@@ -213,6 +214,36 @@ def solve_iterative(
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     change = size * _length(solution.numpy()) / (_length(x) or 1.0) if cg.reached else np.inf
     return Solution(x, error, iterations, floor, change=change, solver=name)
+
+
+def rough_inverse(
+    matrix: BlockMatrix,
+    *,
+    points: np.ndarray,
+    fixed: np.ndarray,
+    edges: np.ndarray | None,
+    tolerance: float,
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Solves A x = b (nodes, 3) by CG to a relative residual, or as far as it comes.
+
+    It is made ready once for many b. ``matrix`` stays; the rest is as in ``solve_system``.
+    """
+    from . import kernels_solver as k
+
+    wp = start_warp()
+    system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
+    cycle, cg = _prepared(system, points, fixed, _level_edges(matrix, edges))
+    launch = Recorder(matrix.nodes, cycle.device)
+
+    def solve(b: np.ndarray) -> np.ndarray:
+        size = _length(b) or 1.0
+        given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
+        launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+        cg.run(tolerance, MAX_ITERATIONS)
+        launch(k.block_multiply, [system.inverse, cg.x, True, given]).launch()
+        return size * given.numpy()
+
+    return solve
 
 
 class _Kept(NamedTuple):

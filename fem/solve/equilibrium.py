@@ -79,8 +79,8 @@ class StaticMethod:
         if given is None and order == 1 and locking_share(scene.mesh) > 0 and not grain:
             solve = partial(_solve_unlocked, scene.mesh, scene.held, **loads)
         static = solve(order=order)
-        error = find_discretisation_error(static, solve, warnings)
-        factor, trusted = _load_factor(scene, static, warnings), True
+        factor, load_factor_unmade = _load_factor(scene, static)
+        error, trusted = find_discretisation_error(static, scene.held, solve, **loads), True
         if law is None or LAWS[law].finite:
             name = law or Law.NEO_HOOKEAN
             static, trusted = _checked_strain(scene, static, name, warnings, loads)
@@ -89,7 +89,12 @@ class StaticMethod:
         largest, longest = _largest(static), scene.longest
         supported = np.asarray(scene.held.fixed.any(axis=1))
         answer = (static, scene.height, largest, largest / longest, error)
-        known = {"load_factor": factor, "trusted": trusted, "assumed": scene.held.assumed}
+        known = {
+            "load_factor": factor,
+            "load_factor_unmade": load_factor_unmade,
+            "trusted": trusted,
+        }
+        known["assumed"] = scene.held.assumed
         return SagResult(*answer, supported, tuple(warnings), **known)
 
 
@@ -111,15 +116,14 @@ def _check_load(scene: Scene) -> None:
         raise UsageError("nothing acts on the body: gravity is zero, and there is no other load")
 
 
-def _load_factor(scene: Scene, static: StaticResult, warnings: list[str]) -> LoadFactor | None:
-    """Load factor of buckling, or why not; linear elements would flatter it by far."""
-    if static.order == 1 or scene.held.values.any():
-        return None
+def _load_factor(scene: Scene, static: StaticResult) -> tuple[LoadFactor | None, str]:
+    """Load factor of buckling, or why there is none."""
+    if static.order == 1:
+        return None, "linear elements are far too stiff against it: --order 2"
     try:
-        return find_load_factor(static, scene.held)
+        return find_load_factor(static, scene.held), ""
     except ConvergenceError as error:
-        warnings.append(str(error))
-        return None
+        return None, str(error)
 
 
 def _largest(static: StaticResult) -> float:

@@ -14,7 +14,7 @@ from ..discrete.assembly import Discretisation, discretise, linear_stiffness
 from ..discrete.block_matrix import BlockMatrix, add_diagonal
 from ..discrete.constraints import apply_supports, held_stiffness, node_supports
 from ..discrete.mass import consistent_mass, diagonal_mass, lumped_mass
-from ..discrete.space import affordable_order, extend_linear
+from ..discrete.space import LARGEST_MOVING, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.lanczos import RitzPairs, lanczos
@@ -158,7 +158,7 @@ class ModalMethod:
         progress: FrameProgress | None = None,
     ) -> Modes:
         """First ``scene.modes`` vibrations; see ``natural_modes`` for what may fail."""
-        order = order or affordable_order(scene.mesh)
+        order = order or affordable_order(scene.mesh, LARGEST_MOVING)
         options = {"supports": scene.held, "order": order, "device": device}
         return natural_modes(scene.mesh, scene.modes, **options)
 
@@ -168,7 +168,7 @@ METHOD = ModalMethod()
 
 def quick_order(mesh: TetMesh) -> int | None:
     """Highest order whose modes are found in a few seconds, by a factor; None if neither's are."""
-    for order in range(affordable_order(mesh), 0, -1):
+    for order in range(affordable_order(mesh, LARGEST_MOVING), 0, -1):
         grid = discretise(mesh, order)
         if planned_elimination(grid.pattern, grid.space.edges).operations <= QUICK:
             return order

@@ -7,12 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..cholesky.elimination import planned_elimination
-from ..cholesky.factor import CholeskyFactor, known_factor
 from ..device import single_threaded, start_warp
 from ..discrete.assembly import Discretisation, discretise
-from ..discrete.block_matrix import BlockMatrix
-from ..discrete.constraints import held_stiffness, node_supports
+from ..discrete.constraints import node_supports
 from ..discrete.space import element_points
 from ..discrete.strain import displacement_gradients, linear_stress
 from ..errors import ConvergenceError, InputError
@@ -20,22 +17,23 @@ from ..laws.law import Law
 from ..result import LoadFactor, StaticResult
 from ..scene.mesh import material_of
 from ..scene.supports import Supports
+from .held_inverse import HeldInverse, held_inverse
 
 # Relative accuracy of the load factor: far below that of the elements.
 TOLERANCE = 1e-4
 # Most steps of Lanczos, and the least before it says that there is nothing to find.
 STEPS, LEAST = 80, 10
+# Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
+# minute of a core for a compact body, which wants the least number of steps.
+ROUGH, MOST_TETS = 1e-7, 150_000
 # A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
 LARGEST = 1000.0
-# Operations of the factor above which it is not made for this alone: ten seconds of a core.
-MOST_OPERATIONS = 1.2e11
 
 
 class _Pencil(NamedTuple):
-    """K [N/m] with supports, its factor, what is free (nodes, 3), and K_sigma (nodes, nodes)."""
+    """K with its inverse, what is free (nodes, 3), and K_sigma [N/m] (nodes, nodes)."""
 
-    K: BlockMatrix
-    factor: CholeskyFactor
+    K: HeldInverse
     free: np.ndarray
     geometric: Any
 
@@ -45,12 +43,14 @@ class _Pencil(NamedTuple):
 
     def solved(self, force: np.ndarray) -> np.ndarray:
         """Displacement (nodes, 3) under a ``force`` on what is free."""
-        return np.where(self.free, self.factor.solve(force), 0.0)
+        return np.where(self.free, self.K.solve(np.where(self.free, force, 0.0)), 0.0)
 
 
 @single_threaded
 def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
-    """Smallest multiple of its load at which the body of a linear ``result`` buckles.
+    """Smallest multiple of all that acts at which the body of a linear ``result`` buckles.
+
+    What acts are loads and prescribed displacements, which grow together.
 
     The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
     K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
@@ -59,14 +59,12 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     Raises
     ------
     InputError
-        Where the result is not linear, or displacements are prescribed: these are no load.
+        Where the result is not linear.
     ConvergenceError
-        If the mesh is too large for a factor, or the eigensolver does not reach its tolerance.
+        If the mesh is too large for it, or the eigensolver does not reach its tolerance.
     """
     if result.law != Law.LINEAR:
         raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
-    if supports.values[supports.fixed].any():
-        raise InputError("load factor of prescribed displacements: wanted loads only")
     grid = discretise(result.mesh, result.order)
     held = node_supports(supports, grid.space)
     share, shape = _largest_share(_pencil(grid, result, held))
@@ -101,14 +99,15 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
-    matrix = held_stiffness(grid, material, held).to("cpu")
-    plan = planned_elimination(matrix, grid.space.edges)
-    if plan.operations > MOST_OPERATIONS:
-        raise ConvergenceError("whether it buckles was not found: the mesh is too large for it")
+    affordable = len(result.mesh.tets) <= MOST_TETS
+    inverse = held_inverse(grid, material, held, rough=ROUGH if affordable else 0.0)
+    if inverse is None:
+        raise ConvergenceError(
+            f"{len(result.mesh.tets):,} tets of this shape are too many for it: take a coarser mesh"
+        )
     free = ~held.fixed
     free[grid.space.unused] = False
-    factor = known_factor(matrix, plan)
-    return _Pencil(matrix, factor, free, _stress_stiffness(grid, stress))
+    return _Pencil(inverse, free, _stress_stiffness(grid, stress))
 
 
 def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
@@ -119,7 +118,7 @@ def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
     v = pencil.solved(np.random.default_rng(0).normal(size=pencil.free.shape))
     basis, images = np.zeros((2, STEPS, *v.shape))  # of every vector v, and K v
     along, across = np.zeros(STEPS), np.zeros(STEPS)
-    image = pencil.K.times(v)
+    image = pencil.K.stiffness.times(v)
     for step in range(STEPS):
         across[step] = np.sqrt(max(float((v * image).sum()), 0.0))
         if across[step] == 0:  # nothing is free, or nothing is stressed
@@ -131,7 +130,7 @@ def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
         for _ in range(2):  # once leaves what round-off brought back
             known = np.tensordot(images[: step + 1], v, axes=([1, 2], [0, 1]))
             v = v - np.tensordot(known, basis[: step + 1], axes=1)
-        image = pencil.K.times(v)
+        image = pencil.K.stiffness.times(v)
         rest = np.sqrt(max(float((v * image).sum()), 0.0))
         T = np.diag(along[: step + 1]) + np.diag(across[1 : step + 1], 1)
         value, mode = np.linalg.eigh(T + np.triu(T, 1).T)
@@ -141,5 +140,5 @@ def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
         if error <= TOLERANCE * abs(value[-1]):
             return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
     raise ConvergenceError(
-        f"the load factor of buckling was not found: about {1 / value[-1]:.3g} after {STEPS} steps"
+        f"its load factor was not found in {STEPS} steps: about {1 / value[-1]:.3g}"
     )

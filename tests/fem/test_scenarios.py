@@ -159,7 +159,7 @@ def test_what_is_beyond_the_limit_does_not_read_as_the_limit():
     """10.4 % is beyond 10 %, and the sentence says so, with the edges that the mesh has."""
     one = wind(column(E=1e8), order=2, law=Law.LINEAR)
     for value, shown in ((0.0999, "10%"), (0.1001, "10.1%"), (0.104, "10.4%"), (0.2, "20%")):
-        error = one.discretisation_error._replace(value=value, recovery=np.inf)
+        error = one.discretisation_error._replace(value=value, kind="P1/P2")
         check = checks.discretisation(replace(one, discretisation_error=error))
         assert f"within about {shown} (" in check.sentence
     assert "coarse, its edges 0." in check.sentence

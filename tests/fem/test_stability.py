@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import verdicts
-from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.scenarios.hang import hang
 from autophyx_tet.fem.scenarios.sag import sag
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.loads import pressure
+from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.stability import find_load_factor
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.toolkit.results.verdict import Verdict
 
 from .bodies import faces_at, random_rotation, with_uniform
 
@@ -70,9 +72,54 @@ def test_the_factor_turns_with_the_body():
     assert two.value == pytest.approx(one.value, rel=1e-5)  # the eigensolver's own tolerance
 
 
-def test_prescribed_displacements_are_no_load():
-    mesh = column()
+@pytest.mark.blockers
+def test_a_column_that_is_pressed_by_a_move():
+    """Euler: one clamped at both ends buckles as its end has moved by 4 pi^2 I / A L."""
+    mesh, by = column(), -1e-3
     moved = Supports.clamp(len(mesh.points), mesh.points[:, 2] == 0)
-    moved = moved.with_fixed(mesh.points[:, 2] == 1, 2, -1e-3)
-    with pytest.raises(InputError, match="loads only"):
-        find_load_factor(solve_static(mesh, moved), moved)
+    for axis, value in enumerate((0, 0, by)):
+        moved = moved.with_fixed(mesh.points[:, 2] == 1, axis, value)
+    result = StaticMethod().solve(Scene(mesh=mesh, supports=moved), law="linear")
+    assert result.load_factor.value == pytest.approx(4 * np.pi**2 * H**2 / 12 / -by, rel=0.05)
+    found = {check.name: check for check in verdicts.static_checks(result)}
+    assert found["discretisation"].outcome == "not made"  # the largest displacement is the move
+    assert found["holds shape"].outcome == "doubtful"
+
+
+def stem(cells):
+    """3.75 times past the weight that buckles it, and nothing else is wrong with it."""
+    L, a, modulus = 1.0, 0.01, 1e9
+    rho = 3.75 * 7.837 * modulus * a**2 / 12 / L**3 / 9.81
+    return with_uniform(box_mesh((a, a, L), cells), E=modulus, nu=0.3, rho=rho)
+
+
+@pytest.mark.blockers
+@pytest.mark.slow
+def test_a_fine_stem_is_checked_too():
+    """42,240 tets, 190,000 unknowns: quadratic elements, and buckling."""
+    result = sag(stem((8, 8, 110)))
+    assert result.static.order == 2
+    assert result.load_factor.value == pytest.approx(1 / 3.75, rel=0.1)
+    assert not verdicts.holds_shape(result).passed
+
+
+@pytest.mark.blockers
+@pytest.mark.parametrize("why", ["order", "unknowns", "factor"])
+def test_buckling_that_was_not_checked_is_told(monkeypatch, why):
+    """Its line says why, and nothing that it could change is called good beside it."""
+    if why == "unknowns":
+        monkeypatch.setattr("autophyx_tet.fem.discrete.space.LARGEST_P2", 0)
+    if why == "factor":
+        monkeypatch.setattr("autophyx_tet.fem.solve.held_inverse.MOST_ENTRIES", 0)
+        monkeypatch.setattr("autophyx_tet.fem.solve.stability.MOST_TETS", 0)
+    result = sag(stem((1, 1, 30)), order=1 if why == "order" else None)
+    found = {check.name: check for check in verdicts.static_checks(result)}
+    assert found["buckling"].outcome == "not made"
+    reason = "too many" if why == "factor" else "linear elements"
+    assert reason in found["buckling"].sentence
+    assert found["holds shape"].outcome == "doubtful"
+    if why == "unknowns":
+        assert found["discretisation"].outcome == "not made"
+    marks = {v.detail: v.mark for v in map(Verdict.of, found.values())}
+    assert marks["buckling"] == "unmade"
+    assert marks["holds shape"] == "note"

@@ -123,7 +123,7 @@ def _gives_way(simulation: Settled) -> str:
         does = "it buckles at" if factor.value < 1 else "it would buckle at"
         said.append(f"{does} {_times(factor.value)} times its load")
     else:
-        said.append("whether it buckles was not found: that wants --order 2")
+        said.append(f"whether it buckles was not checked: {simulation.solved.load_factor_unmade}")
     return "; ".join(said)
 
 

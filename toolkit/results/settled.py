@@ -128,6 +128,7 @@ class Settled(Simulation):
             static_checks,
             stays_upright,
             strength,
+            with_unmade,
         )
 
         checks = [
@@ -139,4 +140,4 @@ class Settled(Simulation):
             checks.append(first_frequency(self.modes))
         if self.intervals is not None:
             checks.append(span_of_answers(*self.intervals.values()))
-        return checks
+        return with_unmade(checks)

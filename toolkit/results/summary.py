@@ -51,6 +51,8 @@ def _facts(document: Mapping[str, Any]) -> Iterator[str]:
         yield document["scenario"]
     if failed := sum(verdict.mark in ("warning", "bad") for verdict in _verdicts(document)):
         yield f"{failed} verdict{'s' * (failed > 1)} not met"
+    if unmade := sum(verdict.mark == "unmade" for verdict in _verdicts(document)):
+        yield f"{unmade} not made"
     if count := len(document.get("warnings", ())):
         yield f"{count} warning{'s' * (count > 1)}"
 

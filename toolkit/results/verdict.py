@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from ...fem.verdicts import Check
 
-Mark = Literal["good", "note", "warning", "bad"]
+Mark = Literal["good", "note", "warning", "bad", "unmade"]
 # How a mark is drawn where there are letters only.
-MARKS: dict[Mark, str] = {"good": "✓", "note": "i", "warning": "!", "bad": "✕"}
+MARKS: dict[Mark, str] = {"good": "✓", "note": "i", "warning": "!", "bad": "✕", "unmade": "?"}
 # What to do about a check that failed, by its name.
 ADVICE = {
     "holds shape": "If it should stand, say a stiffer material for what gives way, and check the "
@@ -65,8 +65,12 @@ class Verdict:
     @classmethod
     def of(cls, check: Check) -> Verdict:
         """Word a check of the solver."""
-        if check.passed:
+        if check.outcome == "passed":
             return cls("good", check.sentence, check.name)
+        if check.outcome == "doubtful":
+            return cls("note", f"{check.sentence} {check.doubt}", check.name)
+        if check.outcome == "not made":
+            return cls("unmade", check.sentence, check.name)
         mark = "warning" if check.name in SERIOUS else "note"
         return cls(mark, check.sentence, check.name, ADVICE.get(check.name, ""))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.discrete.space import affordable_order
+from ...fem.discrete.space import LARGEST_MOVING, affordable_order
 from ...fem.errors import InputError
 from ...fem.reduced.following import stated_forces
 from ...fem.reduced.model import ReducedModel
@@ -56,7 +56,7 @@ def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
         scales=scales,
         forces=forces,
         count=min(4, runs),
-        order=affordable_order(scene.mesh),
+        order=affordable_order(scene.mesh, LARGEST_MOVING),
     )
     return WhatIfTable(header, rows, found, error, seconds)
 
