@@ -18,7 +18,7 @@ from ..discrete.space import EDGES, duffy_rule, shape_functions
 from ..result import StaticResult
 from ..scene.boundary import FACES, equal_faces, face_areas
 from ..scene.loads import Traction
-from ..scene.material import isotropic_part, mandel_tensor, mandel_vector
+from ..scene.material import mandel_tensor, mandel_vector
 from ..scene.mesh import material_of
 from ..scene.supports import Supports
 
@@ -118,10 +118,10 @@ class _CubicElements:
         return stress
 
     def surplus_blocks(self) -> Float[np.ndarray, "surplus 3 3"]:
-        """Diagonal blocks [N/m] of the surplus functions; of a solid that is isotropic at least."""
+        """Diagonal blocks [N/m] of the surplus functions, without the grain."""
         D = _slopes()[10:]
         products = np.einsum("akm,akn->amn", D, D)
-        lam, mu = (m[:, None, None, None] for m in isotropic_part(self.material))
+        lam, mu = (m[:, None, None, None] for m in self.material.lame)
         g = self.gradients[:, None]
         G = np.matmul(g.swapaxes(-1, -2), np.matmul(products, g))
         G *= self.volumes[:, None, None, None]

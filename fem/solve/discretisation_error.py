@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..discrete.assembly import discretise
-from ..discrete.constraints import node_supports
+from ..discrete.constraints import held_stiffness, node_supports
 from ..discrete.space import LARGEST_MOVING, LARGEST_P2, affordable_order, p2_unknowns
 from ..errors import ConvergenceError, InputError
 from ..model_error import BENDS_ALIKE
@@ -99,7 +99,8 @@ def find_discretisation_error(
         return DiscretisationError(abs(largest - fine) / fine if fine > 0 else 0.0, "P1/P2")
     grid = discretise(result.mesh, 2)
     held = node_supports(supports, grid.space)
-    inverse = held_inverse(grid, material_of(result.mesh), held, rough=ROUGH)
+    stiffness = held_stiffness(grid, material_of(result.mesh), held)
+    inverse = held_inverse(stiffness, grid.space, held, rough=ROUGH)
     assert inverse is not None  # it may be rough
     known = {name: loads[name] for name in ("gravity_vector", "traction")}
     moved = cubic_surplus(result, supports, inverse.solve, **known)

@@ -9,11 +9,9 @@ import numpy as np
 
 from ..cholesky.elimination import planned_elimination
 from ..cholesky.factor import find_factor, known_factor
-from ..discrete.assembly import Discretisation
 from ..discrete.block_matrix import BlockMatrix
-from ..discrete.constraints import held_stiffness
+from ..discrete.space import Space
 from ..linalg.solver import MOST_ENTRIES, rough_inverse
-from ..scene.material import ElementMaterial
 from ..scene.supports import Supports
 
 # Operations of a factor above which it is not made for this alone: half a minute of a core.
@@ -32,14 +30,14 @@ class HeldInverse(NamedTuple):
 
 
 def held_inverse(
-    grid: Discretisation, material: ElementMaterial, held: Supports, *, rough: float = 0.0
+    stiffness: BlockMatrix, space: Space, held: Supports, *, rough: float = 0.0
 ) -> HeldInverse | None:
-    """Inverse of the linear stiffness with the supports ``held`` (of nodes), on the CPU.
+    """Inverse of a ``stiffness`` with the supports ``held`` (of nodes of ``space``), on the CPU.
 
     Where no factor is affordable by CG to the relative residual ``rough``; None if that is zero.
     """
-    matrix = held_stiffness(grid, material, held).to("cpu")
-    plan = planned_elimination(matrix, grid.space.edges)
+    matrix = stiffness.to("cpu")
+    plan = planned_elimination(matrix, space.edges)
     if plan.entries <= MOST_ENTRIES:
         if plan.operations <= MOST_OPERATIONS:
             return HeldInverse(matrix, known_factor(matrix, plan).solve, True)
@@ -47,5 +45,5 @@ def held_inverse(
             return HeldInverse(matrix, factor.solve, True)
     if not rough:
         return None
-    known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+    known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
     return HeldInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ..device import single_threaded, start_warp
 from ..discrete.assembly import Discretisation, discretise
-from ..discrete.constraints import node_supports
+from ..discrete.constraints import held_stiffness, node_supports
 from ..discrete.space import element_points
 from ..discrete.strain import displacement_gradients, linear_stress
 from ..errors import ConvergenceError, InputError
@@ -100,7 +100,8 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
     affordable = len(result.mesh.tets) <= MOST_TETS
-    inverse = held_inverse(grid, material, held, rough=ROUGH if affordable else 0.0)
+    matrix = held_stiffness(grid, material, held)
+    inverse = held_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
     if inverse is None:
         raise ConvergenceError(
             f"{len(result.mesh.tets):,} tets of this shape are too many for it: take a coarser mesh"
