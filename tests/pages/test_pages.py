@@ -40,6 +40,7 @@ ELSEWHERE = {
     "autophyx-tet evaluate --split validation --objects 80 --renders 80 --swing --texts 5    "
     "--predictors film film-assigned table-mean table-first retrieval constant": HOURS,
     "autophyx-tet evaluate --split merged --objects 90 --texts 2 --predictors film-voxels": HOURS,
+    "autophyx-tet evaluate --split merged --objects 90 --texts 2 --predictors film-assigned": HOURS,
     "autophyx-tet evaluate --split procedural --predictors film-voxels --objects 96": HOURS,
     "autophyx-tet evaluate --split validation --objects 80 --encoder embedded --renders 80 "
     "--predictors film film-names table-mean": HOURS,
