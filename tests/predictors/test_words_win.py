@@ -115,8 +115,11 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
         path = tmp_path / f"{number}.msh"
         made = apx.assign(body, text, output=path, options=AssignOptions(cells=8))
         (choice,), (row,) = made.choices, made.part_rows()
-        assert choice.guessed, text
-        assert row["guessed"], text
+        # "Alloy" is a name of the table; "tritanium" is mended to titanium, and that is told.
+        named = {r for p, r in TABLE.phrases.items() if f" {p} " in f" {text.lower()} "}
+        mended = any(repr(word) in line for line in made.warnings for word in text.split())
+        assert choice.guessed or choice.row in named or mended, text
+        assert row["guessed"] == choice.guessed, text
         assert row["material"] == choice.material, text
         said = {name for name in names for line in made.warnings if f"like {name};" in line}
         for line in made.warnings:
@@ -128,5 +131,5 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
         assert made.mesh.material.E == pytest.approx(row["E"], rel=1e-4), text  # float32 cells
         record = json.loads(path.with_name(f"{number}.msh.json").read_text())["record"]
         (kept,) = record["assign"]["parts"]
-        assert (kept["material"], kept["guessed"]) == (choice.material, True), text
+        assert (kept["material"], kept["guessed"]) == (choice.material, choice.guessed), text
     assert read_as_unknown > len(UNKNOWN) // 2  # or the loop above asserted nothing
