@@ -132,4 +132,4 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
         record = json.loads(path.with_name(f"{number}.msh.json").read_text())["record"]
         (kept,) = record["assign"]["parts"]
         assert (kept["material"], kept["guessed"]) == (choice.material, choice.guessed), text
-    assert read_as_unknown > len(UNKNOWN) // 2  # or the loop above asserted nothing
+    assert read_as_unknown >= 5  # or the loop above looked at no such line
