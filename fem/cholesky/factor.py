@@ -155,21 +155,24 @@ KEPT_ENTRIES = 100_000_000  # 800 MB: beyond, only the last is kept
 
 def find_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor | None:
     """Factor of ``matrix`` if one of the last ones is of the very same values."""
-    digest = _digest(matrix)
-    same = (f for kept, f in _RECENT if f.plan is plan and kept == digest)
-    return next(same, None)
+    return _found(_digest(matrix), plan)
 
 
 def known_factor(matrix: BlockMatrix, plan: Elimination) -> CholeskyFactor:
     """Factor of ``matrix``, made only if the last ones were not of the very same values."""
-    if (known := find_factor(matrix, plan)) is not None:
+    digest = _digest(matrix)
+    if (known := _found(digest, plan)) is not None:
         return known
     del _RECENT[_KEPT - 1 :]  # room for the new one is made before it is
     while _RECENT and plan.entries + sum(f.plan.entries for _, f in _RECENT) > KEPT_ENTRIES:
         _RECENT.pop()
     factor = CholeskyFactor(matrix, plan)
-    _RECENT.insert(0, (_digest(matrix), factor))
+    _RECENT.insert(0, (digest, factor))
     return factor
+
+
+def _found(digest: bytes, plan: Elimination) -> CholeskyFactor | None:
+    return next((f for kept, f in _RECENT if f.plan is plan and kept == digest), None)
 
 
 def _digest(matrix: BlockMatrix) -> bytes:

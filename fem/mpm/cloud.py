@@ -64,6 +64,7 @@ class Cloud:
         self.order: Int[np.ndarray, "n"] = self._sorted(particles.x)
         self.spans = self._spans()
         self.struct = self._upload()
+        self.strongest_push = 0.0  # m/s^2
         self.frame = self._frame()
         self.listed = wp.clone(self.struct.x)
         self._found = wp.zeros(COUNT, dtype=self.real, device=device)
@@ -155,6 +156,7 @@ class Cloud:
         """Accelerations [m/s^2] of the particles by outer forces, from now on."""
         given, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
         self.struct.push = start_warp().array(given, dtype=vec3, device=self.device)
+        self.strongest_push = float(np.linalg.norm(self.struct.push.numpy(), axis=1).max(initial=0))
 
     def keep(self) -> None:
         """Remember the state."""

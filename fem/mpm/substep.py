@@ -75,8 +75,7 @@ class Substep:
     @property
     def pull(self) -> float:
         """Acceleration [m/s^2] by gravity and outer forces, at most."""
-        outer = np.linalg.norm(self.cloud.struct.push.numpy(), axis=1).max(initial=0.0)
-        return float(np.linalg.norm(self._gravity) + outer)
+        return float(np.linalg.norm(self._gravity)) + self.cloud.strongest_push
 
     @property
     def moving(self) -> bool:

@@ -93,8 +93,8 @@ class StaticMethod:
             "load_factor": factor,
             "load_factor_unmade": load_factor_unmade,
             "trusted": trusted,
+            "assumed": scene.held.assumed,
         }
-        known["assumed"] = scene.held.assumed
         return SagResult(*answer, supported, tuple(warnings), **known)
 
 

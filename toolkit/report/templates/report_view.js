@@ -151,8 +151,7 @@ class View {
   }
   // Three axes of a round length: the scale of the drawing.
   axes() {
-    const { corner, length } = this.corner, [below, ...ends] = this.axisEnds().reverse();
-    ends.reverse();
+    const { corner, length } = this.corner, ends = this.axisEnds(), below = ends.pop();
     const text = ["x", "y", "z", words(length, MAPS.moved)];
     const textposition = [...ends.map(() => "top center"), "bottom center"];
     const font = { size: 12, color: inkColor() };
