@@ -95,8 +95,9 @@ def test_a_material_is_one_of_the_table_however_it_is_written(text, part):
 @pytest.mark.usefixtures("any_answer")
 def test_no_sentence_of_any_set_is_refused(root):
     """A third of them: all take five minutes."""
-    found = [refused(text, *names) for text, names in itertools.islice(sentences(root), 0, None, 3)]
-    assert len(found) > 400
+    every = list(sentences(root))
+    assert len(every) > 1000
+    found = [refused(text, *names) for text, names in every[::3]]
     assert not [line for line in found if line]
 
 
