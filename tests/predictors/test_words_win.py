@@ -4,6 +4,7 @@ import json
 
 import autophyx_tet as apx
 import pytest
+import trimesh
 from autophyx_tet.fem.scene.box import box_mesh
 from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.predictors.language.binding import bind
@@ -133,3 +134,16 @@ def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
         (kept,) = record["assign"]["parts"]
         assert (kept["material"], kept["guessed"]) == (choice.material, choice.guessed), text
     assert read_as_unknown >= 5  # or the loop above looked at no such line
+
+
+@pytest.mark.slow
+def test_run_records_an_unknown_word_as_a_guess(tmp_path):
+    """``run.json`` of a box of "xyzzy": the material that the warning names, and a guess."""
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
+    apx.run(tmp_path / "box.stl", ["the unobtainium is xyzzy"], output=tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "run.json").read_text())
+    (case,) = document["cases"]
+    (part,) = case["parts"]
+    assert part["guessed"]
+    (told,) = (w for w in case["warnings"] if "'xyzzy' is no material that is known" in w)
+    assert f"taken as {part['material']}, " in told
