@@ -21,7 +21,7 @@ $(STAMP): pyproject.toml constraints.txt .ci/setup
 
 demo: $(STAMP)
 	@mkdir -p out/demo
-	@$(PY) -m autophyx_tet.toolkit.io.bonsai out/demo/bonsai.glb
+	@$(PY) -m autophyx_tet.toolkit.asset.bonsai out/demo/bonsai.glb
 	@$(VENV)/bin/autophyx-tet run out/demo/bonsai.glb -o out/demo \
 		--text "the pot is ceramic, the soil is moist soil, the trunk is oak, the foliage is leaves"
 	@echo "look at out/demo/report.html"

@@ -28,8 +28,8 @@ def run_tool(args: argparse.Namespace) -> None:
 
 def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
     from autophyx_tet.fem.errors import AutophyxError
-    from autophyx_tet.toolkit.io.load import load_asset
-    from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+    from autophyx_tet.toolkit.asset.load import load_asset
+    from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
     try:
         mesh, report = tetrahedralize(
@@ -64,11 +64,11 @@ def _ours(path: Path, out: Path, args: argparse.Namespace) -> None:
 
 def _measure(path: Path, out: Path, args: argparse.Namespace) -> None:
     """Hold a peer's mesh against the same guarantees."""
-    from autophyx_tet.converters.npz import load_npz
-    from autophyx_tet.fem.scene.mesh import TetMesh
-    from autophyx_tet.toolkit.io.load import load_asset
-    from autophyx_tet.toolkit.meshing import conversion_report as conversion
-    from autophyx_tet.toolkit.meshing.preparation import Preparation
+    from autophyx_tet.converters.files import load_npz
+    from autophyx_tet.fem.mesh import TetMesh
+    from autophyx_tet.toolkit.asset.load import load_asset
+    from autophyx_tet.toolkit.meshing import guarantees as conversion
+    from autophyx_tet.toolkit.meshing.convert import Preparation
     from autophyx_tet.toolkit.meshing.quality import quality
 
     mesh = load_npz(out / "mesh.npz")
@@ -112,7 +112,7 @@ def _surface(path: Path):
 
 def _pytetwild(path: Path, args: argparse.Namespace):
     import pytetwild
-    from autophyx_tet.toolkit.meshing.conversion_report import ENVELOPE_SHARE
+    from autophyx_tet.toolkit.meshing.guarantees import ENVELOPE_SHARE
 
     return pytetwild.tetrahedralize(
         *_surface(path),

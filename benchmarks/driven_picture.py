@@ -31,10 +31,9 @@ def splats(asset, path: Path, *, total: int = COUNT, share: float = SIZE) -> Pat
     ``share`` is their size of the asset's.
     """
     import trimesh
-    from autophyx_tet.converters.points.point_file import write_points
-    from autophyx_tet.converters.points.splats.gaussians import standard_columns
-    from autophyx_tet.converters.points.table import PointTable
-    from autophyx_tet.predictors.images.surface_colour import skin_of
+    from autophyx_tet.converters.points.gaussians import standard_columns
+    from autophyx_tet.converters.points.table import PointTable, write_points
+    from autophyx_tet.predictors.appearance.surface import skin_of
 
     area, points, colours = sum(part.mesh.area for part in asset.parts), [], []
     for part in asset.parts:
@@ -67,10 +66,10 @@ def main() -> None:
     parser.add_argument("picture", type=Path)
     parser.add_argument("--cache", type=Path, default=cache_folder(), help="folder of the mesh")
     options = parser.parse_args()
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
-    from autophyx_tet.toolkit.io.bonsai import write_bonsai
-    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.toolkit.asset.bonsai import write_bonsai
+    from autophyx_tet.toolkit.asset.load import load_asset
     from autophyx_tet.toolkit.pipeline import simulate
     from PIL import Image
 

@@ -11,10 +11,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.converters.driving import Driven
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.embedding import Driven
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.fem import box_mesh
 
 SIZE = (1.0, 0.3, 0.3)

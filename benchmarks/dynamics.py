@@ -32,8 +32,8 @@ CASES = {"soft": 1e7, "steel": 2e11}
 
 
 def bench_mesh(stiff: float):
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import box_mesh
 
     mesh = box_mesh((1, 0.2, 0.2), CELLS)
     upper = mesh.centroids[:, 2] > 0.1

@@ -40,8 +40,8 @@ def mujoco(mesh) -> Peer:
 
 
 def _mjcf(mesh) -> str:
-    from autophyx_tet.fem.discrete.mass import lumped_mass
-    from autophyx_tet.fem.discrete.space import make_space
+    from autophyx_tet.fem.elements.forces import lumped_mass
+    from autophyx_tet.fem.elements.space import make_space
 
     mass = lumped_mass(mesh, make_space(mesh, 1))
     slides = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
@@ -96,8 +96,8 @@ def newton(mesh, iterations: int = 10) -> Peer:
 
 def _add_soft(builder, mesh, wp, E: float) -> None:
     """Particles once, with our lumped masses, then the tets of one stiffness."""
-    from autophyx_tet.fem.discrete.mass import lumped_mass
-    from autophyx_tet.fem.discrete.space import make_space
+    from autophyx_tet.fem.elements.forces import lumped_mass
+    from autophyx_tet.fem.elements.space import make_space
 
     if not builder.particle_count:
         mass = np.where(mesh.points[:, 0] == 0, 0.0, lumped_mass(mesh, make_space(mesh, 1)))

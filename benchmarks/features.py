@@ -14,15 +14,13 @@ import time
 
 import numpy as np
 import trimesh
+from autophyx_tet.predictors.appearance.features import features, fill
+from autophyx_tet.predictors.appearance.lifting import lift
+from autophyx_tet.predictors.appearance.surface import opaque_density, surface_voxels
+from autophyx_tet.predictors.appearance.views import hemisphere, render_views
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.encoders import load_encoder
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import hemisphere
-from autophyx_tet.predictors.images.features import features
-from autophyx_tet.predictors.images.filling import fill
-from autophyx_tet.predictors.images.lifting import lift
-from autophyx_tet.predictors.images.surface_voxels import opaque_density, surface_voxels
-from autophyx_tet.predictors.images.views import render_views
 
 
 def stool():

@@ -83,7 +83,7 @@ def step_row(device: str) -> dict:
 
 def substep_rows(device: str) -> Iterator[dict]:
     from autophyx_tet.fem.device import start_warp
-    from autophyx_tet.fem.mpm.background import grid_around
+    from autophyx_tet.fem.mpm.boundaries import grid_around
     from autophyx_tet.fem.mpm.particles import Particles, block_places
     from autophyx_tet.fem.mpm.solver import MpmSolver
 

@@ -17,12 +17,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from autophyx_tet.fem.errors import AutophyxError
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.predictors.asset import Asset
-from autophyx_tet.toolkit.io import sweethome3d
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.asset import sweethome3d
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 ASSETS = (
     "KatorLegaz/classic-lamppost", "KatorLegaz/glass-dining-table", "KatorLegaz/concrete-bench",

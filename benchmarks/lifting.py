@@ -16,10 +16,10 @@ import os
 import time
 
 import numpy as np
+from autophyx_tet.predictors.appearance.lifting import Lifted, lift, pixel_rays, ray_weights
+from autophyx_tet.predictors.appearance.surface import opaque_density
+from autophyx_tet.predictors.appearance.views import hemisphere
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import hemisphere
-from autophyx_tet.predictors.images.lifting import Lifted, lift, pixel_rays, ray_weights
-from autophyx_tet.predictors.images.surface_voxels import opaque_density
 
 CELLS, VIEWS, PIXELS = 64, 15, 64  # pixels: a 256 pixel picture seen by a network of stride 4
 NOISE = 0.3  # norm of the noise relative to a feature's

@@ -22,7 +22,7 @@ from typing import Any
 import autophyx_tet as apx
 import numpy as np
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
+from autophyx_tet.research.evaluation.mass_errors import mass_errors
 
 TABLE = Path(__file__).resolve().parent / "data" / "known_masses.toml"
 HALVES = ("tune", "report")

@@ -37,9 +37,9 @@ CHILDREN = [
 
 def refined(mesh):
     """Every tet in eight, of the same material: same shape, half the edges."""
-    from autophyx_tet.fem.discrete.space import make_space
-    from autophyx_tet.fem.scene.material import ElementMaterial
-    from autophyx_tet.fem.scene.mesh import TetMesh
+    from autophyx_tet.fem.elements.space import make_space
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import TetMesh
 
     space = make_space(mesh, 2)
     tets = space.elements[:, CHILDREN].reshape(-1, 4)
@@ -53,13 +53,13 @@ def refined(mesh):
 
 
 def measure(path: Path) -> dict:
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.fem.discrete.constraints import node_supports
-    from autophyx_tet.fem.scenarios.sag import Sag
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.fem.elements.constraints import node_supports
+    from autophyx_tet.fem.scenarios import Sag
     from autophyx_tet.fem.scene.supports import Supports
-    from autophyx_tet.fem.solve.discretisation_error import find_discretisation_error
+    from autophyx_tet.fem.solve.error import find_discretisation_error
     from autophyx_tet.fem.solve.statics import solve_static
-    from autophyx_tet.toolkit.io.sidecar import Sidecar
+    from autophyx_tet.toolkit.asset.document import Sidecar
 
     start, mesh, sidecar = time.process_time(), read_mesh(path), Sidecar.read(path)
     scene = Sag().scene(mesh, up=sidecar.up if sidecar else "z")

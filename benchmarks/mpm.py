@@ -21,8 +21,8 @@ import time
 from typing import Any
 
 import numpy as np
-from autophyx_tet.fem.mpm.background import BackgroundGrid
-from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
+from autophyx_tet.fem.mpm.boundaries import BackgroundGrid
+from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.particles import Particles
 from autophyx_tet.fem.mpm.solver import MpmSolver
 from mpm_peers import PEERS

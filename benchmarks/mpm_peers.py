@@ -40,8 +40,8 @@ def row(name: str, deflection: float, began: float) -> dict[str, Any]:
 
 def elements() -> dict[str, Any]:
     """Quadratic tets, large strains: the reference."""
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import box_mesh
     from autophyx_tet.fem.scene.supports import Supports
     from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 
@@ -56,10 +56,9 @@ def elements() -> dict[str, Any]:
 
 def ours(*, lagrangian: bool) -> dict[str, Any]:
     """Ours, with weights at rest or at the place."""
-    from autophyx_tet.fem.mpm.background import CLAMP_OFFSET, grid_around
+    from autophyx_tet.fem.mpm.boundaries import CLAMP_OFFSET, Touch, Wall, grid_around
     from autophyx_tet.fem.mpm.particles import Particles, block_places
     from autophyx_tet.fem.mpm.solver import MpmSolver
-    from autophyx_tet.fem.mpm.walls import Touch, Wall
     from autophyx_tet.fem.scene.obstacles import Plane
 
     x = block_places((0, 0, 0), (LENGTH, SIDE, SIDE), SPACING)

@@ -39,7 +39,7 @@ def spent(*words: object) -> dict[str, float]:
 
 def lower_part(path: Path, up: str, share: float) -> str:
     """Place of what lies in the lowest ``share`` of the height of a mesh."""
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
 
     low, high = read_mesh(path).bounds[:, "xyz".index(up)]
     return f"plane:{up}<{low + share * (high - low):.4g}"
@@ -54,8 +54,8 @@ def main() -> None:
     parser.add_argument("--held", type=float, default=0.45, help="share of the height")
     parser.add_argument("--output", type=Path, help="folder for the frames, else thrown away")
     options = parser.parse_args()
-    from autophyx_tet.toolkit.io import sweethome3d
-    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.asset import sweethome3d
+    from autophyx_tet.toolkit.asset.load import load_asset
 
     (item,) = (
         i for i in sweethome3d.catalog(options.piece.split("/")[0]) if i.key == options.piece

@@ -16,9 +16,9 @@ import sys
 from statistics import median
 
 FIRST = "A bonsai with a stiff trunk, flexible leaves, a ceramic pot and loose soil"
-TABLE = "from autophyx_tet.fem.scene.materials import load_table; table = load_table()"
+TABLE = "from autophyx_tet.fem.table import load_table; table = load_table()"
 READ = f"""{TABLE}
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.text.reader import parse
 parse({FIRST!r}, table, ("trunk", "leaves", "pot", "soil"))"""
 NEXT = f"""{READ}
 import json, sys, time, tomllib

@@ -34,7 +34,7 @@ def real_mesh(name: str, folder: Path) -> Path:
 
 def demo_mesh(folder: Path) -> Path:
     """Mesh file of the bonsai of ``make demo``, made where ``folder`` has none."""
-    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+    from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 
     path = folder / "demo.msh"
     if not path.exists():
@@ -44,7 +44,7 @@ def demo_mesh(folder: Path) -> Path:
 
 
 def _make(name: str, folder: Path, path: Path) -> None:
-    from autophyx_tet.toolkit.io import sweethome3d
+    from autophyx_tet.toolkit.asset import sweethome3d
 
     source, _, _ = name.partition("/")
     (item,) = (i for i in sweethome3d.catalog(source) if i.key == name)
@@ -54,8 +54,8 @@ def _make(name: str, folder: Path, path: Path) -> None:
 
 def _assigned(asset: Path, text: str, path: Path, **options) -> None:
     """Convert ``asset``, give it the materials of ``text`` and write it to ``path``."""
-    from autophyx_tet.converters.mesh.mesh_file import write_mesh
-    from autophyx_tet.toolkit.io.sidecar import Sidecar
+    from autophyx_tet.converters.mesh.meshdata import write_mesh
+    from autophyx_tet.toolkit.asset.document import Sidecar
     from autophyx_tet.toolkit.options import ConvertOptions
     from autophyx_tet.toolkit.pipeline import assign, convert
 

@@ -19,15 +19,12 @@ import numpy as np
 from autophyx_tet.fem.device import one_thread
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
-from autophyx_tet.fem.reduced.error import error_of, missed_motion
-from autophyx_tet.fem.reduced.following import Following
+from autophyx_tet.fem.reduced.basis import MOST_UNKNOWNS, reduce_body, relative_error
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, reduced_frequencies, reduced_rest
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
-from autophyx_tet.fem.reduced.reduction import MOST_UNKNOWNS, reduce_body, relative_error
-from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
-from autophyx_tet.fem.reduced.step import ReducedDynamics
+from autophyx_tet.fem.reduced.motion import Following, ReducedDynamics, error_of, missed_motion
 from autophyx_tet.fem.scene.scene import Scene
-from autophyx_tet.fem.solve.discretisation_error import motion_elements
+from autophyx_tet.fem.solve.error import motion_elements
 from real_meshes import NAMES
 from reduced_bodies import BODIES, DT, Body, Full, documented, real, solved_in_full
 from reduced_peers import Reduced, equal_weights, modal_path, peers, timed

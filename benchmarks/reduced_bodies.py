@@ -12,16 +12,14 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
-from autophyx_tet.converters.npz import load_npz
-from autophyx_tet.fem.discrete.constraints import node_supports
-from autophyx_tet.fem.discrete.mass import lumped_mass
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.support_finder import find_supports
-from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.converters.files import load_npz
+from autophyx_tet.converters.mesh.meshdata import read_mesh
+from autophyx_tet.fem.elements.constraints import node_supports
+from autophyx_tet.fem.elements.forces import lumped_mass
+from autophyx_tet.fem.elements.space import make_space
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.scene.supports import Supports, find_supports
 from autophyx_tet.fem.scene.up import up_vector
 from autophyx_tet.fem.solve.dynamics import TOLERANCE, Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes

@@ -8,12 +8,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from autophyx_tet.fem.discrete.space import extend_linear
+from autophyx_tet.fem.elements.space import extend_linear
+from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.reduced.basis import (
+    LinearBody,
+    laplacian_weights,
+    linear_body,
+    orthonormal_fields,
+    skinned_basis,
+    skinned_functions,
+    whole_model,
+)
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
-from autophyx_tet.fem.reduced.reduction import whole_model
-from autophyx_tet.fem.reduced.skinning import laplacian_weights, skinned_basis, skinned_functions
-from autophyx_tet.fem.reduced.subspace import LinearBody, linear_body, orthonormal_fields
-from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from autophyx_tet.predictors.evaluation.held_out import HeldOutSet
-from autophyx_tet.predictors.evaluation.reliability import (
+from autophyx_tet.predictors.film.predictor import SHIPPED
+from autophyx_tet.research.evaluation.held_out import HeldOutSet
+from autophyx_tet.research.evaluation.reliability import (
     Answer,
     answers,
     borne_out,
@@ -23,8 +24,7 @@ from autophyx_tet.predictors.evaluation.reliability import (
     expected_error,
     fit,
 )
-from autophyx_tet.predictors.film.certainty import SHIPPED
-from autophyx_tet.toolkit.learning import with_furniture
+from autophyx_tet.research.learning import with_furniture
 
 BINS = 5  # of a fifth each: some hundred answers fill no more
 PICTURE = Path(__file__).resolve().parents[1] / "docs" / "reliability.png"

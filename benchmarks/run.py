@@ -33,8 +33,8 @@ TOTAL = 100_000  # Gaussians
 
 def assets(names: list[str], folder: Path) -> dict[str, list[str]]:
     """What follows `run` of each case; files are made, or fetched, where they are not there."""
-    from autophyx_tet.toolkit.io.bonsai import write_bonsai
-    from autophyx_tet.toolkit.io.load import load_asset
+    from autophyx_tet.toolkit.asset.bonsai import write_bonsai
+    from autophyx_tet.toolkit.asset.load import load_asset
 
     folder.mkdir(parents=True, exist_ok=True)
     bonsai = write_bonsai(folder / "bonsai.glb")

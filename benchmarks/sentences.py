@@ -33,11 +33,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.cli.main import main as autophyx_tet
-from autophyx_tet.toolkit.io.sidecar import Sidecar
 
 CORPUS = Path(__file__).resolve().parent / "data"
 LOOKS = CORPUS / "held_out_looks.jsonl"

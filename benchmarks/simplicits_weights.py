@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from autophyx_tet.fem.scene.mesh import TetMesh
+    from autophyx_tet.fem.mesh import TetMesh
 
 HANDLES, WIDTH, HIDDEN, STEPS = 10, 64, 9, 10_000
 POSES, PLACES, POSE_SIZE = 10, 1000, 0.1
@@ -117,7 +117,7 @@ def kept_weights(name: str, mesh: TetMesh, folder: Path) -> tuple[np.ndarray, fl
 
     Later calls read ``folder``, as they do of the meshes.
     """
-    from autophyx_tet.converters.npz import load_npz
+    from autophyx_tet.converters.files import load_npz
 
     path = folder / f"simplicits-{name}.npz"
     if not path.exists():

@@ -23,22 +23,22 @@ from collections.abc import Callable
 # Stage: the functions whose CPU seconds it is, by module and name.
 STAGES = {
     "kernels loaded": [("warp._src.context", "Module.load")],
-    "ordering": [("autophyx_tet.fem.cholesky.elimination", "planned_elimination")],
+    "ordering": [("autophyx_tet.fem.linalg.cholesky", "planned_elimination")],
     "factors": [
-        ("autophyx_tet.fem.cholesky.factor", "CholeskyFactor.__init__"),
-        ("autophyx_tet.fem.cholesky.factor", "known_factor"),
+        ("autophyx_tet.fem.linalg.cholesky", "CholeskyFactor.__init__"),
+        ("autophyx_tet.fem.linalg.cholesky", "known_factor"),
     ],
-    "read the mesh": [("autophyx_tet.converters.mesh.mesh_file", "read_mesh")],
-    "supports": [("autophyx_tet.fem.scene.support_finder", "find_supports")],
+    "read the mesh": [("autophyx_tet.converters.mesh.meshdata", "read_mesh")],
+    "supports": [("autophyx_tet.fem.scene.supports", "find_supports")],
     "static, P2 and P1": [("autophyx_tet.fem.solve.statics", "solve_static")],
     "modes": [("autophyx_tet.fem.solve.modal", "natural_modes")],
-    "buckling": [("autophyx_tet.fem.solve.stability", "find_load_factor")],
+    "buckling": [("autophyx_tet.fem.solve.buckling", "find_load_factor")],
     "ends of the ranges": [
-        ("autophyx_tet.fem.uncertainty.intervals", "displacement_interval"),
-        ("autophyx_tet.fem.uncertainty.intervals", "frequency_intervals"),
+        ("autophyx_tet.fem.uncertainty", "displacement_interval"),
+        ("autophyx_tet.fem.uncertainty", "frequency_intervals"),
     ],
-    "what is likely": [("autophyx_tet.fem.uncertainty.likely", "likely_answers")],
-    "write": [("autophyx_tet.toolkit.results.simulation", "Simulation.write")],
+    "what is likely": [("autophyx_tet.fem.uncertainty", "likely_answers")],
+    "write": [("autophyx_tet.toolkit.verdict.simulation", "Simulation.write")],
 }
 IMPORTS, REST, START = "imports", "rest", "start of Python"
 ANYWHERE = (IMPORTS, "kernels loaded", "ordering", "factors")

@@ -46,8 +46,8 @@ class Case:
 
 def cantilever(size: str) -> Case:
     """Box 1 x 0.2 x 0.2 m clamped at x = 0; the probe is the end face."""
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import box_mesh
 
     mesh = box_mesh((1, 0.2, 0.2), SIZES[size])
     upper = mesh.centroids[:, 2] > 0.1
@@ -59,9 +59,9 @@ def cantilever(size: str) -> Case:
 
 def standing(path: Path) -> Case:
     """Mesh file on the base that our ``sag`` finds; the probe is every point that is not held."""
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.fem.scenarios.sag import Sag
-    from autophyx_tet.toolkit.io.sidecar import Sidecar
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.fem.scenarios import Sag
+    from autophyx_tet.toolkit.asset.document import Sidecar
 
     mesh, sidecar = read_mesh(path), Sidecar.read(path)
     scene = Sag().scene(mesh, up=sidecar.up if sidecar else "z")

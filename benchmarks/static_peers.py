@@ -21,9 +21,9 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 def assembled(case: Case, order: int):
     """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
-    from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-    from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
-    from autophyx_tet.fem.discrete.forces import load_vector
+    from autophyx_tet.fem.elements.assembly import discretise, stiffness
+    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.forces import load_vector
     from autophyx_tet.fem.scene.supports import Supports
 
     mesh = case.mesh
@@ -36,7 +36,7 @@ def assembled(case: Case, order: int):
 
 
 def rigid(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    from autophyx_tet.fem.scene.components import rigid_motions
+    from autophyx_tet.fem.mesh import rigid_motions
 
     return (rigid_motions(nodes - nodes.mean(axis=0)) * ~fixed[:, :, None]).reshape(-1, 6)
 
@@ -89,7 +89,7 @@ def scikit_fem(case: Case, order: int) -> dict:
     location = basis.doflocs.T  # one row a dof; components in turn
     modes = np.zeros((len(location), 6))
     axis = np.arange(len(location)) % 3
-    from autophyx_tet.fem.scene.components import rigid_motions
+    from autophyx_tet.fem.mesh import rigid_motions
 
     modes[:] = rigid_motions(location - location.mean(axis=0))[np.arange(len(location)), axis]
     residuals: list[float] = []
@@ -121,7 +121,7 @@ def pardiso(case: Case, order: int) -> dict:
 def dolfinx(case: Case, order: int, preconditioner: str = "icc") -> dict:
     """PETSc's CG in the system's Python: ``preconditioner`` icc (level 0) or gamg (rigid modes)."""
     script = Path(__file__).with_name("static_dolfinx.py")
-    from autophyx_tet.fem.discrete.space import make_space
+    from autophyx_tet.fem.elements.space import make_space
 
     mesh, space = case.mesh, make_space(case.mesh, order)
     lam, mu = mesh.material.lame
@@ -148,7 +148,7 @@ def calculix(case: Case, order: int, solver: str = "") -> dict:
 
     ``solver`` is what the deck says of another.
     """
-    from autophyx_tet.fem.discrete.space import make_space
+    from autophyx_tet.fem.elements.space import make_space
 
     mesh, space = case.mesh, make_space(case.mesh, order)
     with tempfile.TemporaryDirectory() as folder:

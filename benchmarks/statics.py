@@ -37,9 +37,9 @@ COLD = ("calculix", "calculix-iterative", "dolfinx", "dolfinx-gamg")
 
 
 def ours(case: Case, order: int, device: str = "cpu") -> dict:
-    from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-    from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
-    from autophyx_tet.fem.discrete.forces import load_vector
+    from autophyx_tet.fem.elements.assembly import discretise, stiffness
+    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.forces import load_vector
     from autophyx_tet.fem.linalg.solver import solve_system
     from autophyx_tet.fem.scene.supports import Supports
 
@@ -59,11 +59,11 @@ def ours(case: Case, order: int, device: str = "cpu") -> dict:
 
 def ours_cg(case: Case, order: int) -> dict:
     """Ours without a factor of the whole matrix: what CG takes where that would not fit."""
-    from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-    from autophyx_tet.fem.discrete.constraints import node_supports, reduced_load
-    from autophyx_tet.fem.discrete.forces import load_vector
+    from autophyx_tet.fem.elements.assembly import discretise, stiffness
+    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.forces import load_vector
+    from autophyx_tet.fem.linalg.multigrid import scale
     from autophyx_tet.fem.linalg.solver import solve_iterative
-    from autophyx_tet.fem.linalg.two_level import scale
     from autophyx_tet.fem.scene.supports import Supports
 
     start, mesh = time.process_time(), case.mesh
@@ -82,8 +82,8 @@ def ours_cg(case: Case, order: int) -> dict:
 
 def ours_whole(case: Case, order: int, device: str = "cpu") -> dict:
     """``solve_static`` as a user calls it, on a mesh that is new to it."""
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import box_mesh
     from autophyx_tet.fem.scene.supports import Supports
     from autophyx_tet.fem.solve.statics import solve_static
 
@@ -104,7 +104,7 @@ def ours_whole(case: Case, order: int, device: str = "cpu") -> dict:
 
 def measure(tool: str, meshes: str, name: str, options: argparse.Namespace, pipe) -> None:
     """Send the row of one tool: the first call on a real mesh, a second, warm one on the beam."""
-    from autophyx_tet.fem.cholesky import factor
+    from autophyx_tet.fem.linalg import cholesky as factor
 
     resource.setrlimit(resource.RLIMIT_CPU, (options.limit, options.limit))  # its children's too
     case = cantilever(name) if meshes == "beam" else standing(real_mesh(name, options.cache))

@@ -20,15 +20,14 @@ from pathlib import Path
 import numpy as np
 from autophyx_tet.fem.errors import AutophyxError
 from autophyx_tet.predictors.asset import Asset
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.meshing.conversion_report import ENVELOPE_SHARE, ConversionReport
-from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
-from autophyx_tet.toolkit.meshing.preparation import Preparation
+from autophyx_tet.toolkit.asset.cache import Runner
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.meshing.convert import Preparation, tetrahedralize
+from autophyx_tet.toolkit.meshing.ftetwild import EngineTarget
+from autophyx_tet.toolkit.meshing.guarantees import ENVELOPE_SHARE, ConversionReport
 from autophyx_tet.toolkit.meshing.quality import dihedral_angles
 from autophyx_tet.toolkit.meshing.stuffing.field import SolidField
 from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff, stuffed
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.native.cache import Runner
 from corpora import corpus, root_of
 
 CLOCKED = 4  # runs after a first one

@@ -21,22 +21,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.converters.npz import load_npz, save_npz
+from autophyx_tet.converters.files import load_npz, save_npz
 from autophyx_tet.fem.errors import AutophyxError
-from autophyx_tet.predictors.encoders.embedded import public_backbone
 from autophyx_tet.predictors.encoders.minilm import MiniLM
 from autophyx_tet.predictors.encoders.network import COLOURS, Widths
-from autophyx_tet.predictors.hearing.kinds import KINDS
-from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
-from autophyx_tet.predictors.training.encoder.head import (
+from autophyx_tet.predictors.encoders.plain import public_backbone
+from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.research.training.encoder.head import (
     HeadOptions,
     RegionFeatures,
     fit_head,
     region_features,
     shipped_weights,
 )
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.sweethome3d import TRAINING, VALIDATION, catalog, extract
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.asset.sweethome3d import TRAINING, VALIDATION, catalog, extract
 from probe import Regions, balanced, fit_probe
 
 log = logging.getLogger("train_image_encoder")

@@ -45,7 +45,7 @@ def surface_points(n: int) -> np.ndarray:
 
 
 def ours(field, points):
-    from autophyx_tet.predictors.sampling import sample_field
+    from autophyx_tet.predictors.field import sample_field
 
     return np.log10(sample_field(field, points).E)
 

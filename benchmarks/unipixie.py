@@ -14,22 +14,18 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from autophyx_tet.predictors.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.training.unipixie.config import (
-    BARE_WORDS,
-    EvidenceShares,
-    MatterConfig,
-)
-from autophyx_tet.predictors.training.unipixie.names_on_device import Names
-from autophyx_tet.predictors.training.unipixie.range_scores import RangeScores, range_scores
-from autophyx_tet.predictors.training.unipixie.recipe import new_objects_sampler
-from autophyx_tet.predictors.unipixie.checkpoint import (
+from autophyx_tet.predictors.unipixie.inference import (
+    WEIGHTS,
     RangeCalibration,
     load_unipixie,
     save_unipixie,
 )
-from autophyx_tet.predictors.unipixie.inference import WEIGHTS
+from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table
+from autophyx_tet.research.training.unipixie.config import BARE_WORDS, EvidenceShares, MatterConfig
+from autophyx_tet.research.training.unipixie.names_on_device import Names
+from autophyx_tet.research.training.unipixie.range_scores import RangeScores, range_scores
+from autophyx_tet.research.training.unipixie.recipe import new_objects_sampler
 
 EVIDENCE = {
     "words": BARE_WORDS,

@@ -13,10 +13,10 @@ import json
 from itertools import product
 
 import numpy as np
-from autophyx_tet.predictors.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.hearing.part_names import part_kinds
-from autophyx_tet.predictors.training.unipixie.names_on_device import Names
+from autophyx_tet.predictors.text.hearing import part_kinds
+from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table
+from autophyx_tet.research.training.unipixie.names_on_device import Names
 
 ALPHAS = (0.0, 0.5, 1.0)
 WIDTHS = (0.2, 0.3, 0.45, 0.7, 1.0)  # of the kernel, in distances of unit vectors

@@ -11,18 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from ..fem.errors import InputError
-from ..fem.scene.mesh import TetMesh
-from ..predictors.field import MaterialField
-from ..predictors.sampling import FieldSample, sample_field
-from . import npz
-from .field_sources import field_from_tets
+from ..fem.mesh import TetMesh
+from ..predictors.field import FieldSample, MaterialField, sample_field
+from . import files as npz
 from .files import writing
-from .grids.density import DensityGrid
-from .grids.density_file import density_losses, read_density, write_density
-from .points.point_file import point_losses, read_points, write_points
-from .points.splats.gaussians import gaussians
-from .points.table import PointTable
+from .grids import DensityGrid, density_losses, read_density, write_density
+from .points.gaussians import gaussians
+from .points.table import PointTable, point_losses, read_points, write_points
 from .registry import GRID_FORMATS, POINT_FORMATS, Keeps, format_of
+from .transfer import field_from_tets
 
 _UNITS = {name: npz.UNITS[name] for name in ("E", "nu", "rho")}
 

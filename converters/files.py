@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import secrets
 import shutil
+import struct
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+
 from ..fem.errors import AutophyxError, InputError
+from ..fem.material import material_arrays, material_from
+from ..fem.mesh import TetMesh
+from ..predictors.field import MaterialField, Ranges
+from ..predictors.grid import Grid
 
 UNFINISHED = ".tmp-"  # begins the name of a file while it is being written
 UNFINISHED_LIST = "AUTOPHYX_TET_UNFINISHED"  # variable: a file that lists them for who cleans up
@@ -153,4 +164,149 @@ def _unwritable(path: Path, error: OSError) -> InputError:
     return InputError(
         f"cannot write {path}: {error.strerror or error}; choose a folder that exists and is "
         "writable"
+    )
+
+
+# Counts that a file announces, held against its size before a parser allocates for them.
+
+# A keyword and the counts after it, in legacy VTK, Medit and Gmsh files; of VTK's fields the
+# counts stand before their type. Whatever is counted takes a byte at least.
+_ANNOUNCED = re.compile(
+    rb"(?:^|[\r\n])[ \t]*(?:(?:POINTS|CELLS|CELL_TYPES|POINT_DATA|CELL_DATA|Vertices|Edges"
+    rb"|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms|Pyramids|\$Nodes|\$Elements)"
+    rb"\s+(\d+)(?:[ \t]+(\d+))?|\S+[ \t]+(\d+)[ \t]+(\d+)[ \t]+(?:float|double|vtktypeint64|int"
+    rb"|long|short|char|unsigned_char|unsigned_int|unsigned_long)\b)"
+)
+VLR_BYTES, EVLR_BYTES = 54, 60  # least of a variable length record of LAS, and of an extended one
+LAZ_MOST = 4096  # times that LAZ may shrink points: equal points pack about a thousandfold
+
+
+def check_counts(path: Path) -> None:
+    """Refuse a mesh file that announces more of something than it has bytes."""
+    data = path.read_bytes()
+    for found in _ANNOUNCED.finditer(data):
+        for count in found.groups():
+            if count is not None and int(count) > len(data):
+                raise InputError(
+                    f"{path}: announces {count.decode()[:20]} of something, has {len(data)} bytes: "
+                    "it is cut short or damaged"
+                )
+
+
+def check_las(path: Path) -> None:
+    """Refuse a LAS or LAZ file whose header announces more records or points than can be there."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(375)
+    if len(head) < 227 or head[:4] != b"LASF":
+        raise InputError(f"{path}: does not start like a LAS file (LASF and 227 bytes)")
+    start, records, kind, width, points = struct.unpack_from("<IIBHI", head, 96)
+    extended = 0
+    if head[25] >= 4 and len(head) == 375:  # LAS 1.4 counts in 64 bits
+        extended, points = struct.unpack_from("<IQ", head, 243)
+    packed = LAZ_MOST if kind >= 128 else 1
+    for what, need in (
+        ("variable length records", records * VLR_BYTES),
+        ("extended records", extended * EVLR_BYTES),
+        ("bytes before the points", start),
+        ("bytes of points", points * width // packed),
+    ):
+        if need > size:
+            raise InputError(f"{path}: announces {need} bytes of {what}, has {size}")
+
+
+# Our own .npz: a material field or a tet mesh with units and version, no pickles.
+#
+# Arrays carry the names of the project; ``meta`` is a JSON document with kind, version, units and
+# names. ``origin`` is the lower corner of cell (0, 0, 0) and ``spacing`` the edge of a cell [m].
+
+VERSION = 1
+UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m^3", "points": "m", "origin": "m", "spacing": "m"}
+WANTED = "an .npz file of named arrays"
+# A compressed archive may announce more than a machine holds: 16 GiB is a 512^3 field and more.
+MAX_BYTES = 1 << 34
+
+
+def load_npz(path: str | os.PathLike, *, max_bytes: int = MAX_BYTES) -> dict[str, np.ndarray]:
+    """Load every array of an .npz file; pickles and archives above ``max_bytes`` are refused."""
+    with reading(path, WANTED) as source:
+        with zipfile.ZipFile(source) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+        if size > max_bytes:
+            raise InputError(f"{path} unpacks to {size} bytes, at most {max_bytes} are taken")
+        with np.load(source, allow_pickle=False) as arrays:  # noqa: TID251 - the one place
+            return {name: arrays[name] for name in arrays.files}
+
+
+def save_npz(path: str | os.PathLike, **arrays: np.ndarray) -> None:
+    """Save named arrays, compressed, all or nothing; an array of objects is refused."""
+    if objects := [name for name, array in arrays.items() if np.asarray(array).dtype.hasobject]:
+        raise InputError(f"arrays of Python objects cannot be saved: {objects}")
+    with writing(path) as target, target.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def save(path: str | os.PathLike, value: MaterialField | TetMesh) -> None:
+    """Save a material field or a tet mesh; ``load`` gives it back exactly, a grain to round-off."""
+    arrays, meta = _from_field(value) if isinstance(value, MaterialField) else _from_mesh(value)
+    meta |= {"version": VERSION, "units": {n: u for n, u in UNITS.items() if n in arrays}}
+    save_npz(path, **arrays, meta=np.array(json.dumps({"kind": type(value).__name__} | meta)))
+
+
+def load(path: str | os.PathLike) -> MaterialField | TetMesh:
+    """Load what ``save`` wrote, checked as on construction."""
+    arrays = load_npz(path)
+    with reading(path, "a field or mesh saved by this package") as source:
+        if "meta" not in arrays:
+            raise InputError(f"{source} has no entry 'meta', got {sorted(arrays)}")
+        meta = json.loads(str(arrays.pop("meta")))
+        kind, version = meta.get("kind"), meta.get("version")
+        if version != VERSION:
+            raise InputError(f"{source} has version {version}, this package reads {VERSION}")
+        if kind not in ("MaterialField", "TetMesh"):
+            raise InputError(f"{source} holds a {kind!r}, wanted a MaterialField or a TetMesh")
+        return _to_field(arrays, meta) if kind == "MaterialField" else _to_mesh(arrays, meta)
+
+
+def _from_field(value: MaterialField) -> tuple[dict[str, np.ndarray], dict]:
+    arrays = {"origin": value.grid.lo, "spacing": np.array(value.grid.h)}
+    for name in ("occupied", "E", "nu", "rho", "part", "material"):
+        if (array := getattr(value, name)) is not None:
+            arrays[name] = array
+    if value.ranges is not None:
+        arrays |= {f"range_{name}": array for name, array in value.ranges._asdict().items()}
+    bounds = np.stack([value.grid.lo, value.grid.hi]).tolist()
+    names = {"part_names": value.part_names, "material_names": value.material_names}
+    return arrays, {"bounds": bounds, "alpha": value.alpha, **names}
+
+
+def _to_field(arrays: dict[str, np.ndarray], meta: dict) -> MaterialField:
+    shape: tuple[int, int, int] = arrays["occupied"].shape
+    ranges = None
+    if "range_E" in arrays:
+        ranges = Ranges(*(arrays[f"range_{name}"] for name in Ranges._fields))
+    known = {field.name for field in fields(MaterialField)}
+    return MaterialField(
+        grid=Grid(arrays["origin"], float(arrays["spacing"]), shape),
+        ranges=ranges,
+        alpha=meta["alpha"],
+        part_names=tuple(meta["part_names"]),
+        material_names=tuple(meta["material_names"]),
+        **{name: array for name, array in arrays.items() if name in known},
+    )
+
+
+def _from_mesh(value: TetMesh) -> tuple[dict[str, np.ndarray], dict]:
+    arrays = {"points": value.points, "tets": value.tets, "region": value.region}
+    arrays |= material_arrays(value.material)
+    return arrays, {"region_names": value.region_names, "bounds": value.bounds.tolist()}
+
+
+def _to_mesh(arrays: dict[str, np.ndarray], meta: dict) -> TetMesh:
+    return TetMesh(
+        arrays["points"],
+        arrays["tets"],
+        arrays["region"],
+        region_names=tuple(meta["region_names"]),
+        material=material_from(arrays),
     )

@@ -135,8 +135,8 @@ MESH_FORMATS: Registry[Format] = Registry(
         ".msh": "mesh.msh:MSH",
         ".vtu": "mesh.vtk:VTU",
         ".vtk": "mesh.vtk:VTK",
-        ".npz": "mesh.mesh_archive:MESH_ARCHIVE",
-        ".mesh": "mesh.medit:MEDIT",
+        ".npz": "mesh.meshdata:MESH_ARCHIVE",
+        ".mesh": "mesh.meshdata:MEDIT",
     },
 )
 POINT_FORMATS: Registry[Format] = Registry(
@@ -144,31 +144,31 @@ POINT_FORMATS: Registry[Format] = Registry(
     _HERE,
     {
         ".ply": "points.ply:PLY",
-        ".npz": "points.column_archive:COLUMN_ARCHIVE",
+        ".npz": "points.table:COLUMN_ARCHIVE",
         ".pcd": "points.pcd:PCD",
         ".las": "points.las:LAS",
         ".laz": "points.las:LAS",
-        ".xyz": "points.xyz:XYZ",
-        ".splat": "points.splats.rows:SPLAT_ROWS",
-        ".spz": "points.splats.spz:SPZ",
-        ".ksplat": "points.splats.ksplat:KSPLAT",
+        ".xyz": "points.table:XYZ_FILE",
+        ".splat": "points.gaussians:SPLAT_ROWS",
+        ".spz": "points.splat_files:SPZ",
+        ".ksplat": "points.splat_files:KSPLAT",
     },
 )
 GRID_FORMATS: Registry[Format] = Registry(
     "density suffix",
     _HERE,
     {
-        ".npz": "grids.density_archive:DENSITY_ARCHIVE",
-        ".nvdb": "grids.nanovdb:NANOVDB",
-        **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "grids.nerfacc:NERFACC"),
-        **dict.fromkeys((".ingp", ".msgpack"), "grids.instant_ngp:INSTANT_NGP"),
+        ".npz": "grids:DENSITY_ARCHIVE",
+        ".nvdb": "grids:NANOVDB",
+        **dict.fromkeys((".pt", ".pth", ".ckpt", ".safetensors"), "grids:NERFACC"),
+        **dict.fromkeys((".ingp", ".msgpack"), "grids:INSTANT_NGP"),
     },
 )
 PROGRAMS: Registry[Program] = Registry(
     "program",
     _HERE,
     {
-        "gmsh": "programs.gmsh:GMSH",
+        "gmsh": "programs.export:GMSH",
         "calculix": "programs.calculix:CALCULIX",
         "newton": "programs.newton:NEWTON",
         "mujoco": "programs.mujoco:MUJOCO",

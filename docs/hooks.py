@@ -60,7 +60,7 @@ def _help(command: str) -> str:
 def formats(kind: str) -> str:
     """Table of the suffixes that the readers and writers know, and of what survives in a file."""
     from autophyx_tet.converters.registry import GRID_FORMATS, MESH_FORMATS, POINT_FORMATS, PROGRAMS
-    from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS
+    from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS
 
     if kind == "exports":
         rows = [
@@ -106,7 +106,7 @@ def measured(name: str, *columns: str) -> str:
 
 def gallery() -> str:
     """A picture, its command and what came out, for every thing of the gallery."""
-    from autophyx_tet.toolkit.results.quantities import mass_words, si
+    from autophyx_tet.toolkit.verdict.verdict import mass_words, si
 
     shown = []
     for row in json.loads((DATA / "gallery.json").read_text())["rows"]:

@@ -21,13 +21,11 @@ from typing import Any
 
 import autophyx_tet as apx
 import numpy as np
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, LameParameters
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.hearing.clauses import HeardClause, HeardSentence
-from autophyx_tet.predictors.language.binding import Bound
-from autophyx_tet.predictors.language.clauses import Clause, Sentence
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.fem.material import ElementMaterial, LameParameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.predictors.text.clauses import Bound, Clause, Sentence
+from autophyx_tet.predictors.text.hearing import HeardClause, HeardSentence
 from autophyx_tet.toolkit.options import AssignOptions
 
 HERE = Path(__file__).resolve().parent

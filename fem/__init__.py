@@ -2,21 +2,21 @@
 
 In: a mesh with E, nu, rho on every tet, and what holds, loads and meets it.
 Out: how it settles, moves or rings, with verdicts; gradients by E, nu, rho.
-Read: scene, conditions, laws, discrete, linalg, contact, result, solve, reduced, scenarios.
+Read: mesh, material, scene, laws, elements, linalg, solve, mpm, reduced, springs, scenarios.
 
 The public names load on first use: ``from autophyx_tet.fem import TetMesh, solve_static``.
 """
 
 from __future__ import annotations
 
-from .public_names import on_first_use
+from .registry import on_first_use
 
 # Public name -> module that owns it.
 _HOME = {
-    "TetMesh": "scene.mesh",
-    "ElementMaterial": "scene.material",
-    "load_table": "scene.materials",
-    "box_mesh": "scene.box",
+    "TetMesh": "mesh",
+    "ElementMaterial": "material",
+    "load_table": "table",
+    "box_mesh": "mesh",
     "Supports": "scene.supports",
     "Traction": "scene.loads",
     "pressure": "scene.loads",
@@ -28,39 +28,39 @@ _HOME = {
     "Capsule": "scene.obstacles",
     "gripper": "scene.obstacles",
     "Scene": "scene.scene",
-    "BoundaryConditions": "conditions.boundary_conditions",
+    "BoundaryConditions": "scene.conditions",
     "Law": "laws.law",
     "ElasticLaw": "laws.law",
     "LAWS": "laws.law",
-    "StaticResult": "result",
-    "SagResult": "result",
-    "Motion": "result",
-    "MotionResult": "result",
-    "Modes": "result",
+    "StaticResult": "solve.result",
+    "SagResult": "solve.result",
+    "Motion": "solve.result",
+    "MotionResult": "solve.result",
+    "Modes": "solve.result",
     "METHODS": "solve.method",
     "solve_static": "solve.statics",
     "nodal_stress": "solve.statics",
-    "von_mises": "discrete.strain",
+    "von_mises": "elements.elastic",
     "solve_nonlinear": "solve.nonlinear",
     "solve_averaged": "solve.nodal_pressure",
     "Dynamics": "solve.dynamics",
-    "Damping": "damping.rayleigh",
+    "Damping": "solve.damping",
     "Scheme": "solve.schemes",
     "natural_modes": "solve.modal",
     "static_displacement": "solve.gradients",
     "implicit_step": "solve.gradients",
     "MpmMethod": "mpm.method",
-    "Substance": "mpm.classes",
+    "Substance": "mpm.materials",
     "rigid_labels": "mpm.rigid",
     "ReducedModel": "reduced.model",
-    "reduce_body": "reduced.reduction",
-    "SCENARIOS": "scenarios.scenario",
-    "sag": "scenarios.sag",
-    "hang": "scenarios.hang",
-    "wind": "scenarios.wind",
-    "poke": "scenarios.poke",
-    "drop": "scenarios.drop",
-    "squeeze": "scenarios.squeeze",
+    "reduce_body": "reduced.basis",
+    "SCENARIOS": "solve.method",
+    "sag": "scenarios",
+    "hang": "scenarios",
+    "wind": "scenarios",
+    "poke": "scenarios",
+    "drop": "scenarios",
+    "squeeze": "scenarios",
     "Check": "verdicts",
 }
 __all__ = [*_HOME]  # noqa: PLE0604  # pyright: ignore[reportUnsupportedDunderAll]

@@ -9,10 +9,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .errors import UsageError
-from .scene.material import orthotropic_constants, orthotropic_tensor
-from .scene.material_properties import OrthotropicConstants, load_grains
-from .scene.materials import load_table
-from .scene.mesh import TetMesh, material_of
+from .material import orthotropic_constants, orthotropic_tensor
+from .mesh import TetMesh, material_of
+from .table import OrthotropicConstants, load_grains, load_table
 
 # A part that is so many times as long as it is wide was cut along the grain.
 LONGEST = 1.2

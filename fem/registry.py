@@ -8,16 +8,16 @@ member is one file and one line, or a call of ``register`` from outside.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import Generic, TypeVar
+from typing import Any, TypeVar
 
 from .errors import UsageError
 
 T = TypeVar("T")
 
 
-class Registry(Generic[T]):
+class Registry(Mapping[str, T]):
     """Members of one ``kind`` by name, each imported on first use.
 
     Parameters
@@ -77,3 +77,22 @@ class Registry(Generic[T]):
         near = difflib.get_close_matches(name, self.names, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         return f"unknown {self.kind} {name!r}: known are {', '.join(self.names)}{hint}"
+
+
+# The face of a package: its public names, each loaded from its own module on first use.
+
+
+def on_first_use(
+    package: str, homes: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """``__getattr__`` and ``__dir__`` of a package, of public name -> module relative to it."""
+
+    def found(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(f".{homes[name]}", package), name)
+
+    def listed() -> list[str]:
+        return sorted(homes)
+
+    return found, listed

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .discrete.strain import von_mises
+from .elements.elastic import von_mises
 from .grain import is_of_row
-from .result import StaticResult
-from .scene.material_properties import Strength, load_strengths
-from .scene.mesh import material_of
+from .mesh import material_of
+from .solve.result import StaticResult
 from .solve.statics import corner_stresses
+from .table import Strength, load_strengths
 
 
 class Safety(NamedTuple):

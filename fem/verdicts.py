@@ -8,16 +8,26 @@ from typing import Literal
 
 import numpy as np
 
-from .contact.foothold import foothold
 from .laws.law import LAWS
-from .model_error import BENDS_ALIKE, too_coarse
-from .result import LOCKING, LoadFactor, Modes, MotionResult, SagResult, StaticResult
+from .mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
 from .safety import Safety
-from .scene.mesh import USUAL_SIZE, TetMesh, edge_share, largest_explicit_step, material_of
 from .scene.scene import Scene
 from .scene.up import up_vector
-from .uncertainty.intervals import Interval
-from .uncertainty.likely import Likely
+from .solve.contact import foothold
+from .solve.energy import EnergyBalance, energy_balance
+from .solve.result import (
+    BENDS_ALIKE,
+    LOCKING,
+    MOTION_LIMIT,
+    LoadFactor,
+    Modes,
+    MotionResult,
+    ParticleRun,
+    SagResult,
+    StaticResult,
+    too_coarse,
+)
+from .uncertainty import Interval, Likely
 
 # A body holds its shape if no point moves more than this share of its longest side.
 HOLDS = 0.05
@@ -309,3 +319,130 @@ def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Chec
         usual_mass(mesh),
     )
     return tuple(with_unmade(checks))
+
+
+# Verdicts on the energy of a motion.
+
+# A motion may have this share more energy than it was given. Elements and reduced bodies: 1 % is
+# what BDF2 is inexact by in an impact (tests/fem/test_energy.py), twice that the limit.
+EXCESS = 0.02
+# Springs: explicit steps show their fastest vibrations with too much; falls, spins, bounces and
+# wobbles that keep their energy had up to 1.8 % more, steps that are too long 4 to 28 %.
+SPRING_EXCESS = 0.03
+# Particles: their grid only takes; what keeps its energy had at most .013 % more.
+PARTICLE_EXCESS = 0.001
+# A frame that loses more than this share has an impact in it that is shorter than the frame.
+SUDDEN = 0.25
+
+
+def keeps_energy(motion: MotionResult, scene: Scene) -> tuple[Check, ...]:
+    """Whether no energy is made of nothing, and what is lost; whether its impacts are followed."""
+    if (found := energy_balance(motion, scene)) is None:
+        return ()
+    share, gone, most = found.excess / found.given, found.lost / found.given, _limit(motion)
+    passed, limit = share <= most, f"(limit {percent(most)})"
+    if passed:
+        said = f"It never has more energy than the {found.given:.3g} J that it was given {limit}"
+        said += f"; {gone:.1%} of that is lost at the end, to {_takers(motion, scene)}."
+    else:
+        said = f"It has {found.excess:.3g} J more than the {found.given:.3g} J that it was given: "
+        said += f"{percent(share)} too much {limit}. Its steps make energy of nothing."
+    check = Check("energy", passed, share, most, said)
+    return (check, *_impact(motion, found))
+
+
+def _limit(motion: MotionResult) -> float:
+    """Share of energy made of nothing that is no error of the ``motion``, by its method."""
+    if motion.particles is not None:
+        return PARTICLE_EXCESS
+    return EXCESS if motion.order else SPRING_EXCESS
+
+
+def _takers(motion: MotionResult, scene: Scene) -> str:
+    """What may take energy from a motion, in words."""
+    rubs = ["friction"] if scene.friction and scene.obstacles else []
+    particles = motion.particles is not None
+    flows = ["flow, cracks, damping", "what its grid does not carry"] if particles else []
+    return " and ".join([", ".join([*rubs, *flows]), "its time steps"]).removeprefix(" and ")
+
+
+def _impact(motion: MotionResult, found: EnergyBalance) -> tuple[Check, ...]:
+    """That a frame, where it is one step, takes most of the energy; nothing where none does.
+
+    Where nothing is met it is a swing that begins and ends within few frames.
+    """
+    share = found.dropped / found.given
+    if not motion.order or share <= SUDDEN:
+        return ()
+    lost = (
+        f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
+        f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
+    )
+    if not motion.contact_forces.any():
+        said = f"It swings faster than its steps show: {lost}."
+        return (Check("fast swing", False, share, SUDDEN, said),)
+    said = f"An impact is not followed: {lost}; it does not rebound as it would."
+    return (Check("impact", False, share, SUDDEN, said),)
+
+
+# Verdicts on a motion: whom it meets, whether few coordinates or particles do for it.
+
+
+def no_penetration(motion: MotionResult) -> Check:
+    """Whether the body kept its distance from every obstacle, and from itself where that was so."""
+    gap = motion.smallest_gap
+    passed = gap > 0
+    what = "an obstacle or itself" if motion.kept_apart else "an obstacle"
+    nearest = f"the smallest distance is {gap:.2g} m" if np.isfinite(gap) else "it meets nothing"
+    return Check(
+        "no penetration", passed, gap, 0.0,
+        f"It {'never goes into' if passed else 'goes into'} {what}: {nearest}.",
+    )  # fmt: skip
+
+
+def follows(motion: MotionResult) -> tuple[Check, ...]:
+    """Whether few coordinates move as the full body would; nothing where that is not known."""
+    if (error := motion.model_error) is None:
+        return ()
+    near, coarse = error.share <= MOTION_LIMIT, too_coarse(motion.stiffening)
+    do = "follow" if near else "do not follow"
+    limit = percent(MOTION_LIMIT)
+    said = (
+        f"Its few coordinates {do} the full body of the same elements: off by {error.words} "
+        f"(limit {limit})" + (f"; but {coarse}." if coarse else ".")
+    )
+    return (Check("reduced model", near and not coarse, error.share, MOTION_LIMIT, said),)
+
+
+def contact_forces(motion: MotionResult, names: Sequence[str]) -> Check:
+    """Who presses whom, at most; ``names`` are those of the pieces."""
+    forces = np.linalg.norm(motion.obstacle_forces, axis=2).max(axis=0, initial=0.0)
+    pressures = motion.largest_pressures
+    said = [
+        f"obstacle {k + 1} with {force:.3g} N"
+        + (f" ({pressures.obstacles[k]:.3g} Pa)" if pressures else "")
+        for k, force in enumerate(forces)
+        if force > 0
+    ]
+    between = {
+        pair: float(np.linalg.norm(force, axis=1).max())
+        for pair, force in motion.piece_forces.items()
+        if pair[0] < pair[1]
+    }
+    said += [f"{names[b]} on {names[a]} with {size:.3g} N" for (a, b), size in between.items()]
+    if pressures and pressures.own > 0:
+        said.append(f"the body itself with up to {pressures.own:.3g} Pa")
+    largest = max([*forces.tolist(), *between.values()], default=0.0)
+    return Check(
+        "contact", True, largest, np.inf,
+        f"At most it is pressed by {'; '.join(said)}." if said else "Nothing presses on it.",
+    )  # fmt: skip
+
+
+def in_the_grid(run: ParticleRun) -> Check:
+    """Whether all particles stayed in the grid."""
+    total, lost = len(run.part), run.outside
+    return Check(
+        "particles", not lost, lost, 0,
+        f"{'All' if not lost else f'{total - lost:,} of'} {total:,} particles stay in the grid.",
+    )  # fmt: skip

@@ -29,15 +29,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from autophyx_tet.predictors import (
-    CPU,
-    HintedEncoder,
-    MiniLM,
-    build_text_table,
-    count_parameters,
-    save_text_table,
-    train_film,
-)
+from autophyx_tet.predictors import HintedEncoder, MiniLM, count_parameters
+from autophyx_tet.research import CPU, build_text_table, save_text_table, train_film
 
 start = time.process_time()
 words = HintedEncoder(MiniLM(), plain=False)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -58,3 +60,260 @@ class MaterialField:
             )
         if self.part is not None and (self.part[self.occupied] < 0).any():
             raise InputError("a field with part labels needs one on every occupied cell")
+
+
+# How E, nu and rho become numbers in [-1, 1] for a network, and back.
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """Ranges that map (log10 E [Pa], nu, log10 rho [kg/m^3]) linearly to [-1, 1].
+
+    Predictions of nu are capped at ``nu_cap``, where elements do not lock yet.
+    """
+
+    log10_E: tuple[float, float] = (3.0, 12.0)
+    nu: tuple[float, float] = (0.0, 0.5)
+    log10_rho: tuple[float, float] = (0.7, 4.4)
+    nu_cap: float = 0.495
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower ends of the three ranges, (3,)."""
+        return np.array([self.log10_E[0], self.nu[0], self.log10_rho[0]])
+
+    @property
+    def span(self) -> np.ndarray:
+        """Widths of the three ranges, (3,)."""
+        return np.array([self.log10_E[1], self.nu[1], self.log10_rho[1]]) - self.low
+
+    def normalise(self, E, nu, rho) -> np.ndarray:
+        """Numbers in [-1, 1], shape (..., 3), of E [Pa], nu [1], rho [kg/m^3]; outliers clip."""
+        raw = np.stack(np.broadcast_arrays(np.log10(E), nu, np.log10(rho)), axis=-1)
+        return np.clip(2 * (raw - self.low) / self.span - 1, -1.0, 1.0)
+
+    def physical(self, normalised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """E [Pa], nu [1], rho [kg/m^3] of numbers in [-1, 1], shape (..., 3)."""
+        unit = (np.clip(np.asarray(normalised, dtype=np.float64), -1.0, 1.0) + 1) / 2
+        raw = self.low + unit * self.span
+        nu = np.clip(raw[..., 1], 0.0, self.nu_cap)
+        return np.asarray(10 ** raw[..., 0]), np.asarray(nu), np.asarray(10 ** raw[..., 2])
+
+    def to_dict(self) -> dict:
+        """Plain data for a checkpoint's metadata."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict) -> Normalisation:
+        """Rebuild from ``to_dict``; a missing or unknown key is an ``InputError``."""
+        try:
+            plain: dict[str, Any] = {
+                k: tuple(v) if isinstance(v, list | tuple) else v for k, v in data.items()
+            }
+            return cls(**plain)
+        except TypeError as error:
+            raise InputError(f"not a normalisation: {data} ({error})") from error
+
+
+DEFAULT = Normalisation()
+
+
+# The sampler: E, nu, rho of a material field at points; tets, splats, clouds and rays use it.
+#
+# Trilinear in (log10 E, nu, log10 rho) with the weights renormalised over the occupied voxels of
+# the point's own part; the nearest such voxel where none of the eight around the point is one.
+
+# Points a step: the temporaries of a step (about 15 MB) stay near the caches.
+_CHUNK = 1 << 16
+_THREADS = 2  # numpy leaves the interpreter lock in the large gathers; more threads wait for memory
+ANY_PART = -1
+
+
+class FieldSample(NamedTuple):
+    """The field at points: E [Pa], nu [1], rho [kg/m^3], part and material labels, each (n,).
+
+    ``n_fallback`` points had no voxel of their part around them and took the nearest one, at most
+    ``max_fallback_distance`` [m] away.
+    """
+
+    E: np.ndarray
+    nu: np.ndarray
+    rho: np.ndarray
+    part: np.ndarray | None
+    material: np.ndarray | None
+    n_fallback: int
+    max_fallback_distance: float
+
+
+class _Voxels(NamedTuple):
+    """Occupied voxels as rows of a table; row 0 is empty space.
+
+    ``rows`` (nx+2, ny+2, nz+2) maps padded cells to rows, ``values`` (rows, 4) holds 1, log10 E,
+    nu, log10 rho, so that weight x row sums weights and values at once; ``part`` and ``material``
+    (rows,) are labels; ``cells`` (rows - 1, 3) are the indices of row 1, 2 ...
+    """
+
+    rows: np.ndarray
+    values: np.ndarray
+    part: np.ndarray
+    material: np.ndarray
+    cells: np.ndarray
+
+
+def sample_field(
+    field: MaterialField,
+    points: Float[np.ndarray, "n 3"],
+    *,
+    part: Int[np.ndarray, "n"] | None = None,
+) -> FieldSample:
+    """Sample a field at points [m].
+
+    Parameters
+    ----------
+    field
+        The field; labels of its parts, where it has them, are never mixed.
+    points
+        Positions [m], shape (n, 3), inside the grid or not.
+    part
+        Label of each point in the field's ``part_names``, shape (n,), or ``ANY_PART`` (-1) for a
+        point that belongs to the part of the nearest voxel. None is ``ANY_PART`` for all.
+
+    Raises
+    ------
+    InputError
+        Where a point is not finite, or a label names a part that has no voxel.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    wanted = _labels(field, points, part)
+    voxels = _voxels(field)
+    nearest = np.zeros(len(points), dtype=np.int64)
+    values = np.empty((len(points), 3))
+
+    def step(chunk: slice) -> None:
+        nearest[chunk] = _interpolate(field, voxels, points[chunk], wanted[chunk], values[chunk])
+
+    with ThreadPoolExecutor(_THREADS) as pool:
+        list(pool.map(step, _chunks(len(points))))
+    lost = np.flatnonzero(nearest == 0)
+    distance = 0.0
+    if lost.size:
+        nearest[lost], distance = _nearest(field, voxels, points[lost], wanted[lost])
+        values[lost] = voxels.values[nearest[lost], 1:]
+    return FieldSample(
+        E=10 ** values[:, 0],
+        nu=values[:, 1],
+        rho=10 ** values[:, 2],
+        part=None if field.part is None else voxels.part[nearest],
+        material=None if field.material is None else voxels.material[nearest],
+        n_fallback=lost.size,
+        max_fallback_distance=distance,
+    )
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
+
+
+def _labels(field: MaterialField, points: np.ndarray, part: np.ndarray | None) -> np.ndarray:
+    """Checked part label of every point; all ``ANY_PART`` for a field without parts."""
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(
+            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+        )
+    if part is None or field.part is None:
+        return np.full(len(points), ANY_PART)
+    missing = np.setdiff1d(part, [ANY_PART, *np.unique(field.part[field.occupied])])
+    if missing.size:
+        raise InputError(
+            f"part labels {missing.tolist()} have no voxel in the field; its parts are "
+            f"{dict(enumerate(field.part_names))}"
+        )
+    return part
+
+
+def _voxels(field: MaterialField) -> _Voxels:
+    inside = field.occupied
+    cells = np.argwhere(inside)
+    rows = np.zeros(np.array(inside.shape) + 2, dtype=np.int32)
+    rows[tuple((cells + 1).T)] = np.arange(1, len(cells) + 1)
+    values = np.zeros((len(cells) + 1, 4))
+    values[1:, 0] = 1
+    values[1:, 1] = np.log10(field.E[inside])
+    values[1:, 2] = field.nu[inside]
+    values[1:, 3] = np.log10(field.rho[inside])
+
+    def labels(array: np.ndarray | None) -> np.ndarray:
+        result = np.full(len(values), ANY_PART)
+        if array is not None:
+            result[1:] = array[inside]
+        return result
+
+    return _Voxels(rows, values, labels(field.part), labels(field.material), cells)
+
+
+def _interpolate(
+    field: MaterialField,
+    voxels: _Voxels,
+    points: np.ndarray,
+    wanted: np.ndarray,
+    out: np.ndarray,
+) -> np.ndarray:
+    """Fill ``out`` (n, 3) and return the row of the nearest voxel around each point, 0 for none."""
+    shape = np.array(field.grid.shape)
+    index = np.clip(field.grid.to_index(points), -1, shape)  # outside: all weight on the padding
+    base = np.minimum(np.floor(index), shape - 1).astype(np.int64)
+    upper = index - base
+    stride = np.array(voxels.rows.strides) // voxels.rows.itemsize
+    first = (base + 1) @ stride
+    flat = voxels.rows.ravel()
+    shares = np.stack([1 - upper, upper])  # (2, n, 3): weight of the lower and the upper voxel
+    corners, weights = [], []
+    for i, j, k in np.ndindex(2, 2, 2):
+        row = flat[first + (i * stride[0] + j * stride[1] + k)]
+        corners.append(row)
+        weights.append(shares[i, :, 0] * shares[j, :, 1] * shares[k, :, 2] * (row > 0))
+    rows, weight = np.stack(corners), np.stack(weights)
+    if field.part is not None:
+        labels = voxels.part[rows]
+        own = np.where(wanted == ANY_PART, _at(labels, weight.argmax(axis=0)), wanted)
+        weight *= labels == own
+    nearest = np.where(weight.any(axis=0), _at(rows, weight.argmax(axis=0)), 0)
+    total = np.einsum("cn,cnv->nv", weight, voxels.values[rows])
+    np.divide(total[:, 1:], total[:, :1], out=out, where=total[:, :1] > 0)
+    return nearest
+
+
+def _at(corners: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Entry ``which`` (n,) of each column of ``corners`` (8, n)."""
+    return np.take_along_axis(corners, which[None], axis=0)[0]
+
+
+def _nearest(
+    field: MaterialField, voxels: _Voxels, points: np.ndarray, wanted: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Row of the nearest occupied voxel of the wanted part, and the largest distance [m]."""
+    from scipy.spatial import KDTree
+
+    nearest = np.zeros(len(points), dtype=np.int64)
+    far = 0.0
+    shell = _shell(voxels)
+    for label in np.unique(wanted):
+        rows = shell if label == ANY_PART else shell[voxels.part[shell] == label]
+        mine = np.flatnonzero(wanted == label)
+        tree = KDTree(field.grid.to_world(voxels.cells[rows - 1]))
+        distance, hit = tree.query(points[mine], workers=_THREADS)
+        nearest[mine] = rows[hit]
+        far = max(far, float(distance.max()))
+    return nearest, far
+
+
+def _shell(voxels: _Voxels) -> np.ndarray:
+    """Rows of the voxels with a neighbour of another part or none: no other is ever nearest."""
+    label = np.where(voxels.rows > 0, voxels.part[voxels.rows], ANY_PART - 1).ravel()
+    stride = np.array(voxels.rows.strides) // voxels.rows.itemsize
+    own = (voxels.cells + 1) @ stride
+    inner = np.ones(len(own), dtype=bool)
+    for step in (*stride, *-stride):
+        inner &= label[own + step] == label[own]
+    return np.flatnonzero(~inner) + 1

@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .hearing import words
-from .hearing.clauses import HeardClause
-from .hearing.vocabulary import stem
-from .vocabulary.lexicon import part_name_words, places
-from .voxels import PartVoxels
+from .grid import PartVoxels
+from .text import hearing as words
+from .text.hearing import HeardClause, stem
+from .text.lexicon import part_name_words, places
 
 SMOOTH = 3  # cells: the shares of the clauses are averaged over cubes of this edge
 SPECK = 0.01  # of a part's cells: a smaller piece is given to its surroundings

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fem.mpm.classes import class_of
-from ..fem.scene.materials import FIELDS, Material, MaterialValue
+from ..fem.mpm.materials import class_of
+from ..fem.table import FIELDS, Material, MaterialValue
 from .field import MaterialField, Ranges
-from .language.clauses import Clause, Sentence
-from .voxels import PartVoxels
+from .grid import PartVoxels
+from .text.clauses import Clause, Sentence
 
 # Weight below which a material is a guess: a word that names it gives 1, the nearest of about 200
 # rows without one gives .1 to .25.

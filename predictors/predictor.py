@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 from ..fem.registry import Registry
 
 if TYPE_CHECKING:
+    from .appearance.features import Appearance
     from .asset import UpAxis
-    from .images.appearance import Appearance
-    from .language.clauses import Sentence
+    from .grid import PartVoxels
     from .prediction import PartChoice, Prediction
-    from .voxels import PartVoxels
+    from .text.clauses import Sentence
 
 
 @runtime_checkable
@@ -67,6 +67,6 @@ PREDICTORS: Registry[type[Predictor]] = Registry(
     {
         "film": "film.predictor:FilmPredictor",
         "unipixie": "unipixie.predictor:UniPixiePredictor",
-        "retrieval": "retrieval:RetrievalPredictor",
+        "retrieval": "lookup.lookup:RetrievalPredictor",
     },
 )

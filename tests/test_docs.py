@@ -151,9 +151,8 @@ def test_an_empty_group_fails_where_all_are_required(root, chosen, code, said):
 @pytest.mark.blockers
 def test_no_limit_denies_what_a_registry_offers(root):
     """A line "no A, B or C" of `limits.md` names nothing that a method, scenario or class does."""
-    from autophyx_tet.fem.mpm.classes import MaterialClass
-    from autophyx_tet.fem.scenarios.scenario import SCENARIOS
-    from autophyx_tet.fem.solve.method import METHODS
+    from autophyx_tet.fem.mpm.materials import MaterialClass
+    from autophyx_tet.fem.solve.method import METHODS, SCENARIOS
     from autophyx_tet.toolkit.options import SimulateOptions
 
     offered = {*SCENARIOS.names, *METHODS.names, *(one.name.lower() for one in MaterialClass)}
@@ -173,7 +172,7 @@ def test_no_limit_denies_what_a_registry_offers(root):
 def test_the_limit_of_units_names_the_formats_that_state_theirs(root):
     """All suffixes that keep the unit of length, and no other."""
     from autophyx_tet.converters.registry import Keeps
-    from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS
+    from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS
 
     text = (root / "docs" / "limits.md").read_text()
     (said,) = re.findall(r"\* \*\*Units\.\*\*([^;]*) state theirs", text)

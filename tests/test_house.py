@@ -9,38 +9,26 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "public_names", "registry", "deprecation", "device", "validation", "scene",
-        "conditions", "laws", "discrete", "cholesky", "linalg", "contact", "damping",
-        "particle_run", "model_error", "result", "solve", "mpm", "reduced", "springs", "matching",
-        "scenarios", "grain", "safety", "uncertainty", "verdicts", "energy",
+        "errors", "validation", "registry", "deprecation", "device", "table", "material", "mesh",
+        "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
+        "identify", "scenarios", "safety", "uncertainty", "verdicts",
     ),
     "predictors": (
-        "asset", "grid", "voxels", "field", "sampling", "normalisation", "chat", "encoders",
-        "vocabulary", "quantities", "lexemes", "language", "interpreter", "hearing", "construction",
-        "images", "partition", "prediction", "lookup", "predictor", "retrieval", "matter", "film",
-        "unipixie",
-        "assignment", "datasets", "training", "evaluation",
+        "asset", "grid", "field", "encoders", "text", "appearance", "prediction", "lookup",
+        "partition", "predictor", "construction", "matter", "film", "unipixie", "assign",
     ),
     "converters": (
-        "registry", "files", "announced_sizes", "npz", "reduced_archive", "spring_archive", "mesh",
-        "grids", "points", "embedding", "driving", "voxelisation", "material_sampling",
-        "field_sources", "particles", "carriers", "programs",
+        "registry", "files", "archives", "kernels", "mesh", "grids", "points", "embedding",
+        "transfer", "carriers", "programs",
     ),
     "toolkit": (
-        "surfaces", "native", "io", "meshing", "options", "walls", "config", "driving", "results",
-        "report", "simulation", "features", "appearance", "image_features", "pipeline",
-        "transfer", "datasets", "learning", "listing", "doctor", "estimate", "batch", "cli",
+        "asset", "meshing", "options", "walls", "driving", "verdict", "report", "simulation",
+        "features", "pipeline", "transfer", "listing", "estimate", "batch", "cli",
+    ),
+    "research": (
+        "datasets", "training", "evaluation", "image_features", "prepare", "learning", "commands",
     ),
 }  # fmt: skip
-# Rooms that only training and evaluation enter: what a user runs needs neither data nor trainer.
-LEARNING = ("predictors.datasets", "predictors.training")
-LEARNERS = (
-    *LEARNING,
-    "predictors.evaluation",
-    "toolkit.learning",
-    "toolkit.datasets",
-    "toolkit.image_features",
-)
 FOLDERS = sorted({init.parent for room in FLOORS for init in (ROOT / room).rglob("__init__.py")})
 CODE = [path for folder in FOLDERS for path in sorted(folder.glob("*.py"))]
 
@@ -111,12 +99,13 @@ def test_no_circles():
     assert not circles
 
 
-def test_nothing_at_run_time_imports_data_sets_or_training():
+def test_no_product_verb_imports_research():
+    """What a user runs needs neither data sets nor trainers; three verbs load them when called."""
     wrong = [
         f"{module} -> {other}"
         for module, taken in arrows().items()
         for other in taken
-        if other.startswith(LEARNING) and not module.startswith(LEARNERS)
+        if other.startswith("research") and not module.startswith("research")
     ]
     assert not wrong
 

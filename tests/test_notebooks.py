@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 SOURCES = sorted((Path(__file__).resolve().parent.parent / "notebooks").glob("*.py"))
-FACES = ("autophyx_tet", *(f"autophyx_tet.{room}" for room in ("fem", "converters", "predictors")))
+FACES = (
+    "autophyx_tet",
+    *(f"autophyx_tet.{room}" for room in ("fem", "converters", "predictors", "research")),
+)
 EACH = pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 LARGEST = 300_000  # bytes: a page shows it at once, and the history stays small
 

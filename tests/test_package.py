@@ -14,7 +14,7 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-ROOMS = ("fem", "predictors", "converters", "toolkit")
+ROOMS = ("fem", "predictors", "converters", "toolkit", "research")
 DATA = {".csv", ".safetensors", ".md", ".css", ".html", ".js", ".toml", ".json"}
 # Bytes: 15.8 MB are the weights of the FiLM network, 7.6 MB those of the network of ranges, 0.6 MB
 # those of the image encoder; the rest is code and data. Far below an index's usual 100 MB.
@@ -33,7 +33,7 @@ def wheel(root, tmp_path_factory) -> Path:
     skip = shutil.ignore_patterns("__pycache__")
     for room in ROOMS:
         shutil.copytree(root / room, copy / room, ignore=skip)
-    for name in ("__init__.py", "pyproject.toml", "README.md", "LICENSE", "NOTICE"):
+    for name in ("__init__.py", "setup.py", "pyproject.toml", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(root / name, copy)
     _call(sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", built, copy)
     (path,) = built.glob("*.whl")

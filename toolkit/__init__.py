@@ -2,5 +2,5 @@
 
 In: an asset, words and options, from Python or from the command line.
 Out: meshes, fields, motions, reports and one JSON document a verb.
-Read: pipeline, options, io, surfaces, meshing, simulation, results, report, batch, cli.
+Read: pipeline, options, asset, meshing, simulation, verdict, report, batch, cli.
 """

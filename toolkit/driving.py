@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..fem.errors import InputError, UsageError
-from ..fem.particle_run import ParticleRun
-from ..fem.scene.mesh import TetMesh
+from ..fem.mesh import TetMesh
+from ..fem.solve.result import ParticleRun
 from ..predictors.asset import UpAxis
-from .io.outputs import check_folder, mesh_suffixes
-from .io.references import References
-from .io.sidecar import Sidecar
+from .asset.document import Sidecar, check_folder, mesh_suffixes
+from .asset.textures import References
 
 if TYPE_CHECKING:
-    from ..converters.driving import Driven
-    from ..converters.points.splats.splat_film import SplatFilm
+    from ..converters.embedding import Driven
     from ..converters.points.table import PointTable
+    from ..converters.points.views import SplatFilm
 
 # A carrier of which more than a share lies this far outside, as a share of the body's diagonal, is
 # likely in other axes or units. Splats of the body itself lie on its surface, half of them outside.
@@ -85,7 +84,7 @@ def drive(
         Where the carrier cannot be read, or has no points.
     """
     from ..converters.files import writing_folder
-    from ..converters.points.point_file import read_points, write_points
+    from ..converters.points.table import read_points, write_points
 
     (suffix, warnings), table = _suffix(carrier), read_points(carrier)
     states = displacements if run is None else range(len(run.positions))
@@ -115,7 +114,7 @@ def drive(
 
 
 def _embedded(table: PointTable, body: TetMesh | ParticleRun, scale: float) -> Driven:
-    from ..converters.driving import Driven
+    from ..converters.embedding import Driven
 
     if isinstance(body, TetMesh):
         return Driven.of(table, body, scale=scale)
@@ -126,7 +125,7 @@ def _film(
     table: PointTable, body: TetMesh | ParticleRun, states: Any, scale: float, up: UpAxis
 ) -> SplatFilm | None:
     """A film of splats, its camera chosen by a few of them over the motion, if that is known."""
-    from ..converters.points.splats.splat_film import SplatFilm, chosen_camera, stride, thinned
+    from ..converters.points.views import SplatFilm, chosen_camera, stride, thinned
 
     if not isinstance(states, Sequence | np.ndarray):
         return None
@@ -152,7 +151,7 @@ def transfer_motion(
     InputError
         Where a file cannot be read or the motion is not of the mesh.
     """
-    from ..converters.mesh.mesh_file import read_mesh
+    from ..converters.mesh.meshdata import read_mesh
 
     check_folder(output)
     mesh = source if isinstance(source, TetMesh) else read_mesh(source)
@@ -207,7 +206,7 @@ def _doubts(driven: Driven, body: TetMesh | ParticleRun) -> list[str]:
 
 def _displacements(motion: Path, mesh: TetMesh) -> Iterator[np.ndarray]:
     """Displacement [m] of every frame of a .pvd of this very mesh."""
-    from ..converters.mesh.pvd import read_pvd
+    from ..converters.mesh.vtk import read_pvd
 
     room = SAME * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     for time, frame in read_pvd(motion):

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..fem.scenarios.scenario import SCENARIOS
+from ..fem.solve.method import SCENARIOS
 from ..predictors.asset import Asset
-from .io.outputs import check_mesh, check_run
+from .asset.document import check_mesh, check_run
 from .options import ConvertOptions, SimulateOptions
 
 
@@ -62,7 +62,7 @@ def plan(
     InputError
         Where the asset cannot be read or the output not be written, as the command itself would.
     """
-    from .io.load import load_asset
+    from .asset.load import load_asset
     from .meshing.import_tets import SUFFIXES, import_tets
 
     if texts:
@@ -101,7 +101,7 @@ def _steps(texts: Sequence[str], scenario: str, output: Path) -> Iterator[str]:
 
 def _cost(asset: Asset, options: ConvertOptions) -> dict[str, dict[str, float]]:
     """Tets and seconds of a core that converting takes."""
-    from .meshing.engine_run import EDGE_LENGTH_REL
+    from .meshing.ftetwild import EDGE_LENGTH_REL
     from .meshing.meshers import STUFFING, chosen_mesher
 
     diagonal = float(np.linalg.norm(np.subtract(*_bounds(asset))))
@@ -119,7 +119,7 @@ def _lattice_cost(
     asset: Asset, options: ConvertOptions, diagonal: float
 ) -> dict[str, dict[str, float]]:
     """The same of a lattice: its tets fill the volume, or are as many as wanted."""
-    from .meshing.engine_run import TETS_PER_CUBE, EngineTarget
+    from .meshing.ftetwild import TETS_PER_CUBE, EngineTarget
 
     rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
     target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..converters.npz import save_npz
+import numpy as np
+from jaxtyping import Float
+
+from ..converters.files import save_npz
+from ..predictors.appearance.features import (
+    Appearance,
+    VoxelFeatures,
+    cell_looks,
+    features_of_views,
+)
+from ..predictors.appearance.features import (
+    features as features_of,
+)
+from ..predictors.appearance.segmentation import Segmentation, best_segmentation
 from ..predictors.asset import Asset
 from ..predictors.encoders import ImageEncoder, load_encoder, speaking_encoder
-from ..predictors.images.features import VoxelFeatures, features_of_views
-from ..predictors.images.features import features as features_of
-from ..predictors.images.segmentation import Segmentation, best_segmentation
-from .io.coloured_grid import is_carrier, read_coloured_grid
-from .io.outputs import check_file
-from .native.cache import digest, recalled, remember
+from ..predictors.grid import PartVoxels
+from ..predictors.matter import LOOK
+from .asset.cache import digest, recalled, remember
+from .asset.coloured_grid import is_carrier, read_coloured_grid
+from .asset.document import check_file
 from .options import FeatureOptions
 
 log = logging.getLogger(__name__)
@@ -78,7 +90,7 @@ def features(
     InputError
         Where the asset cannot be read, an output not written, or the encoder's weights are absent.
     """
-    from .io.load import load_asset
+    from .asset.load import load_asset
 
     options = (options or FeatureOptions()).checked()
     picture = options.picture
@@ -103,7 +115,7 @@ def features(
         labels = {} if parts is None else parts.arrays()
         save_npz(output, **voxels.arrays(), **labels)
     if picture is not None:
-        from .report.picture.feature_picture import feature_png
+        from .report.picture import feature_png
 
         feature_png(picture, voxels, seen)
     files = tuple(path for path in (output, picture) if path is not None)
@@ -112,8 +124,8 @@ def features(
 
 def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of photographs, on the cells of a radiance field fitted to them."""
-    from ..predictors.images.radiance import fit_radiance
-    from ..predictors.images.views import load_photographs
+    from ..predictors.appearance.radiance import fit_radiance
+    from ..predictors.appearance.views import load_photographs
 
     views = load_photographs(path)
     field = fit_radiance(views, cells=options.cells)
@@ -123,8 +135,8 @@ def _photographed(path: Path, encoder: ImageEncoder, options: FeatureOptions) ->
 
 def _carried(path: Path, encoder: ImageEncoder, options: FeatureOptions) -> VoxelFeatures:
     """Features of splats, points or a density grid, by pictures of its cells."""
-    from ..predictors.images.cameras import hemisphere
-    from ..predictors.images.grid_views import matter_bounds, render_grid
+    from ..predictors.appearance.features import matter_bounds, render_grid
+    from ..predictors.appearance.views import hemisphere
 
     density, colour, grid = read_coloured_grid(path, cells=options.cells)
     cameras = hemisphere(matter_bounds(density, grid), count=options.views, lower=options.lower)
@@ -156,3 +168,43 @@ def _key(asset: Asset, encoder: ImageEncoder, options: FeatureOptions) -> str:
         "options": [options.cells, options.views, options.lower],
     }
     return digest("features", {"bounds": asset.bounds}, seen, packages=PACKAGES)
+
+
+# What is seen of an asset, on the voxels of its mesh: colours, and features of pictures.
+
+VIEWS, CELLS = 8, 32  # as the network's evidence was measured; more bound no more voxels right
+
+
+def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = None) -> Appearance:
+    """Look at an asset: the colours of its surface, and what an image encoder sees if one is named.
+
+    The asset lies where its mesh does, in metres.
+    """
+    looks = _looks(asset, voxels)
+    seen = Appearance(looks[..., :3], finish=looks[..., 3:])
+    if encoder is None:
+        return seen
+    options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
+    words = speaking_encoder(encoder)
+    pictured = features(asset, options=options).voxels
+    return replace(seen, features=_features(pictured, voxels), words=words)
+
+
+def _looks(asset: Asset, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz 7"]:
+    """Look of the nearest surface, of every occupied cell."""
+    occupied = voxels.occupied
+    out = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
+    out[occupied] = cell_looks(asset, voxels.grid.centers()[occupied])
+    return out
+
+
+def _features(seen: VoxelFeatures, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz D"]:
+    """Features of the nearest cell that has some, of every occupied cell."""
+    from scipy.spatial import KDTree
+
+    occupied = voxels.occupied
+    known = KDTree(seen.grid.to_world(seen.cells))
+    _, nearest = known.query(voxels.grid.centers()[occupied])
+    out = np.zeros((*occupied.shape, seen.values.shape[1]), dtype=np.float32)
+    out[occupied] = seen.values[nearest]
+    return out

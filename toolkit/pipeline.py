@@ -11,25 +11,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..fem.scene.mesh import TetMesh
+from ..fem.mesh import TetMesh
 from ..predictors.asset import Asset
-from .config import command_line, with_given
-from .io.document import now
-from .io.outputs import check_file, check_mesh, check_outputs, check_run
-from .io.sidecar import Sidecar, read_known
-from .options import AssignOptions, ConvertOptions, SimulateOptions, pairs
-from .results.assignment import Assignment
-from .results.conversion import Conversion
-from .results.run import RunCase, RunResult, Stopwatch, dialled
+from .asset.document import (
+    Sidecar,
+    check_file,
+    check_mesh,
+    check_outputs,
+    check_run,
+    now,
+    read_known,
+)
+from .options import AssignOptions, ConvertOptions, SimulateOptions, command_line, pairs, with_given
 from .simulation.simulate import simulate
-from .walls.wall_options import WallOptions
+from .verdict.assignment import Assignment
+from .verdict.run import Conversion, RunCase, RunResult, Stopwatch, dialled
+from .walls import WallOptions
 
 if TYPE_CHECKING:
-    from ..converters.material_sampling import SampledMesh
-    from ..fem.scene.materials import MaterialTable
-    from ..predictors.language.binding import Bound
+    from ..converters.transfer import SampledMesh
+    from ..fem.table import MaterialTable
     from ..predictors.prediction import Prediction
-    from .walls.built_parts import BuiltPart
+    from ..predictors.text.clauses import Bound
+    from .walls import BuiltPart
 
 
 def convert(
@@ -63,10 +67,10 @@ def convert(
     NoVolumeError
         Where the asset encloses no volume.
     """
-    from ..converters.mesh.mesh_file import write_mesh
-    from .io.load import load_asset
+    from ..converters.mesh.meshdata import write_mesh
+    from .asset.load import load_asset
+    from .meshing.convert import tetrahedralize
     from .meshing.import_tets import SUFFIXES, import_tets
-    from .meshing.tetrahedralize import tetrahedralize
 
     options = with_given(options or ConvertOptions(), given, verb="convert")
     walls = walls or WallOptions()
@@ -94,7 +98,7 @@ def _with_rooms(
     asset: Asset, walls: WallOptions, options: ConvertOptions
 ) -> tuple[Asset, WallOptions]:
     """An asset with a part for what each wall holds, where the mesh can hold the wall."""
-    from .walls.contents import with_rooms
+    from .walls import with_rooms
 
     if (walls.wall is None and not walls.part_wall) or not walls.fill:
         return asset, walls
@@ -128,10 +132,8 @@ def assign(
     BandError
         Under ``options.strict``, where a value leaves the band of its category.
     """
-    from ..converters.material_sampling import sample_material
-    from ..converters.voxelisation import divided_by_voxels
-    from .walls.built_parts import Walls, build_parts, with_walls
-    from .walls.part_words import Called
+    from ..converters.transfer import divided_by_voxels, sample_material
+    from .walls import Called, Walls, build_parts, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
     check_outputs(output, field_output)
@@ -177,10 +179,9 @@ def _read(
     text: str, mesh: TetMesh, sidecar: Sidecar, options: AssignOptions
 ) -> tuple[Bound, MaterialTable]:
     """What a text says of the regions of a mesh, read here, once; and the materials it may name."""
-    from ..fem.scene.materials import load_table
-    from ..predictors.chat import ChatEndpoint
-    from ..predictors.interpreter import read_sentence
-    from .io.own_materials import with_own_rows
+    from ..fem.table import load_table
+    from ..predictors.text.interpreter import ChatEndpoint, read_sentence
+    from .asset.own_materials import with_own_rows
 
     table = with_own_rows(options.table) if options.table else load_table()
     interpreter = ChatEndpoint.at(options.interpreter) if options.interpreter else None
@@ -198,10 +199,10 @@ def _predicted(
     table: MaterialTable,
 ) -> Prediction:
     """What words and the predictor make of the regions of a mesh."""
-    from ..converters.voxelisation import voxelize
-    from ..predictors.assignment import predict_materials
+    from ..converters.transfer import voxelize
+    from ..predictors.assign import predict_materials
     from ..predictors.lookup.numbers import numbers_of_parts
-    from .appearance import appearance_of
+    from .features import appearance_of
 
     labels = tuple(tuple(sidecar.labels.get(name, ())) for name in mesh.region_names)
     voxels = replace(voxelize(mesh, cells=options.cells), labels=labels)
@@ -224,8 +225,8 @@ def _predicted(
 
 def _written(result: Assignment, output: Path | None, field_output: Path | None) -> Assignment:
     """Write the mesh with its sidecar, and the field; the files are on record."""
-    from ..converters import npz
-    from ..converters.mesh.mesh_file import write_mesh
+    from ..converters import files as npz
+    from ..converters.mesh.meshdata import write_mesh
 
     files: tuple[Path, ...] = ()
     if output is not None:
@@ -259,9 +260,9 @@ def run(
     everything is computed. Raises what the single verbs raise.
     """
     from ..converters.files import alone
-    from .report.folder import write_folder
-    from .report.picture.snapshot import SUFFIXES, write_picture
-    from .walls.stated_walls import with_stated_walls
+    from .report.pages import write_folder
+    from .report.picture import SUFFIXES, write_picture
+    from .walls import with_stated_walls
 
     check_run(output)
     ways = dialled((assign_options or AssignOptions()).checked(), dial=dial)

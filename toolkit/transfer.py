@@ -14,17 +14,14 @@ from ..converters.mesh.meshdata import grain_words, lost_words
 from ..converters.registry import Keeps
 from ..fem.errors import InputError, UsageError
 from ..fem.grain import grained_parts, parts_of_grain, with_grains
-from ..fem.scene.mesh import TetMesh
+from ..fem.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
+from .asset.document import BodyRecord, Sidecar, check_file, mesh_document
 from .driving import checked_scale
-from .io.body_record import BodyRecord
-from .io.document import mesh_document
-from .io.outputs import check_file
-from .io.sidecar import Sidecar
 from .options import ExportOptions, TransferOptions
-from .simulation.grain import stated_grains
-from .simulation.voxel_body import rows_of_field
+from .simulation.matter import rows_of_field
+from .simulation.scenario import stated_grains
 
 if TYPE_CHECKING:
     from ..converters.carriers import Transferred
@@ -119,7 +116,7 @@ def transfer(
         Where the output is the carrier itself.
     """
     from ..converters.carriers import append_material
-    from ..converters.field_sources import field_from_tets
+    from ..converters.transfer import field_from_tets
 
     options, target = options or TransferOptions(), Path(target)
     check_file(output, _room(target))
@@ -163,7 +160,7 @@ def export(
     InputError
         Where the mesh has no material or the output cannot be written.
     """
-    from ..converters.mesh.mesh_file import read_mesh
+    from ..converters.mesh.meshdata import read_mesh
     from ..converters.programs.export import export_mesh
     from ..converters.registry import PROGRAMS
 
@@ -198,10 +195,10 @@ def export(
 
 def read_source(path: Path) -> MaterialField | TetMesh:
     """Read a field or a mesh; other columns of points with E, nu, rho become a field."""
-    from ..converters import npz
-    from ..converters.field_sources import read_field_points
-    from ..converters.mesh.mesh_file import read_mesh
+    from ..converters import files as npz
+    from ..converters.mesh.meshdata import read_mesh
     from ..converters.registry import MESH_FORMATS, POINT_FORMATS
+    from ..converters.transfer import read_field_points
 
     suffix = path.suffix.lower()
     if suffix == ".npz" and "meta" in npz.load_npz(path):

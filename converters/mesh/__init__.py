@@ -2,5 +2,5 @@
 
 In: a TetMesh [m] with arrays on its points and tets, or a file of one.
 Out: the file, or a MeshData with all that was in it.
-Read: mesh_file, meshdata, msh, vtk, vtu, vtu_arrays, medit, mesh_archive, pvd, gltf_motion.
+Read: meshdata, msh, vtk, gltf_motion.
 """

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
-from ...fem.scene.mesh import TetMesh
+from ...fem.mesh import TetMesh
 from ...fem.scene.up import UpAxis, half_turn
 from ..files import writing
 

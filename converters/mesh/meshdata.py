@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -13,12 +15,15 @@ import numpy as np
 
 from ...fem.errors import InputError
 from ...fem.grain import grained_parts
-from ...fem.scene.material import GRAIN, material_arrays, material_from
-from ...fem.scene.mesh import TetMesh, signed_volumes
-from ..registry import MATERIAL, Keeps
+from ...fem.material import GRAIN, material_arrays, material_from
+from ...fem.mesh import TetMesh, signed_volumes
+from .. import files as npz
+from ..files import check_counts, reading
+from ..registry import MATERIAL, MESH_FORMATS, Format, Keeps, format_of, told_lost, written
 
 if TYPE_CHECKING:
     import meshio
+
 
 log = logging.getLogger(__name__)
 
@@ -179,3 +184,92 @@ def _regions(cell_data, names, count) -> tuple[np.ndarray, tuple[str, ...]]:
     wanted = np.union1d(tags, np.fromiter(names, dtype=np.int64))
     labels = [names.get(int(tag), f"region {tag}") for tag in wanted]
     return np.searchsorted(wanted, tags).astype(np.int32), tuple(labels)
+
+
+# Our own archive of a tet mesh, .npz: the mesh and its material, and nothing beside.
+
+
+def read_mesh_archive(path: str | os.PathLike) -> MeshData:
+    """Read what ``npz.save`` wrote of a mesh."""
+    value = npz.load(path)
+    if not isinstance(value, TetMesh):
+        raise InputError(f"{path} holds a material field, wanted a tet mesh")
+    return MeshData(value)
+
+
+def write_mesh_archive(
+    path: str | os.PathLike,
+    mesh: TetMesh,
+    *,
+    point_data: Arrays | None = None,
+    cell_data: Arrays | None = None,
+) -> None:
+    """Write the mesh; further arrays are refused, since there is no room for them."""
+    if point_data or cell_data:
+        raise InputError(f"{path}: .npz holds the mesh and its material only; use .vtu or .msh")
+    npz.save(path, mesh)
+
+
+MESH_ARCHIVE = Format(
+    "own archive",
+    (".npz",),
+    read_mesh_archive,
+    write_mesh_archive,
+    keeps=MATERIAL | {Keeps.GRAIN, Keeps.REGIONS},
+)
+
+
+# Medit .mesh, read through meshio: references become regions, which have no names there.
+
+
+def read_medit(path: str | os.PathLike) -> MeshData:
+    """Read the tets of a Medit file and their references."""
+    with reading(path, "a Medit .mesh file with tets") as source:
+        check_counts(source)
+        import meshio
+
+        return from_meshio(meshio.medit.read(str(source)))
+
+
+MEDIT = Format("Medit", (".mesh",), read_medit)
+
+
+# A tet mesh file by its suffix: read and written with all that its format keeps.
+
+
+def read_mesh(path: str | os.PathLike) -> TetMesh:
+    """Read a tet mesh [m] with its regions and, where E, nu and rho are there, its material."""
+    return read_data(path).mesh
+
+
+def read_data(path: str | os.PathLike) -> MeshData:
+    """Read a tet mesh together with every other array on its points and tets."""
+    if not Path(path).exists():
+        raise InputError(f"no such file: {path}; wanted a tet mesh, as `convert` makes one")
+    reader = format_of(path, MESH_FORMATS).read
+    if reader is None:
+        known = ", ".join(suffix for suffix in MESH_FORMATS if MESH_FORMATS[suffix].read)
+        raise InputError(f"{path}: {Path(path).suffix} cannot be read; {known} can")
+    return reader(path)
+
+
+def write_mesh(
+    path: str | os.PathLike,
+    mesh: TetMesh,
+    *,
+    point_data: Arrays | None = None,
+    cell_data: Arrays | None = None,
+) -> tuple[Keeps, ...]:
+    """Write a mesh with its regions, material and further arrays, all or nothing.
+
+    Returns what of them the format does not keep, after a warning in the log.
+    """
+    form = format_of(path, MESH_FORMATS)
+    if form.write is None:
+        can = ", ".join(written(MESH_FORMATS))
+        raise InputError(f"{path}: {Path(path).suffix} cannot be written; {can} can")
+    form.write(path, mesh, point_data=point_data, cell_data=cell_data)
+    lost = form.loses(items_of(mesh, point_data, cell_data))
+    if lost:
+        log.warning(told_lost(path, form, lost_words(lost, mesh)))
+    return lost

@@ -15,20 +15,11 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...fem.errors import InputError
-from ...fem.scene.material import material_arrays
-from ...fem.scene.mesh import TetMesh
-from ..announced_sizes import check_counts
-from ..files import reading, writing
+from ...fem.material import material_arrays
+from ...fem.mesh import TetMesh
+from ..files import check_counts, reading, writing
 from ..registry import Format
-from .meshdata import (
-    WHOLE,
-    Arrays,
-    MeshData,
-    assemble,
-    checked,
-    escape,
-    from_meshio,
-)
+from .meshdata import WHOLE, Arrays, MeshData, assemble, checked, escape, from_meshio
 
 _START = re.compile(r"^\$(\w+)[ \t\r]*\n", re.MULTILINE)
 WANTED = "a Gmsh .msh file (2.2 or 4.1) with tets"

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
+import base64
+import lzma
 import os
 import re
-from collections.abc import Container
+import zlib
+from collections.abc import Container, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Literal, NamedTuple
 from urllib.parse import unquote
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...fem.errors import InputError
-from ...fem.scene.mesh import TetMesh
-from ..announced_sizes import check_counts
-from ..files import reading, writing
+from ...fem.mesh import TetMesh
+from ..files import check_counts, reading, writing, writing_folder
 from ..registry import Format
-from .meshdata import (
-    WHOLE,
-    Arrays,
-    MeshData,
-    assemble,
-    cell_arrays,
-    checked,
-    escape,
-    from_meshio,
-)
-from .vtu import load_vtu
+from .meshdata import WHOLE, Arrays, MeshData, assemble, cell_arrays, checked, escape, from_meshio
 
 WANTED = "a VTK unstructured grid (.vtu or legacy .vtk) with tets"
 # Region names travel as field data: UTF-8 bytes, one name a line, a type that every reader takes.
@@ -133,3 +129,287 @@ def _legacy_names(file: Path) -> bytes | None:
     if re.match(rb"[^\n]*\n[^\n]*\nBINARY", head):
         return rest[:count]
     return bytes(int(code) for code in rest.split(None, count)[:count])
+
+
+# A reader of .vtu files of our own: inline, appended or raw arrays, their unpacking bounded.
+#
+# meshio's reader unpacks whatever a compressed block holds (1 kB of zeros packed twice is a
+# gigabyte), loses all cells but the last piece's, and its parts have no public name to build on.
+
+MAX_UNPACKED = 4 << 30  # bytes in all arrays: a sixth of the memory of a 24 GiB machine
+_TET = 10
+_CELLS = {
+    1: "vertex", 3: "line", 5: "triangle", 7: "polygon", 9: "quad", 12: "hexahedron", 13: "wedge",
+    14: "pyramid", 22: "triangle6", 24: "tetra10", 25: "hexahedron20", 42: "polyhedron",
+}  # fmt: skip
+_APPENDED = re.compile(rb"<AppendedData([^>]*)>")
+
+
+class VtuGrid(NamedTuple):
+    """Points (points, 3) and tets (tets, 4) of all pieces of a file, with their arrays.
+
+    ``ignored`` counts the other cells by kind.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    tets: Int[np.ndarray, "tets 4"]
+    point_data: dict[str, np.ndarray]
+    cell_data: dict[str, np.ndarray]
+    field_data: dict[str, np.ndarray]
+    ignored: dict[str, int]
+
+
+def load_vtu(path: Path, *, max_bytes: int = MAX_UNPACKED) -> VtuGrid:
+    """Read a .vtu file whose compressed arrays hold at most ``max_bytes`` in all."""
+    root, appended = _document(path.read_bytes())
+    arrays = VtuArrays(root, appended, max_bytes)
+    grid = root.find("UnstructuredGrid")
+    pieces = [] if grid is None else grid.findall("Piece")
+    if grid is None or not pieces:
+        raise InputError("no piece of an unstructured grid is in it")
+    ignored: dict[str, int] = {}
+    read = [_piece(piece, arrays, ignored) for piece in pieces]
+    starts = np.cumsum([0, *(len(points) for points, *_ in read[:-1])])
+    return VtuGrid(
+        np.concatenate([points for points, *_ in read]),
+        np.concatenate([tets + start for (_, tets, *_), start in zip(read, starts, strict=True)]),
+        _joined([on_points for *_, on_points, _ in read]),
+        _joined([on_tets for *_, on_tets in read]),
+        arrays.under(grid.find("FieldData")),
+        ignored,
+    )
+
+
+def _document(content: bytes) -> tuple[ElementTree.Element, tuple[bytes, bool]]:
+    """The XML without its appended data, and that data with whether it is raw."""
+    start = _APPENDED.search(content)
+    if start is None:
+        return _checked(ElementTree.fromstring(content)), (b"", False)
+    stop = content.rfind(b"</AppendedData>")
+    raw = re.search(rb"encoding\s*=\s*[\"']raw", start[1]) is not None
+    data = content[start.end() : stop].partition(b"_")[2]
+    tail = content[stop + len(b"</AppendedData>") :]
+    return _checked(ElementTree.fromstring(content[: start.start()] + tail)), (data, raw)
+
+
+def _checked(root: ElementTree.Element) -> ElementTree.Element:
+    if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
+        raise InputError(f"it is a {root.tag} of {root.get('type')}, no VTKFile UnstructuredGrid")
+    return root
+
+
+def _piece(piece: ElementTree.Element, arrays: VtuArrays, ignored: dict[str, int]):
+    """Points, tets, arrays on the points and arrays on the tets of a piece."""
+    count, cells = int(piece.attrib["NumberOfPoints"]), int(piece.attrib["NumberOfCells"])
+    (points,) = arrays.under(piece.find("Points"), count).values()
+    found = arrays.under(piece.find("Cells"))
+    corners, ends, kinds = (np.ravel(found[n]) for n in ("connectivity", "offsets", "types"))
+    if not len(ends) == len(kinds) == cells:
+        raise InputError(f"{cells} cells announced, {len(ends)} offsets and {len(kinds)} types")
+    is_tet = kinds == _TET
+    for kind, number in zip(*np.unique(kinds[~is_tet], return_counts=True), strict=True):
+        name = _CELLS.get(int(kind), f"cells of type {kind}")
+        ignored[name] = ignored.get(name, 0) + int(number)
+    first = ends[is_tet].astype(np.int64) - 4
+    if (np.diff(ends.astype(np.int64), prepend=0)[is_tet] != 4).any() or (first < 0).any():
+        raise InputError("a tet has other than four corners")
+    tets = corners[first[:, None] + np.arange(4)].astype(np.int64)
+    if tets.size and not 0 <= tets.min() <= tets.max() < count:
+        raise InputError(f"tets name points {tets.min()}..{tets.max()} of {count}")
+    on_points = arrays.under(piece.find("PointData"), count)
+    on_cells = arrays.under(piece.find("CellData"), cells)
+    return points, tets, on_points, {name: values[is_tet] for name, values in on_cells.items()}
+
+
+def _joined(pieces: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Arrays that every piece has, one piece after the other."""
+    shared = [name for name in pieces[0] if all(name in piece for piece in pieces)]
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in shared}
+
+
+# The data arrays of .vtu files: text, base64 or raw bytes, plain or packed in blocks.
+
+_KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
+
+
+class VtuArrays:
+    """Reads the data arrays of a file, and adds up what its compressed ones unpack to."""
+
+    def __init__(self, root: ElementTree.Element, appended: tuple[bytes, bool], allowed: int):
+        self._order: Literal["<", ">"] = ">" if root.get("byte_order") == "BigEndian" else "<"
+        self._allowed = self._left = allowed
+        self._header = _dtype(root.get("header_type", "UInt32")).newbyteorder(self._order)
+        self._compressor = root.get("compressor")
+        self._appended, self._raw = memoryview(appended[0]), appended[1]
+
+    def under(self, parent: ElementTree.Element | None, rows: int | None = None):
+        """Arrays by name of a parent element, each of ``rows`` rows where that is known."""
+        found = {}
+        for element in () if parent is None else parent.findall("DataArray"):
+            name, width = element.get("Name", ""), int(element.get("NumberOfComponents") or 1)
+            values = self._read(element)
+            found[name] = values.reshape(-1, width) if width > 1 else values
+            if rows is not None and len(found[name]) != rows:
+                raise InputError(f"array {name!r} has {len(found[name])} rows, wanted {rows}")
+        return found
+
+    def _read(self, element: ElementTree.Element) -> np.ndarray:
+        dtype, text = _dtype(element.attrib["type"]), (element.text or "")
+        form = element.get("format", "ascii")
+        if form == "ascii":
+            return np.array(text.split(), dtype=dtype)
+        if form == "appended":
+            source: _Raw | _Base64 = (_Raw if self._raw else _Base64)(
+                self._appended[int(element.attrib["offset"]) :]
+            )
+        elif form == "binary":
+            source = _Base64("".join(text.split()).encode())
+        else:
+            raise InputError(f"arrays in the format {form!r} are not known")
+        data = self._plain(source) if self._compressor is None else self._unpacked(source)
+        return np.frombuffer(data, dtype.newbyteorder(self._order)).astype(dtype, copy=False)
+
+    def _plain(self, source: _Raw | _Base64) -> bytes:
+        width = self._header.itemsize
+        (size,) = np.frombuffer(source.head(width), self._header)
+        data = source.after(width, int(size))
+        if len(data) != size:
+            raise InputError(f"an array announces {size} bytes and holds {len(data)}")
+        return data
+
+    def _unpacked(self, source: _Raw | _Base64) -> bytearray:
+        """Blocks behind a header of their count, their size, the last one's, and packed sizes."""
+        count = int(np.frombuffer(source.head(self._header.itemsize), self._header)[0])
+        length = (3 + count) * self._header.itemsize
+        sizes = np.frombuffer(source.head(length), self._header)[3:].astype(np.int64)
+        ends = np.cumsum(sizes)
+        packed = source.after(length, int(ends[-1])) if count else b""
+        if len(sizes) != count or (count and ends[-1] > len(packed)):
+            raise InputError(f"a compressed array announces {count} blocks and holds fewer")
+        data = bytearray()
+        for end, size in zip(ends, sizes, strict=True):
+            data += self._block(packed[end - size : end])
+        return data
+
+    def _block(self, packed: bytes) -> bytes:
+        """The bytes of a block, at most those that are left of all that are allowed."""
+        if self._compressor not in ("vtkZLibDataCompressor", "vtkLZMADataCompressor"):
+            raise InputError(f"arrays packed by {self._compressor} are not read; zlib and LZMA are")
+        lzma_packed = self._compressor == "vtkLZMADataCompressor"
+        tool = lzma.LZMADecompressor() if lzma_packed else zlib.decompressobj()
+        data = tool.decompress(packed, self._left + 1)
+        if len(data) > self._left:
+            raise InputError(
+                f"its compressed arrays unpack to more than {self._allowed:,} bytes; "
+                "write the mesh uncompressed if it is that large"
+            )
+        if not tool.eof:
+            raise InputError("a compressed block is cut short")
+        self._left -= len(data)
+        return data
+
+
+class _Raw:
+    """Bytes of an array that stand as they are."""
+
+    def __init__(self, data: memoryview) -> None:
+        self._data = data
+
+    def head(self, count: int) -> bytes:
+        """The first ``count`` bytes."""
+        return bytes(self._data[:count])
+
+    def after(self, head: int, count: int) -> bytes:
+        """``count`` bytes behind a header of ``head``."""
+        return bytes(self._data[head : head + count])
+
+
+class _Base64:
+    """Bytes of an array as base64, the header encoded with the rest or before it."""
+
+    def __init__(self, text: bytes | memoryview) -> None:
+        self._text = text
+
+    def head(self, count: int) -> bytes:
+        """The first ``count`` bytes."""
+        return base64.b64decode(self._text[: _characters(count)])[:count]
+
+    def after(self, head: int, count: int) -> bytes:
+        """``count`` bytes behind a header of ``head``."""
+        at = _characters(head)
+        if head % 3 and self._text[at - 1 : at] != b"=":
+            return base64.b64decode(self._text[: _characters(head + count)])[head : head + count]
+        return base64.b64decode(self._text[at : at + _characters(count)])[:count]
+
+
+def _characters(count: int) -> int:
+    """Length of the base64 text of ``count`` bytes."""
+    return -(-count // 3) * 4
+
+
+def _dtype(name: str) -> np.dtype:
+    """Type of an array: Float64, Int32, UInt8 ..."""
+    found = re.fullmatch(r"(Float|Int|UInt)(8|16|32|64)", name)
+    if found is None:
+        raise InputError(f"arrays of type {name!r} are not known")
+    return np.dtype(f"{_KINDS[found[1]]}{int(found[2]) // 8}")
+
+
+# ParaView time series: a .pvd index beside one .vtu a frame.
+
+PVD_WANTED = "a ParaView .pvd series"
+TimedFields = tuple[float, Mapping[str, np.ndarray]]
+
+
+def write_pvd(
+    path: str | os.PathLike,
+    mesh: TetMesh,
+    frames: Iterable[TimedFields],
+    *,
+    cell_data: Arrays | None = None,
+) -> list[Path]:
+    """Write frames (time [s], point arrays such as ``displacement``) of one mesh as they come.
+
+    Frame i goes to ``STEM_0000i.vtu`` beside the index; all appear when all are written. Returns
+    every file, the index first.
+    """
+    path = Path(path)
+    with writing_folder(path.parent) as folder:
+        names = _write_series(folder / path.name, mesh, frames, cell_data)
+    return [path.with_name(name) for name in names]
+
+
+def _write_series(
+    path: Path, mesh: TetMesh, frames: Iterable[TimedFields], cell_data: Arrays | None
+) -> list[str]:
+    """Write frames and index; their names, the index first."""
+    entries, names = [], []
+    for i, (time, point_data) in enumerate(frames):
+        file = path.with_name(f"{path.stem}_{i:05d}.vtu")
+        write_vtk(file, mesh, point_data=point_data, cell_data=cell_data)
+        entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(file.name)}/>')
+        names.append(file.name)
+    if not entries:
+        raise InputError(f"{path.name}: a series needs at least one frame, got none")
+    lines = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
+        *entries,
+        "</Collection></VTKFile>\n",
+    ]
+    with writing(path) as target:
+        target.write_text("\n".join(lines), encoding="utf-8")
+    return [path.name, *names]
+
+
+def read_pvd(path: str | os.PathLike) -> Iterator[tuple[float, MeshData]]:
+    """Read a series frame by frame: (time [s], mesh and arrays)."""
+    with reading(path, PVD_WANTED) as source:
+        folder = source.parent.resolve()
+        frames = []
+        for entry in ElementTree.parse(source).iter("DataSet"):
+            file = (folder / entry.attrib["file"]).resolve()
+            if not file.is_relative_to(folder):
+                raise InputError(f"{path} refers to {file}, outside its folder")
+            frames.append((float(entry.attrib["timestep"]), file))
+    return ((time, read_vtk(file)) for time, file in frames)

@@ -2,5 +2,5 @@
 
 In: a PointTable, or a file of one.
 Out: the file with every column, remark and further element that its format keeps, or the table.
-Read: table, point_file, ply, column_archive, pcd, las, xyz, splats.
+Read: table, ply, pcd, las, gaussians, splat_files, views.
 """

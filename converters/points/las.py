@@ -7,8 +7,7 @@ import os
 import numpy as np
 
 from ...fem.errors import InputError
-from ..announced_sizes import check_las
-from ..files import reading, writing
+from ..files import check_las, reading, writing
 from ..registry import Format, Keeps
 from .table import XYZ, Others, PointTable
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -10,7 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fem.errors import InputError
-from ..registry import Keeps
+from .. import files as npz
+from ..files import reading
+from ..registry import POINT_FORMATS, Format, Keeps, format_of, told_lost, written
 
 XYZ = ("x", "y", "z")
 
@@ -75,3 +79,79 @@ class PointTable:
             yield Keeps.REMARKS
         if self.others is not None and self.others.names:
             yield Keeps.OTHERS
+
+
+# An archive of point columns, .npz: one array a column, or ``points`` (n, 3) for x, y, z.
+
+
+def read_column_archive(path: str | os.PathLike) -> PointTable:
+    """Read every array as a column, and ``comments`` as the remarks."""
+    with reading(path, "an .npz of point columns x, y, z (or points) and more"):
+        arrays = npz.load_npz(path)
+        comments = tuple(str(arrays.pop("comments")).splitlines()) if "comments" in arrays else ()
+        if "points" in arrays:  # a table (n, 3) instead of three columns
+            points = arrays.pop("points")
+            arrays = {**dict(zip(XYZ, points.T, strict=True)), **arrays}
+        return PointTable(arrays, comments)
+
+
+def write_column_archive(path: str | os.PathLike, table: PointTable) -> None:
+    """Write every column, and the remarks as one text."""
+    npz.save_npz(path, **table.columns, comments=np.array("\n".join(table.comments)))
+
+
+COLUMN_ARCHIVE = Format(
+    "columns archive",
+    (".npz",),
+    read_column_archive,
+    write_column_archive,
+    keeps=frozenset({Keeps.COLUMNS, Keeps.REMARKS, Keeps.HARMONICS}),
+)
+
+
+# Text clouds, .xyz: rows of x y z and unnamed columns; read only, since names have no place.
+
+
+def read_xyz(path: str | os.PathLike) -> PointTable:
+    """Read rows of numbers; the fourth and later ones become column_3, column_4 ..."""
+    with reading(path, "a text file of rows x y z, further columns allowed") as source:
+        rows = np.loadtxt(source, ndmin=2)
+        if rows.shape[1] < 3:
+            raise InputError(f"rows have {rows.shape[1]} numbers, wanted at least x y z")
+        names = [*XYZ, *(f"column_{i}" for i in range(3, rows.shape[1]))]
+        return PointTable(dict(zip(names, rows.T, strict=True)))
+
+
+XYZ_FILE = Format("text cloud", (".xyz",), read_xyz)
+
+
+# The file of a point table by its suffix: read and written with all that its format keeps.
+
+log = logging.getLogger(__name__)
+
+
+def read_points(path: str | os.PathLike) -> PointTable:
+    """Read a point cloud or Gaussian splats by suffix."""
+    reader = format_of(path, POINT_FORMATS).read
+    if reader is None:
+        raise InputError(f"{path}: its format is written only")
+    return reader(path)
+
+
+def write_points(path: str | os.PathLike, table: PointTable) -> None:
+    """Write a table in a format with room for its columns, all or nothing; losses are logged."""
+    chosen = format_of(path, POINT_FORMATS)
+    if chosen.write is None:
+        room = ", ".join(written(POINT_FORMATS))
+        raise InputError(f"{path}: {chosen.title} has no room for further columns; {room} have")
+    chosen.write(path, table)
+    if lost := point_losses(path, table):
+        log.warning(told_lost(path, chosen, lost))
+
+
+def point_losses(path: str | os.PathLike, table: PointTable) -> tuple[Keeps, ...]:
+    """What of the table a file of that suffix does not keep."""
+    form = format_of(path, POINT_FORMATS)
+    lost = form.loses(table.items())
+    foreign = table.others is not None and table.others.names and table.others.title != form.title
+    return (*lost, Keeps.OTHERS) if foreign and Keeps.OTHERS not in lost else lost

@@ -2,5 +2,5 @@
 
 In: a TetMesh with a material, and what its scene needs: up axis, gravity [m/s^2], supports.
 Out: the files of the program, how many bins of material, and what they do not hold.
-Read: export, scene_options, material_bins, gmsh, calculix, newton, mujoco, usd, sofa, fenics.
+Read: export, material_bins, calculix, newton, mujoco, usd, sofa, fenics.
 """

@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.discrete.constraints import node_supports
-from ...fem.discrete.space import Space, affordable_order, make_space
-from ...fem.scene.mesh import TetMesh
-from ...fem.scene.support_finder import find_supports
-from ...fem.scene.supports import Supports
+from ...fem.elements.constraints import node_supports
+from ...fem.elements.space import Space, affordable_order, make_space
+from ...fem.mesh import TetMesh
+from ...fem.scene.supports import Supports, find_supports
 from ...fem.scene.up import UpAxis, up_vector
 from ..files import writing
 from ..registry import MATERIAL, Format, Keeps, Program
+from .export import SceneOptions
 from .material_bins import Bins
-from .scene_options import SceneOptions
 
 _A_LINE = 16  # entries of a set on one line, the format's limit
 _ELEMENT = {1: "C3D4", 2: "C3D10"}

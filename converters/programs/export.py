@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from ...fem.errors import UsageError
-from ...fem.scene.mesh import TetMesh, material_of
+from ...fem.material import GRAIN, material_arrays
+from ...fem.mesh import TetMesh, material_of
 from ...fem.scene.supports import Supports
 from ...predictors.asset import UpAxis
-from ..registry import PROGRAMS, Keeps
-from .material_bins import BinError, NameStyle, bin_materials
-from .scene_options import SceneOptions
+from ..mesh.meshdata import WHOLE, items_of
+from ..mesh.msh import write_msh
+from ..registry import PROGRAMS, Format, Keeps, Program
+from .material_bins import BinError, NameStyle, bin_materials, named_arrays
 
 
 class Exported(NamedTuple):
@@ -89,3 +95,73 @@ def export_mesh(
     if Keeps.RHO not in form.binned:  # the bins' rho is not what is written
         error = BinError((*error.largest[:2], 0.0), (*error.mean[:2], 0.0))
     return Exported(form.write(path, mesh, binned, options), len(binned), error, lost, notes)
+
+
+# What the writer of a program may use beside the mesh.
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What the user says beside the mesh.
+
+    ``names`` of the arrays, the axis ``up`` against gravity, its size ``gravity`` [m/s^2], the
+    ``supports`` that hold the body, and the ``order`` of the elements; None: the program's choice.
+    """
+
+    names: NameStyle = "symbols"
+    up: UpAxis = "z"
+    gravity: float = 9.81
+    supports: Supports | None = None
+    order: Literal[1, 2] | None = None
+
+    def items(self, mesh: TetMesh) -> Iterator[Keeps]:
+        """What the files for ``mesh`` have to keep; what does not vary is no value a tet."""
+        for item in items_of(mesh):
+            if item not in _VARYING or _varies(getattr(mesh.material, _VARYING[item])):
+                yield item
+        if self.supports is not None:
+            yield from _held(self.supports)
+        if self.order == 2:
+            yield Keeps.QUADRATIC
+
+
+# Values of one part that went through a field differ in their last bits, and are one value.
+_SAME = 1e-9
+_VARYING = {Keeps.E: "E", Keeps.NU: "nu", Keeps.RHO: "rho"}
+
+
+def _varies(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) > _SAME * values.max())
+
+
+def _held(supports: Supports) -> Iterator[Keeps]:
+    whole = supports.fixed.all(axis=1)
+    if whole.any():
+        yield Keeps.HELD
+    if (supports.fixed.any(axis=1) & ~whole).any():
+        yield Keeps.ROLLERS
+    if supports.values[supports.fixed].any():
+        yield Keeps.PRESCRIBED
+    if supports.springs.any():
+        yield Keeps.SPRINGS
+
+
+# Gmsh: a .msh with a group a region, one view an array under the wanted names.
+
+
+def _write(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:
+    grain = {
+        name: values for name, values in material_arrays(mesh.material).items() if name in GRAIN
+    }
+    arrays = named_arrays(mesh, options.names) | grain
+    write_msh(path, mesh.with_material(None), cell_data=arrays)
+    return [path]
+
+
+GMSH = Program(
+    (
+        Format(
+            "Gmsh 2.2", (".msh",), write=_write, keeps=WHOLE - {Keeps.POINT_DATA, Keeps.CELL_DATA}
+        ),
+    )
+)

@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...fem.scene.material_properties import OrthotropicConstants
-from ...fem.scene.mesh import TetMesh
+from ...fem.mesh import TetMesh
+from ...fem.table import OrthotropicConstants
 from ..files import writing
 from ..mesh.msh import write_msh
 from ..registry import MATERIAL, Format, Keeps, Program
+from .export import SceneOptions
 from .material_bins import Bins
-from .scene_options import SceneOptions
 
 _LOADER = '''"""Load {mesh} into FEniCSx: mesh, and E [Pa], nu, rho [kg/m^3] as DG0 functions."""
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fem.errors import InputError, UsageError
-from ...fem.scene.material import ElementMaterial
-from ...fem.scene.mesh import TetMesh, material_of
+from ...fem.material import ElementMaterial
+from ...fem.mesh import TetMesh, material_of
 
 log = logging.getLogger(__name__)
 

@@ -18,13 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...fem.scene.material import wave_speed
-from ...fem.scene.mesh import TetMesh, largest_explicit_step, material_of
+from ...fem.material import wave_speed
+from ...fem.mesh import TetMesh, largest_explicit_step, material_of
 from ...fem.scene.up import up_vector
 from ..files import writing
 from ..registry import Format, Keeps, Program
+from .export import SceneOptions
 from .material_bins import Bins, vertex_masses
-from .scene_options import SceneOptions
 
 _MANY = 5000  # vertices; beyond, MuJoCo's own mass matrix and contact search become slow
 _TINY = 1e-9  # kg m^2: a point mass has no inertia, but MuJoCo wants one

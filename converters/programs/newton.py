@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.scene.mesh import TetMesh, material_of
+from ...fem.mesh import TetMesh, material_of
+from ..files import save_npz
 from ..mesh.vtk import write_vtk
-from ..npz import save_npz
 from ..registry import MATERIAL, Format, Keeps, Program
+from .export import SceneOptions
 from .material_bins import vertex_masses
-from .scene_options import SceneOptions
 
 
 def _write_vtk(path: Path, mesh: TetMesh, options: SceneOptions) -> list[Path]:

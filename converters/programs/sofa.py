@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.scene.mesh import TetMesh, material_of
-from ...fem.scene.support_finder import find_supports
+from ...fem.mesh import TetMesh, material_of
+from ...fem.scene.supports import find_supports
 from ...fem.scene.up import up_vector
 from ..files import writing
 from ..mesh.msh import write_msh
 from ..registry import Format, Keeps, Program
+from .export import SceneOptions
 from .material_bins import vertex_masses
-from .scene_options import SceneOptions
 
 _SCENE = """<?xml version="1.0"?>
 <Node name="root" dt="0.01" gravity="{gravity}">

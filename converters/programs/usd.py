@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...fem.scene.mesh import TetMesh, material_of
+from ...fem.mesh import TetMesh, material_of
 from ...predictors.asset import upright
 from ..files import writing
 from ..registry import MATERIAL, Format, Program
+from .export import SceneOptions
 from .material_bins import Bins, bin_materials
-from .scene_options import SceneOptions
 
 _SPACES = ("physics", "omniphysics")
 _BODY = (

@@ -2,5 +2,5 @@
 
 In: a BlockMatrix, a right-hand side, positions of the nodes.
 Out: the solution with its residual; a factor or a preconditioner to keep.
-Read: solver, two_level, smoother, corners, coarse, inversion, krylov, lanczos, reused.
+Read: solver, multigrid, krylov.
 """

@@ -2,5 +2,5 @@
 
 In: particles with a class, E, nu, rho and what their class yields at; walls, forces, a duration.
 Out: where the particles go, or a Failure with its time, part and advice.
-Read: classes, particles, background, walls, stability, cloud, substep, solver, kernels.
+Read: materials, particles, boundaries, time_step, solver, kernels_transfer.
 """

@@ -10,20 +10,24 @@ import numpy as np
 
 from ..errors import UsageError
 from ..laws.law import Law
-from ..particle_run import ParticleRun
-from ..result import Motion, MotionResult
-from ..scene.mesh import material_of
+from ..mesh import material_of
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
+from ..solve.result import Motion, MotionResult, ParticleRun
 from ..validation import checked_count, checked_number, checked_positive
-from .background import BackgroundGrid
-from .classes import MaterialClass, Substance
-from .particles import Particles, ParticleState
-from .sampling import TetSample, mesh_followers, particle_forces, sample_tets
+from .boundaries import BackgroundGrid, Wall, scene_room, support_walls
+from .materials import MaterialClass, Substance
+from .particles import (
+    Particles,
+    ParticleState,
+    TetSample,
+    mesh_followers,
+    particle_forces,
+    sample_tets,
+)
+from .rigid import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
 from .solver import MpmSolver
-from .stability import BUDGET, COURANT, MpmError, largest_modulus, longest_step
-from .stiff import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
-from .walls import Wall, scene_room, support_walls
+from .time_step import BUDGET, COURANT, MpmError, largest_modulus, longest_step
 
 # CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
 # (`benchmarks/mpm.py`).

@@ -14,9 +14,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import ConvergenceError
-from .elasticity import ReducedElasticity
+from .elasticity import (
+    RIGID,
+    KeptInverse,
+    ReducedElasticity,
+    held_rest,
+    lowest_frequency,
+    reduced_rest,
+    solve_dense,
+)
 from .model import ReducedModel
-from .rest import RIGID, KeptInverse, held_rest, lowest_frequency, reduced_rest, solve_dense
 
 # Largest displacement of a state, in shares of the body's longest side.
 AMPLITUDES = (0.01, 0.15)

@@ -9,17 +9,15 @@ import numpy as np
 
 from ..errors import UsageError
 from ..laws.law import Law
-from ..model_error import MOTION_LIMIT, ModelError
-from ..result import MotionResult, locking_share
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress, halving_notes
+from ..solve.result import MOTION_LIMIT, ModelError, MotionResult, locking_share
 from ..solve.schemes import Scheme
 from ..validation import checked_count, checked_positive
-from .following import ROUNDS, Followed, Following, reduced_dynamics
+from .basis import CELLS, HANDLES, accuracy_warnings, reduce_body
+from .elasticity import reduced_frequencies
 from .model import ReducedModel, Subspace
-from .reduction import CELLS, accuracy_warnings, reduce_body
-from .rest import reduced_frequencies
-from .skinning import HANDLES
+from .motion import ROUNDS, Followed, Following, reduced_dynamics
 
 # Derived fields that a motion has: with 21 a bonsai's swings were 4.4 % off, with 36 1.3 %.
 DERIVED_IN_MOTION = 45

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..scene.material import LameParameters, lame_parameters
+from ..material import LameParameters, lame_parameters
 
 # The basis is orthonormal in mass to this: what a pivoted QR leaves is far below.
 ORTHONORMAL = 1e-8

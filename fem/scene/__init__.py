@@ -2,5 +2,5 @@
 
 In: arrays of points, tets and E, nu, rho; names of the material table.
 Out: TetMesh, Supports, Traction, obstacles, and the Scene of all of them.
-Read: mesh, material, boundary, supports, loads, obstacles, scene, support_finder, materials.
+Read: scene, supports, loads, obstacles, conditions, up.
 """

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from .boundary import face_areas, face_normals
-from .mesh import TetMesh
+from ..mesh import TetMesh, face_areas, face_normals
 
 
 class Traction(NamedTuple):

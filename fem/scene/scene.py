@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..mesh import TetMesh, material_of
 from .loads import Traction
-from .mesh import TetMesh, material_of
 from .obstacles import Obstacle, Plane
 from .supports import Supports
 from .up import UpAxis, up_index

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..errors import InputError
+from ..mesh import TetMesh, face_components, spans_plane
+from .obstacles import Plane
+from .up import UpAxis, lowest_corner, up_index, up_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,3 +69,100 @@ class Supports:
         springs = self.springs.copy()
         springs[ids] += stiffness
         return replace(self, springs=springs)
+
+
+# What a body stands on or hangs from: supports found from its geometry.
+
+# Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
+# meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
+BASE_SHARE = 0.02
+
+
+def ground_under(mesh: TetMesh, up: UpAxis, *, gap: float = 0.0) -> Plane:
+    """Level ground ``gap`` [m] under the lowest point of ``mesh``: nothing sinks below it."""
+    normal = up_vector(up)
+    return Plane(tuple(lowest_corner(mesh.bounds, up) - gap * normal), tuple(normal))
+
+
+class FoundSupports(NamedTuple):
+    """What holds a body, and the ``warnings`` of what had to be assumed."""
+
+    supports: Supports
+    warnings: tuple[str, ...]
+
+
+def find_supports(
+    mesh: TetMesh, up: UpAxis, *, three_point: bool = False, from_top: bool = False
+) -> FoundSupports:
+    """Supports on which every component of ``mesh`` stands.
+
+    ``three_point``: on three points, free to expand; ``from_top``: it hangs instead.
+
+    A component (tets joined through faces) that neither stands on the base nor shares three points
+    that span a plane with a held piece could move freely: it is held at its own lowest points, and
+    counts as ``assumed``.
+    """
+    labels = face_components(mesh)
+    used = np.unique(mesh.tets)
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    loose, assumed = 0, 0.0
+    place = _three_points if three_point else _clamp_lowest
+    axis, points = up_index(up), mesh.points
+    if (up[0] == "-") != from_top:
+        points = points * np.where(np.arange(3) == axis, -1.0, 1.0)
+    place(points, used, axis, fixed)
+    members = [np.unique(mesh.tets[labels == k]) for k in range(labels.max() + 1)]
+    held = np.any(fixed, axis=1)
+    waiting = set(range(len(members)))
+    while waiting:
+        done = {k for k in waiting if spans_plane(mesh.points[members[k][held[members[k]]]])}
+        if not done:  # the biggest loose component gets a support of its own
+            k = max(waiting, key=lambda k: len(members[k]))
+            _clamp_lowest(points, members[k], axis, fixed)
+            assumed += mesh.volumes[labels == k].sum() / mesh.volume
+            loose += 1
+            done = {k}
+        for k in done:
+            held[members[k]] = True
+        waiting -= done
+    supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
+    where = "highest" if from_top else "lowest"
+    return FoundSupports(supports, _told(loose, len(members), assumed, where))
+
+
+def _told(loose: int, pieces: int, share: float, where: str) -> tuple[str, ...]:
+    """What is said of pieces that nothing else holds: one sentence for all of them."""
+    if not loose:
+        return ()
+    does = "are" if loose > 1 else "is"
+    return (
+        f"{loose} of {pieces} pieces ({share:.1%} of the volume) {does} attached to nothing that "
+        f"is held: held at {'their' if loose > 1 else 'its'} own {where} points",
+    )
+
+
+def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
+    """Ids near the lowest point that span a plane: the share of the height grows until they do."""
+    z = points[ids, axis] - points[ids, axis].min()
+    share = BASE_SHARE
+    while share < 1 and not spans_plane(points[ids[z <= share * z.max()]]):
+        share *= 1.5
+    return ids[z <= share * z.max()]
+
+
+def _clamp_lowest(points, ids, axis, fixed) -> None:
+    fixed[_lowest(points, ids, axis)] = True
+
+
+def _three_points(points, ids, axis, fixed) -> None:
+    """Fix six components at three points far apart: no stress from the support but its reaction."""
+    base = _lowest(points, ids, axis)
+    side = [a for a in range(3) if a != axis]
+    flat = points[base][:, side]
+    a = np.argmax(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
+    b = np.argmax(np.linalg.norm(flat - flat[a], axis=1))
+    line = flat[b] - flat[a]
+    c = np.argmax(np.abs((flat - flat[a]) @ [-line[1], line[0]]))
+    fixed[base[[a, b, c]], axis] = True
+    fixed[base[a]] = True
+    fixed[base[b], side[int(abs(line[0]) > abs(line[1]))]] = True  # the one across the line

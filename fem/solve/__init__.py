@@ -2,5 +2,5 @@
 
 In: a Scene, or its mesh, supports and loads.
 Out: a StaticResult, SagResult, MotionResult or Modes; gradients for torch.
-Read: method, equilibrium, statics, nonlinear, newton, dynamics, schemes, potential, modal.
+Read: method, equilibrium, statics, nonlinear, dynamics, schemes, modal.
 """

@@ -7,29 +7,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..contact.barrier import Contact
-from ..damping.rayleigh import Damping, Rayleigh
 from ..deprecation import renamed_options
 from ..device import checked_device, one_thread
-from ..discrete.assembly import discretise
-from ..discrete.constraints import node_supports
-from ..discrete.elastic import ElasticBody, Response
-from ..discrete.forces import load_vector, node_counts, node_velocities
-from ..discrete.mass import lumped_mass
+from ..elements.assembly import discretise
+from ..elements.constraints import node_supports
+from ..elements.elastic import ElasticBody, Response
+from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.reused import RepeatedSolver
-from ..result import Motion, MotionResult, locking_share
-from ..scene.mesh import TetMesh, material_of
+from ..linalg.solver import RepeatedSolver
+from ..mesh import TetMesh, material_of
 from ..scene.obstacles import Obstacle
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count, checked_positive, checked_rows, checked_vector
-from .discretisation_error import motion_elements, motion_order
+from .contact import Contact
+from .damping import Damping, Rayleigh
+from .error import motion_elements, motion_order
 from .method import FrameProgress, halving_notes
-from .newton import minimise
-from .potential import DeviceSteps, Incremental, nodal_rigidity
-from .schemes import Forecast, Kinematics, Scheme, Step
+from .nonlinear import minimise
+from .result import Motion, MotionResult, locking_share
+from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Step, nodal_rigidity
 
 logger = logging.getLogger(__name__)
 

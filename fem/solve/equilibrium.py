@@ -9,20 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..contact.barrier import barrier_thickness
-from ..discrete.space import affordable_order
+from ..elements.space import affordable_order
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
-from ..result import LoadFactor, SagResult, StaticResult, locking_share
-from ..scene.mesh import TetMesh, material_of
+from ..mesh import TetMesh, material_of
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
-from .discretisation_error import find_discretisation_error
+from .buckling import find_load_factor
+from .contact import barrier_thickness
+from .error import find_discretisation_error
 from .method import FrameProgress
 from .nodal_pressure import solve_averaged
 from .nonlinear import solve_nonlinear
-from .stability import find_load_factor
+from .result import LoadFactor, SagResult, StaticResult, locking_share
 from .statics import solve_static
 
 logger = logging.getLogger(__name__)

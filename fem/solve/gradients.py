@@ -9,16 +9,16 @@ import numpy as np
 
 from ..deprecation import renamed_options
 from ..device import checked_device
-from ..discrete.assembly import Discretisation, discretise, stiffness
-from ..discrete.constraints import node_supports, reduced_load
-from ..discrete.mass import mass_shares
-from ..discrete.space import TET_POINTS, affordable_order, element_points, shape_functions
-from ..discrete.strain import displacement_gradients, first_piola
+from ..elements.assembly import Discretisation, discretise, stiffness
+from ..elements.constraints import node_supports, reduced_load
+from ..elements.elastic import displacement_gradients, first_piola
+from ..elements.forces import mass_shares
+from ..elements.space import TET_POINTS, affordable_order, element_points, shape_functions
 from ..errors import InputError
 from ..laws.law import Law
 from ..linalg.solver import solve_system
-from ..scene.material import ElementMaterial, LameParameters
-from ..scene.mesh import TetMesh
+from ..material import ElementMaterial, LameParameters
+from ..mesh import TetMesh
 from ..scene.supports import Supports
 from ..validation import checked_vector
 from .dynamics import Dynamics

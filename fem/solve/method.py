@@ -1,15 +1,17 @@
-"""The seam of methods: a scene goes in, a result comes out, and which methods there are."""
+"""The seams of methods and scenarios: a scene goes in, a result comes out; which there are."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 from ..registry import Registry
 
 if TYPE_CHECKING:
-    from ..result import Modes, MotionResult, SagResult
+    from ..mesh import TetMesh
     from ..scene.scene import Scene
+    from ..scene.up import UpAxis
+    from .result import Modes, MotionResult, SagResult
 
 FrameProgress: TypeAlias = Callable[[int, int], None]  # called with (frames done, frames in all)
 
@@ -59,5 +61,41 @@ METHODS: Registry[Method] = Registry(
         "mpm": ".mpm.method:METHOD",
         "spring": ".springs.method:METHOD",
         "lbs": ".reduced.method:METHOD",
+    },
+)
+
+
+@runtime_checkable
+class Scenario(Protocol):
+    """What happens to a body, told by a name and a few numbers: a frozen dataclass of these.
+
+    A scenario's option on the command line is ``--NAME-FIELD`` or ``--FIELD``.
+    """
+
+    # What the answer shows, in a few words.
+    title: ClassVar[str]
+    # Name of the method that solves it.
+    method: ClassVar[str]
+    # Whether the first vibrations of the standing body belong to its answer.
+    with_modes: ClassVar[bool]
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of ``mesh`` with the axis ``up`` pointing up."""
+        ...
+
+
+SCENARIOS: Registry[type[Scenario]] = Registry(
+    "scenario",
+    __package__ or "",
+    {
+        "sag": ".scenarios:Sag",
+        "hang": ".scenarios:Hang",
+        "wind": ".scenarios:Wind",
+        "poke": ".scenarios:Poke",
+        "drop": ".scenarios:Drop",
+        "squeeze": ".scenarios:Squeeze",
+        "fall": ".scenarios:Fall",
+        "tear": ".scenarios:Tear",
+        "modal": ".scenarios:Vibration",
     },
 )

@@ -3,30 +3,40 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..cholesky.elimination import planned_elimination
-from ..cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from ..device import Recorder, checked_device, single_threaded
-from ..discrete.assembly import Discretisation, discretise, linear_stiffness
-from ..discrete.block_matrix import BlockMatrix, add_diagonal
-from ..discrete.constraints import apply_supports, held_stiffness, node_supports
-from ..discrete.mass import consistent_mass, diagonal_mass, lumped_mass
-from ..discrete.space import LARGEST_MOVING, affordable_order, extend_linear
+from ..elements.assembly import (
+    BlockMatrix,
+    Discretisation,
+    add_diagonal,
+    discretise,
+    linear_stiffness,
+)
+from ..elements.constraints import apply_supports, held_stiffness, node_supports
+from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
+from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
-from ..linalg.lanczos import RitzPairs, lanczos
-from ..linalg.solver import MOST_ENTRIES, PIVOT
-from ..linalg.two_level import TwoLevel, scale
-from ..result import Modes
-from ..scene.components import free_motions, rigid_motions
-from ..scene.mesh import TetMesh, material_of
+from ..linalg.cholesky import (
+    CholeskyFactor,
+    NotPositive,
+    find_factor,
+    known_factor,
+    planned_elimination,
+)
+from ..linalg.krylov import RitzPairs, lanczos
+from ..linalg.multigrid import TwoLevel, scale
+from ..linalg.solver import MOST_ENTRIES, PIVOT, rough_inverse
+from ..mesh import TetMesh, free_motions, material_of, rigid_motions
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..validation import checked_count
 from .method import FrameProgress
+from .result import Modes
 
 # Relative residual of a mode: its frequency is then good to the square of it.
 TOLERANCE = 1e-3
@@ -246,7 +256,7 @@ def _v_cycle(problem: Vibrations) -> Any:
     """One V-cycle on K, raised by a lumped mass, as an operator on the free unknowns."""
     from scipy.sparse.linalg import LinearOperator
 
-    from ..linalg import kernels_solver as k
+    from ..linalg import kernels_krylov as k
 
     space, free = problem.grid.space, problem.free.reshape(-1)
     matrix = linear_stiffness(problem.grid, material_of(problem.mesh))  # its own: it changes
@@ -271,3 +281,40 @@ def _v_cycle(problem: Vibrations) -> Any:
 
     size = int(free.sum())
     return LinearOperator((size, size), matvec=apply, dtype=float)  # type: ignore
+
+
+# A held stiffness and its inverse for many loads: a factor where one is affordable, else CG.
+
+# Operations of a factor above which it is not made for this alone: half a minute of a core.
+MOST_OPERATIONS = 1e12
+
+
+class HeldInverse(NamedTuple):
+    """``stiffness`` [N/m] with supports, and what ``solve`` finds for forces (nodes, 3) [N].
+
+    Those must be zero where it is held. ``exact``: by a factor, to round-off.
+    """
+
+    stiffness: BlockMatrix
+    solve: Callable[[np.ndarray], np.ndarray]
+    exact: bool
+
+
+def held_inverse(
+    stiffness: BlockMatrix, space: Space, held: Supports, *, rough: float = 0.0
+) -> HeldInverse | None:
+    """Inverse of a ``stiffness`` with the supports ``held`` (of nodes of ``space``), on the CPU.
+
+    Where no factor is affordable by CG to the relative residual ``rough``; None if that is zero.
+    """
+    matrix = stiffness.to("cpu")
+    plan = planned_elimination(matrix, space.edges)
+    if plan.entries <= MOST_ENTRIES:
+        if plan.operations <= MOST_OPERATIONS:
+            return HeldInverse(matrix, known_factor(matrix, plan).solve, True)
+        if (factor := find_factor(matrix, plan)) is not None:
+            return HeldInverse(matrix, factor.solve, True)
+    if not rough:
+        return None
+    known = {"points": space.nodes, "fixed": held.fixed, "edges": space.edges}
+    return HeldInverse(matrix, rough_inverse(matrix, tolerance=rough, **known), False)

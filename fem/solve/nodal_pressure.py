@@ -10,17 +10,15 @@ import numpy as np
 
 from ..deprecation import renamed_options
 from ..device import start_warp
-from ..discrete.assembly import Discretisation, stiffness
-from ..discrete.block_matrix import BlockMatrix
-from ..discrete.constraints import reduced_load
-from ..discrete.elastic import ElasticBody
-from ..discrete.space import CENTROID
-from ..discrete.strain import displacement_gradients
+from ..elements.assembly import BlockMatrix, Discretisation, stiffness
+from ..elements.constraints import reduced_load
+from ..elements.elastic import ElasticBody, displacement_gradients
+from ..elements.space import CENTROID
 from ..laws.law import Law
 from ..linalg.solver import solve_system
-from ..result import StaticResult
-from ..scene.mesh import TetMesh, material_of
+from ..mesh import TetMesh, material_of
 from ..scene.supports import Supports
+from .result import StaticResult
 from .statics import TOLERANCE, check_solution, discrete_problem, static_result
 
 # Tets around a node share a pressure where their first Lame parameters differ less than this

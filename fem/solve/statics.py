@@ -11,20 +11,18 @@ from jaxtyping import Float
 
 from ..deprecation import renamed_options
 from ..device import checked_device, single_threaded
-from ..discrete.assembly import Discretisation, discretise
-from ..discrete.constraints import held_stiffness, keep_stiffness, node_supports
-from ..discrete.elastic import ElasticBody
-from ..discrete.forces import load_vector
-from ..discrete.space import CENTROID, affordable_order
-from ..discrete.strain import displacement_gradients, strain_and_stress
+from ..elements.assembly import Discretisation, discretise
+from ..elements.constraints import held_stiffness, keep_stiffness, node_supports
+from ..elements.elastic import ElasticBody, displacement_gradients, strain_and_stress
+from ..elements.forces import load_vector
+from ..elements.space import CENTROID, affordable_order
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.solver import CHOLESKY, Solution, solve_system
-from ..result import StaticResult
-from ..scene.components import MAX_COMPONENTS, face_components, free_motions
+from ..mesh import MAX_COMPONENTS, TetMesh, face_components, free_motions, material_of
 from ..scene.loads import Traction
-from ..scene.mesh import TetMesh, material_of
 from ..scene.supports import Supports
+from .result import StaticResult
 
 # Relative residual of the linear solve: far below any discretisation error, reached in fp64.
 TOLERANCE = 1e-8

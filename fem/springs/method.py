@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import UsageError
-from ..result import MotionResult
 from ..scene.scene import Scene
 from ..solve.method import FrameProgress
+from ..solve.result import MotionResult
 from ..validation import checked_count, checked_positive
 from .body import SpringBody, spring_body
-from .eta import SOFTEST, stiffened
 from .motion import SpringMotion
+from .network import SOFTEST, stiffened
 
 # CPU time of half a spring and step [s]: 3.3 to 5 ns were measured, on a busy machine more.
 COST = 6e-9

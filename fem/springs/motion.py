@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import checked_device, start_warp
-from ..errors import ConvergenceError
-from .contact import AnchorLoads, SurfaceContact
+from ..elements.assembly import BlockMatrix
+from ..errors import ConvergenceError, InputError
+from ..linalg.cholesky import CholeskyFactor, planned_elimination
+from ..scene.obstacles import Plane
 from .network import SpringNetwork
-from .vibration import highest_frequency
 
 # Share of the longest stable step at rest: springs turn and stretch on the way.
 SAFE = 0.8
@@ -291,3 +292,124 @@ class SpringMotion:
 
 def _starts(owner: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=count))])
+
+
+# What meets a network from outside: loads of its anchors, planes against its surface.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceContact:
+    """Points of the surface that planes push, and the anchors that they follow.
+
+    Parameters
+    ----------
+    points
+        Positions at rest [m], shape (points, 3).
+    weights
+        Weights of the anchors for them, sparse (points, anchors).
+    stiffness
+        Force of a point for a depth [N/m], shape (points,).
+    planes, friction, reach
+        What pushes them, its coefficient of Coulomb friction [1], and from how far [m].
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    weights: Any
+    stiffness: Float[np.ndarray, "points"]
+    planes: tuple[Plane, ...]
+    friction: float = 0.0
+    reach: float = 0.0
+
+    @property
+    def matrix(self) -> Any:
+        """Stiffness [N/m] of one component when all points are pushed, (anchors, anchors)."""
+        from scipy.sparse import diags_array
+
+        return self.weights.T @ diags_array(self.stiffness) @ self.weights
+
+    def grip(self, inverse_mass: Float[np.ndarray, "anchors"], dt: float) -> np.ndarray:
+        """Rubbing [N s/m] that stops no point beyond rest in a step, all of them together."""
+        size = abs(self.weights)
+        crowd = size.T @ np.ones(len(self.points))
+        return 1 / np.maximum(dt * (size @ (crowd * inverse_mass)), 1e-300)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AnchorLoads:
+    """What acts on anchors beside springs, each of shape (n, 3).
+
+    ``force`` [N] is constant, ``ground`` [N/m] are springs to where they rest.
+    """
+
+    force: Float[np.ndarray, "n 3"]
+    ground: Float[np.ndarray, "n 3"]
+
+
+# Frequencies of a network at rest: the lowest tell its stiffness, the highest its steps.
+
+# Free bodies: rigid motions, and the shift [share of the mean square of the frequencies] that makes
+# their matrix regular.
+RIGID, SHIFT = 6, 1e-9
+# Relative error of the highest frequency's square; below so many unknowns it is exact.
+PRECISE, DENSE = 1e-3, 64
+
+
+def network_frequencies(
+    network: SpringNetwork, stiffness: Float[np.ndarray, "springs"], count: int = 1
+) -> Float[np.ndarray, "count"]:
+    """First ``count`` natural frequencies [Hz] with springs of ``stiffness`` [N/m], rising.
+
+    Without anything held, the six rigid motions are left out.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    anchors, wp = network.anchors, start_warp()
+    free = ~anchors.fixed & (anchors.mass > 0)[:, None]
+    skipped = 0 if anchors.fixed.any() else RIGID
+    if count + skipped >= free.sum():
+        raise InputError(f"{count} frequencies of {free.sum()} unknowns: wanted fewer")
+    heavy = np.where(anchors.mass > 0, anchors.mass, np.inf)
+    root, pattern = free / np.sqrt(heavy)[:, None], network.pattern
+    row = np.repeat(np.arange(len(root)), np.diff(pattern.rows.numpy()))
+    blocks = network.blocks(stiffness) * root[row][:, :, None]
+    blocks *= root[pattern.columns.numpy()][:, None]
+    middle = blocks[pattern.own][:, [0, 1, 2], [0, 1, 2]]
+    typical = float(middle[free].mean())
+    shift = SHIFT * typical
+    blocks[pattern.own] += np.where(free, shift, typical)[:, None] * np.eye(3)
+    values = wp.array(blocks, dtype=wp.mat33d, device="cpu")
+    matrix = BlockMatrix(pattern.rows, pattern.columns, values)
+    factor = CholeskyFactor(matrix, planned_elimination(matrix))
+
+    def inverse(x: np.ndarray) -> np.ndarray:
+        return free.ravel() * factor.solve(x.reshape(-1, 3)).ravel()
+
+    operator = LinearOperator((free.size,) * 2, matvec=inverse, dtype=float)  # type: ignore
+    start = np.random.default_rng(0).normal(size=free.size) * free.ravel()
+    found = eigsh(operator, k=count + skipped, v0=start, return_eigenvectors=False)
+    square = np.sort(1 / np.asarray(found))[skipped:] - shift
+    return np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+
+
+def highest_frequency(
+    inverse_mass: Float[np.ndarray, "n 3"], force: Callable[[np.ndarray], np.ndarray]
+) -> float:
+    """Highest angular frequency [1/s] of masses whose ``inverse_mass`` [1/kg] is zero where held.
+
+    ``force`` [N] (n, 3) is that of a displacement [m] (n, 3), linear and symmetric. By Lanczos'
+    method: the plain power iteration ends well below it.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    root = np.sqrt(inverse_mass)
+
+    def times(v: np.ndarray) -> np.ndarray:
+        return (root * force(root * v.reshape(root.shape))).ravel()
+
+    if root.size <= DENSE:
+        dense = np.stack([times(axis) for axis in np.eye(root.size)])
+        return float(np.sqrt(np.linalg.eigvalsh(dense)[-1]))
+    operator = LinearOperator((root.size,) * 2, matvec=times, dtype=float)  # type: ignore
+    options: dict[str, Any] = {"tol": PRECISE, "return_eigenvectors": False}
+    start = np.random.default_rng(0).normal(size=root.size)
+    return float(np.sqrt(eigsh(operator, k=1, which="LA", v0=start, **options)[0]))

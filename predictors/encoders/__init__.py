@@ -2,11 +2,18 @@
 
 In: sentences; pictures (views, height, width, 3 or 4) in [0, 1].
 Out: unit vectors, one a sentence, and one a cell of a coarser grid over every picture.
-Read: protocol, registry, minilm, embedded, network, openclip, plain.
+Read: registry, minilm, plain, network, openclip.
 """
 
-from .protocol import Encoder, ImageEncoder, TextEncoder
-from .registry import ENCODERS, check_encoder, load_encoder, speaking_encoder
+from .registry import (
+    ENCODERS,
+    Encoder,
+    ImageEncoder,
+    TextEncoder,
+    check_encoder,
+    load_encoder,
+    speaking_encoder,
+)
 
 __all__ = [
     "ENCODERS",

@@ -5,17 +5,22 @@ A name may carry weights after a colon, where the encoder takes some: ``openclip
 
 from __future__ import annotations
 
-from typing import cast
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 from ...fem.errors import UsageError
 from ...fem.registry import Registry
-from .protocol import Encoder, ImageEncoder
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
 
 ENCODERS: Registry[type[ImageEncoder]] = Registry(
     "encoder",
     __package__ or "",
     {
-        "embedded": "embedded:Embedded",
+        "embedded": "plain:Embedded",
         "openclip": "openclip:OpenClip",
         "rgb": "plain:Rgb",
         "occupancy": "plain:Occupancy",
@@ -67,3 +72,38 @@ def speaking_encoder(name: str = "embedded") -> Encoder:
     """Return an encoder that reads words too; raises what ``load_encoder`` raises."""
     check_encoder(name, speaks=True)
     return cast(Encoder, load_encoder(name))
+
+
+# What an encoder is: pictures, and words, to vectors of one space.
+
+
+@runtime_checkable
+class TextEncoder(Protocol):
+    """Embeds sentences as unit vectors."""
+
+    def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
+        """Unit embedding of each sentence, shape (n, dim)."""
+        ...
+
+
+@runtime_checkable
+class ImageEncoder(Protocol):
+    """Turns pictures into dense features; ``name`` goes into the provenance of every result."""
+
+    name: str
+    dim: int
+
+    def dense(
+        self, images: Float[np.ndarray, "views height width channels"]
+    ) -> Float[np.ndarray, "views rows columns dim"]:
+        """Features of pictures in [0, 1], a vector per cell of a coarser grid over each.
+
+        Channels are red, green, blue and, if there is a fourth, opacity; colours lie on a plain
+        background already.
+        """
+        ...
+
+
+@runtime_checkable
+class Encoder(ImageEncoder, TextEncoder, Protocol):
+    """An image encoder with words in the same space, both of unit norm."""

@@ -9,17 +9,16 @@ FiLM parameters in a second, modulated decoder. Clauses are encoded alone: their
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ..normalisation import DEFAULT, Normalisation
-from .conditioning import Sayings, composed
-from .config import INPUTS, NetworkConfig, Output, VoxelScene, halve
-from .fine import CoarseOutput, FineStage
-from .grounding import Binder, slot_weights
-from .layers import FilmBlock, Listening, Modulation, mix, pool, pool_mask
+from ..field import DEFAULT, Normalisation
+from ..text.hearing import CHANNELS, LOUDNESS
+from .config import INPUTS, NO_CLAUSE, NetworkConfig, Output, VoxelScene, halve
+from .layers import FilmBlock, Listening, Modulation, masked_mean, mix, pool, pool_mask
 
 SLOT_TYPES = 4  # clause, nothing known, what the object is, own name of the part
 
@@ -205,3 +204,228 @@ def _said(scene: VoxelScene) -> Tensor:
 def count_parameters(network: nn.Module) -> int:
     """Number of trainable parameters."""
     return sum(p.numel() for p in network.parameters())
+
+
+# The fine stage: binding and values at twice the resolution of the U-Net.
+
+
+class CoarseOutput(NamedTuple):
+    """What the U-Net finds: finest features of both decoders, values before tanh, logits."""
+
+    queries: Tensor
+    features: Tensor
+    residual: Tensor
+    logits: Tensor
+    weights: Tensor
+
+
+class FineStage(nn.Module):
+    """Refines binding and values at twice the resolution; at the start it changes nothing."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        coarse, key = config.widths[0], config.key_width
+        width = config.fine_width or coarse
+        self.stem = nn.Conv3d(INPUTS, width, 3, padding=1)
+        self.up_query, self.up = nn.Conv3d(coarse, width, 1), nn.Conv3d(coarse, width, 1)
+        self.bind = FilmBlock(width, config.slot_width, modulated=False)
+        self.decode = FilmBlock(width, config.slot_width)
+        self.query = nn.Conv3d(width, key, 1)
+        self.listen = Listening(config.sentence_dim)
+        self.keys = nn.Linear(config.text_dim, key)
+        self.null = nn.Parameter(torch.zeros(1, 1, key))
+        self.head = nn.Conv3d(width, 3, 1)
+        for layer in (self.keys, self.head):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+
+    def forward(
+        self, scene: VoxelScene, coarse: CoarseOutput, slots: Tensor, says: Tensor
+    ) -> Output:
+        """Return values and binding on the fine grid."""
+        mask = scene.inputs[:, :1]
+        own = self.stem(scene.inputs) * mask.to(coarse.queries.dtype)
+        x = self.bind(_double(self.up_query(coarse.queries)) + own, mask)
+        keys = self.keys(self.listen(scene.clauses))
+        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
+        change = mix(self.query(x).permute(0, 2, 3, 4, 1), keys.transpose(1, 2)).float()
+        present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
+        closed = (~present.bool())[..., None, None, None]
+        logits = (_double(coarse.logits) + change).masked_fill(closed, NO_CLAUSE)
+        weights = slot_weights(scene, logits).permute(0, 2, 3, 4, 1)
+        x = _double(self.up(coarse.features)) + own
+        x = self.decode(x, mask, Modulation(weights, slots))
+        return Output(composed(_double(coarse.residual) + self.head(x), weights, says), logits)
+
+
+def _double(x: Tensor) -> Tensor:
+    return F.interpolate(x, scale_factor=2, mode="nearest")
+
+
+# Which clause speaks of which voxel: words against shape, evidence by a path of its own.
+
+TRUST = 2.0  # a source of middling reliability counts as it is
+USELESS = 0.05  # a source that is known to be no better is not heard
+_GATE_STATS = 32
+
+
+class Binder(nn.Module):
+    """Logits of the clauses at every voxel: words against shape, plus gated evidence."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        scales, width = config.widths[:-1], config.key_width
+        self.sources, self.graded = len(config.sources), config.graded
+        self.listen = Listening(config.sentence_dim)
+        self.queries = nn.ModuleList(nn.Conv3d(c, width, 1) for c in scales)
+        self.keys = nn.Sequential(
+            nn.Linear(config.text_dim, config.slot_width),
+            nn.SiLU(),
+            nn.Linear(config.slot_width, width * len(scales)),
+        )
+        self.null = nn.Parameter(torch.zeros(1, 1, width * len(scales)))
+        self.smoothing = nn.Parameter(torch.zeros(self.sources, 3))
+        self.null_evidence = nn.Parameter(torch.zeros(self.sources))
+        self.shape_stats = nn.Linear(config.widths[-1], _GATE_STATS)
+        stats = _GATE_STATS + 3 + 4 * self.sources
+        last = nn.Linear(64, 1 + self.sources)
+        nn.init.zeros_(last.weight)
+        nn.init.constant_(last.bias, 0.5)
+        self.gate = nn.Sequential(nn.Linear(stats, 64), nn.SiLU(), last)
+
+    def forward(self, scene: VoxelScene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
+        """Logits (batch, K + 1, x, y, z), float32; ``features`` fine to coarse."""
+        words = self._words(scene, features)
+        present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
+        closed = (~present.bool())[..., None, None, None]
+        if self.graded:
+            scene = _without_useless(scene)
+        evidence = self._smooth(scene, masks[0])
+        gate = self._gate(scene, words.masked_fill(closed, NO_CLAUSE), evidence, deepest, masks)
+        logits = words * gate[:, 0, None, None, None, None]
+        for source in range(self.sources):
+            bias = self.null_evidence[source].expand_as(words[:, :1])
+            trust = scene.reliability[:, source]
+            trust = TRUST * (trust - USELESS).clamp(min=0) if self.graded else (trust > 0).float()
+            scale = gate[:, 1 + source] * trust
+            full = torch.cat([evidence[:, source], bias], dim=1)
+            logits = logits + full * scale[:, None, None, None, None]
+        return logits.masked_fill(closed, NO_CLAUSE)
+
+    def _words(self, scene: VoxelScene, features: list[Tensor]) -> Tensor:
+        """Scaled dot products of clause keys with the queries of all scales, summed."""
+        keys = self.keys(self.listen(scene.clauses))
+        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
+        size = scene.inputs.shape[2:]
+        total = torch.zeros((), device=keys.device)
+        split = keys.chunk(len(self.queries), dim=-1)
+        for query, key, x in zip(self.queries, split, features, strict=True):
+            q = query(x).permute(0, 2, 3, 4, 1)
+            scaled = (key / key.shape[-1] ** 0.5).transpose(1, 2)
+            logits = mix(q, scaled).float()
+            if logits.shape[2:] != size:
+                logits = F.interpolate(logits, size=size, mode="nearest")
+            total = total + logits
+        return total
+
+    def _smooth(self, scene: VoxelScene, mask: Tensor) -> Tensor:
+        """Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)."""
+        b, s, k = scene.evidence.shape[:3]
+        size = scene.evidence.shape[3:]
+        flat = scene.evidence.reshape(b, s * k, *size)
+        levels = [flat]
+        for factor in (2, 4):
+            cells = pool(flat, mask.to(flat.dtype), factor)
+            levels.append(F.interpolate(cells, size=size, mode="nearest"))
+        shares = self.smoothing.softmax(dim=1).to(flat.dtype)[..., None, None, None, None]
+        total = torch.zeros_like(scene.evidence)
+        for level, share in zip(levels, shares.unbind(1), strict=True):
+            total = total + level.reshape(scene.evidence.shape) * share
+        return total
+
+    def _gate(self, scene: VoxelScene, words, evidence, deepest: Tensor, masks) -> Tensor:
+        """Positive scales (batch, 1 + S) of words and of each source, one set for an object."""
+        mask = masks[0].float()
+        certainty = masked_mean(words.softmax(1).amax(1, keepdim=True), mask)
+        spread = masked_mean(words.amax(1, keepdim=True), mask)
+        count = scene.clause_mask.float().sum(1, keepdim=True) / 4
+        stats = [self.shape_stats(masked_mean(deepest, masks[-1])), certainty, spread / 10, count]
+        absent = (~scene.clause_mask.bool())[:, :, None, None, None]
+        for source in range(self.sources):
+            shown = evidence[:, source].masked_fill(absent, -3.0)
+            best, index = shown.max(dim=1, keepdim=True)
+            second = shown.scatter(1, index, -3.0).amax(1, keepdim=True)
+            margin, top = masked_mean(best - second, mask), masked_mean(best, mask)
+            agree = _agreement(index, mask)
+            stats += [margin, top, agree, scene.reliability[:, source : source + 1]]
+        return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
+
+
+def _without_useless(scene: VoxelScene) -> VoxelScene:
+    """Return the scene with the evidence of useless sources taken away."""
+    heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
+    evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
+    return scene._replace(evidence=evidence, reliability=scene.reliability * heard)
+
+
+def _agreement(best: Tensor, mask: Tensor) -> Tensor:
+    """Share of neighbours along x whose strongest clause ``best`` is the same, (batch, 1)."""
+    both = mask[:, :, 1:] * mask[:, :, :-1]
+    return masked_mean((best[:, :, 1:] == best[:, :, :-1]).float(), both)
+
+
+def slot_weights(scene: VoxelScene, logits: Tensor) -> Tensor:
+    """Weight of every slot at every voxel, (batch, slots, x, y, z): a softmax over clauses.
+
+    What no clause takes goes to the part's own name where it is known, else to the null slot.
+    """
+    share = logits.softmax(dim=1)
+    clauses, rest = share[:, :-1], share[:, -1:]
+    parts = torch.arange(scene.names.shape[1], device=share.device)
+    here = (scene.part[:, None] == parts[None, :, None, None, None]).to(share.dtype)
+    here = here * scene.name_mask.to(share.dtype)[..., None, None, None]
+    unnamed = 1 - here.sum(1, keepdim=True)
+    dtype = scene.inputs.dtype
+    if torch.is_autocast_enabled(share.device.type):
+        dtype = torch.get_autocast_dtype(share.device.type)
+    return torch.cat([clauses, rest * unnamed, rest * here], dim=1).to(dtype)
+
+
+# What clauses say by themselves: a value the network reads, and the exact one of the lexicon.
+
+_NAMES, _VALUE = CHANNELS.index("material"), slice(CHANNELS.index("E"), CHANNELS.index("rho") + 1)
+
+
+class Sayings(nn.Module):
+    """For every slot: a value before tanh (3), whether it names a material (1), its value (3).
+
+    A learned doubt of the lexicon was tried: real objects, whose binding is left open, taught it
+    to doubt what was said plainly.
+    """
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.direct = nn.Linear(config.slot_width, 3)
+
+    def forward(self, slots: Tensor, embedding: Tensor) -> Tensor:
+        """Sayings (batch, slots, 3 or 7) of hidden vectors and what they were made from."""
+        direct = self.direct(slots)
+        if not self.config.told:
+            return direct
+        start = self.config.sentence_dim
+        hints = embedding[..., start : start + len(CHANNELS)] * (start**0.5 / LOUDNESS)
+        names = hints[..., _NAMES, None].clamp(0, 1)
+        return torch.cat([direct, names, names * hints[..., _VALUE]], dim=-1)
+
+
+def composed(residual: Tensor, weights: Tensor, says: Tensor) -> Tensor:
+    """Values (batch, 3, x, y, z): what the network finds, and what the lexicon was told.
+
+    ``residual`` before tanh; ``weights`` (batch, x, y, z, slots) of the ``says`` of all slots.
+    """
+    mixed = mix(weights, says)
+    found = torch.tanh((residual + mixed[:, :3]).float())
+    if mixed.shape[1] == 3:
+        return found
+    return found * (1 - mixed[:, 3:4].float()) + mixed[:, 4:].float()

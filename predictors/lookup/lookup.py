@@ -9,35 +9,30 @@ from __future__ import annotations
 import difflib
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
-from typing import NamedTuple
+from functools import cache, lru_cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from ...fem.errors import UsageError
-from ...fem.scene.materials import (
-    Material,
-    MaterialTable,
-    MaterialValue,
-    key,
-    load_contents,
-    load_table,
-)
-from ..encoders.protocol import TextEncoder
-from ..hearing.binding import NamedPart
-from ..hearing.clauses import HeardClause
-from ..hearing.vocabulary import stem, vocabulary_of
-from ..language.binding import GENERAL, Bound, BoundPart
-from ..language.clauses import Clause, Sentence, Subject
-from ..language.reader import parse
-from ..prediction import PartChoice
-from ..vocabulary.lexicon import words
-from ..vocabulary.part_names import parts_called
-from .allotment import allot
-from .comparison import with_relations
+from ...fem.table import Material, MaterialTable, MaterialValue, key, load_contents, load_table
+from ..appearance.features import Appearance
+from ..asset import UpAxis
+from ..encoders.registry import TextEncoder
+from ..field import Normalisation
+from ..grid import PartVoxels
+from ..prediction import PartChoice, Prediction
+from ..text.clauses import GENERAL, Bound, BoundPart, Clause, Sentence, Subject, bind
+from ..text.hearing import HeardClause, NamedPart, allocate, stem, vocabulary_of
+from ..text.lexicon import parts_called, words
+from ..text.numerals import Comparison
+from ..text.reader import parse
 from .decision import Decider, PartStatement
-from .kernel import RowKernel
 from .numbers import as_stated
+from .similarity import RowKernel
 
 _WHOLE = Subject("whole")
 
@@ -240,3 +235,197 @@ def _index(name: str, parts: Sequence[NamedPart]) -> int:
     near = difflib.get_close_matches(key(name), [key(other) for other in names], n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise UsageError(f"the asset has no part {name!r}: its parts are {', '.join(names)}{hint}")
+
+
+# Clauses about parts that no part is called after: given to the parts that nothing speaks of.
+
+
+def allot(
+    parts: Sequence[NamedPart],
+    statements: Sequence[PartStatement],
+    lost: Sequence[Clause],
+    table: MaterialTable,
+    kernel: RowKernel,
+) -> list[PartStatement]:
+    """Return what is said of each part once the ``lost`` clauses are given out.
+
+    They go to the parts without a word, so that all fit best together; this is a guess, which a
+    predictor that sees shapes may better: all that was not said of a part by its name is open.
+    """
+    out = list(statements)
+    naming = [clause for clause in lost if clause.material]
+    free = [i for i, said in enumerate(out) if not said.clauses]
+    if not lost:
+        return out
+    given = allocate(
+        [HeardClause.of(clause) for clause in naming],
+        [parts[i] for i in free],
+        similarity=kernel.similarity,
+        category=lambda phrase: table.exact(phrase).category,
+    )
+    for i, k in zip(free, given, strict=True):
+        if k is not None:
+            out[i] = PartStatement((naming[k],), borrowed=True)
+    return [replace(said, open=said.borrowed or not said.clauses) for said in out]
+
+
+# Parts said to be stiffer or lighter than others: values that keep these relations.
+
+
+class _Beside(NamedTuple):
+    """What a part is compared with: a part with its row, or a row that it need not be of."""
+
+    name: str
+    value: MaterialValue
+    row: Material | None
+
+
+def with_relations(
+    choices: Sequence[PartChoice],
+    relations: Sequence[Sequence[Comparison]],
+    parts_called: Callable[[tuple[str, ...]], Sequence[int]],
+    row_called: Callable[[tuple[str, ...]], Material | None] = lambda _: None,
+    *,
+    named: Sequence[bool],
+) -> tuple[list[PartChoice], list[str]]:
+    """Return choices that keep what is said of parts beside each other, and what to warn of.
+
+    Parameters
+    ----------
+    choices
+        What is chosen for each part so far.
+    relations
+        For each part what is said of it beside others.
+    parts_called
+        Indices of the parts that words name.
+    row_called
+        The row of a table that words name: "as dense as water", where no part is called so.
+    named
+        Whether each part's material is said, or told by the asset: it then keeps its row.
+    """
+    out, told, called = list(choices), [], cache(parts_called)
+    others = [
+        [_others(relation, called, i, len(out)) for relation in said]
+        for i, said in enumerate(relations)
+    ]
+    waiting = {i: None for i, said in enumerate(relations) if said}  # in order
+    while waiting:
+        ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
+        if not ready:
+            names = ", ".join(repr(out[i].part) for i in waiting)
+            told.append(f"parts {names} are compared with each other in a circle: not used")
+            break
+        for i in ready:
+            for relation, found in zip(relations[i], others[i], strict=True):
+                row = None if found else row_called(relation.other)
+                if found:
+                    beside = [_Beside(repr(out[k].part), out[k].value, out[k].row) for k in found]
+                    out[i] = _related(out[i], relation, beside, named=named[i])
+                elif row:
+                    beside = [_Beside(row.name, row.value(), None)]
+                    out[i] = _related(out[i], relation, beside, named=named[i])
+                else:
+                    told.append(
+                        f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
+                        "and no part is called so: not used"
+                    )
+        for i in ready:
+            del waiting[i]
+    return out, told
+
+
+def _others(
+    relation: Comparison,
+    parts_called: Callable[[tuple[str, ...]], Sequence[int]],
+    part: int,
+    count: int,
+) -> list[int]:
+    found = parts_called(relation.other) if relation.other else range(count)
+    return [k for k in found if k != part]
+
+
+def _related(
+    choice: PartChoice, relation: Comparison, others: Sequence[_Beside], *, named: bool
+) -> PartChoice:
+    """Return a choice that keeps one relation, by its own row if one is named."""
+    measure, more = relation.measure, relation.factor >= 1
+    values = [getattr(other.value, measure) for other in others]
+    reference = others[values.index(max(values) if more else min(values))]
+    wanted = relation.factor * getattr(reference.value, measure)
+    if not named and reference.row:
+        choice = replace(
+            choice, row=reference.row, value=reference.value, doubts=(), settled=True, weight=1.0,
+            guessed=not (relation.exact and choice.understood), network="",
+        )  # fmt: skip
+    own = getattr(choice.value, measure)
+    if named and not relation.exact:  # no more than a word: a row that is named keeps its range
+        span = getattr(choice.row, measure)
+        wanted = min(max(wanted, span.min), span.max)
+    if named and not relation.exact and ((own >= wanted) if more else (own <= wanted)):
+        return choice
+    how = (
+        f"{measure} = {wanted:.3g}, {relation.factor:.3g} times that of {reference.name}: "
+        f"{'said so' if relation.exact else 'only more or less is said'}"
+    )
+    return replace(
+        choice, value=choice.value._replace(**{measure: wanted}),
+        derivation=(*choice.derivation, how),
+    )  # fmt: skip
+
+
+# Retrieval: the table's rows alone, by words and by nearness in meaning; nothing is trained.
+
+
+class RetrievalPredictor:
+    """Gives every part its likeliest row: the baseline, and the fallback of all others."""
+
+    name: ClassVar[str] = "retrieval"
+    takes_alpha: ClassVar[bool] = True
+    takes_samples: ClassVar[bool] = False
+
+    def __init__(
+        self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None
+    ) -> None:
+        table = table or load_table()
+        self.lookup = Lookup(table=table, encoder=encoder) if encoder else lookup_of(table)
+
+    def predict(
+        self,
+        parts: PartVoxels,
+        sentence: Sentence,
+        *,
+        choices: Sequence[PartChoice] | None = None,
+        appearance: Callable[[], Appearance] | None = None,
+        up: UpAxis = "z",
+        alpha: float | None = None,
+    ) -> Prediction:
+        """Return the choices themselves; see ``Predictor``. What is seen is not asked for."""
+        if choices is None:
+            choices = self.lookup.settle(
+                parts.part_labels, bind(sentence, parts.part_labels), alpha=alpha,
+                volumes=parts.volumes,
+            ).choices  # fmt: skip
+        return Prediction.of(parts, choices, sentence, alpha=alpha)
+
+
+# The row of a table that is nearest to values which a network found.
+
+
+def nearest_row(
+    table: MaterialTable,
+    normalisation: Normalisation,
+    values: Float[np.ndarray, "3"],
+    *,
+    grades: bool = True,
+) -> Material:
+    """Return the row nearest to normalised log E, nu, log rho; ``grades`` may be left out."""
+    rows, known = _known_values(table, normalisation, grades)
+    return rows[int(np.square(known - values).sum(axis=1).argmin())]
+
+
+@lru_cache(maxsize=4)
+def _known_values(
+    table: MaterialTable, normalisation: Normalisation, grades: bool
+) -> tuple[list[Material], Float[np.ndarray, "rows 3"]]:
+    rows = [row for row in table if grades or not row.grade]
+    return rows, np.array([normalisation.normalise(*row.value()) for row in rows])

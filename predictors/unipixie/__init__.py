@@ -4,5 +4,5 @@ The head of the material point method has weights; those of skinning and springs
 
 In: parts as voxels, their names, colours and features, and alpha, from soft (0) to stiff (1).
 Out: E, nu, rho and class of every voxel, the range they lie in, and samples of what is plausible.
-Read: predictor, inference, cube, evidence, config, network, encoder, decoder, flow, simplicits.
+Read: predictor, inference, network, config, simplicits.
 """

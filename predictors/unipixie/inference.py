@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
+from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..asset import UpAxis
-from ..images.appearance import Appearance
-from ..voxels import PartVoxels
-from .cube import Cube
+from ...fem.errors import InputError
+from ..appearance.features import Appearance
+from ..asset import UpAxis, upright
+from ..field import DEFAULT, Normalisation
+from ..grid import PartVoxels
+from .config import UniPixieConfig
+from .network import SKINNING, UniPixie
 
 if TYPE_CHECKING:
     import torch
 
-    from .checkpoint import Loaded
-    from .network import UniPixie, Voxels
+    from .network import Voxels
+
 
 WEIGHTS = Path(__file__).parents[1] / "weights" / "unipixie.safetensors"
 ANY = -1.0  # asks for a plausible matter instead of a place in the range
@@ -103,7 +108,7 @@ class Found:
         """Where the flow begins, (1, n, 3): zero, the middle of the noise, without a seed."""
         import torch
 
-        from .flow import coherent_noise
+        from .network import coherent_noise
 
         count = len(self.cube.part)
         if seed is None:
@@ -185,7 +190,7 @@ def _learned(
     """What the network learns of every token."""
     import torch
 
-    from .evidence import FEATURE, known_of
+    from .network import FEATURE, known_of
 
     inside, seen = parts.occupied, evidence.appearance
     label = parts.part[inside]
@@ -217,8 +222,6 @@ class UniPixieModel:
     @cached_property
     def loaded(self) -> Loaded:
         """The network and what its numbers mean, read on the first inference."""
-        from .checkpoint import load_unipixie
-
         return load_unipixie(self._weights)
 
     def find(self, parts: PartVoxels, evidence: Known, *, up: UpAxis = "z") -> Found:
@@ -226,3 +229,145 @@ class UniPixieModel:
         network = self.loaded.network
         cube = Cube.of(parts, up, cells=network.config.cells)
         return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
+
+
+# The cells of an asset as tokens on the network's cube: upright, in the middle, as in training.
+
+PAD = 1  # empty cells of the cube on either side of the longest
+
+
+@dataclass(frozen=True, eq=False)
+class Cube:
+    """Tokens: what of one part lies in one cell of the cube.
+
+    Parameters
+    ----------
+    cells
+        Cells of the cube along a side.
+    token
+        Tokens of each occupied cell of the asset, in C order: several where the cube is finer.
+    place
+        Mean place of each token in [-1, 1], z up.
+    part
+        Part of each token.
+    at, share
+        Flat cell of the cube of each token, x the slowest, and its share of what lies there.
+    """
+
+    cells: int
+    token: Int[np.ndarray, "m t"]
+    place: Float[np.ndarray, "n 3"]
+    part: Int[np.ndarray, "n"]
+    at: Int[np.ndarray, "n"]
+    share: Float[np.ndarray, "n"]
+
+    @classmethod
+    def of(cls, parts: PartVoxels, up: UpAxis, *, cells: int) -> Cube:
+        """Put the occupied cells of ``parts`` on a cube of ``cells``."""
+        points = upright(_points(parts, cells), up)
+        low, high = points.min((0, 1)), points.max((0, 1))
+        gap = parts.grid.h / round(points.shape[1] ** (1 / 3))
+        half = (float((high - low).max()) + gap) / 2 * cells / (cells - 2 * PAD)
+        place = (points - (low + high) / 2) / half
+        x, y, z = np.moveaxis(((place + 1) / 2 * cells).astype(np.int64), -1, 0)
+        label = parts.part[parts.occupied][:, None]
+        pair = ((x * cells + y) * cells + z) * len(parts.part_names) + label
+        pair, token = np.unique(pair, return_inverse=True)
+        at, part = np.divmod(pair, len(parts.part_names))
+        flat = token.reshape(-1)
+        count = np.bincount(flat)
+        there = np.bincount(at, weights=count)
+        axes = (np.bincount(flat, axis) for axis in place.reshape(-1, 3).T)
+        mean = np.stack(list(axes), 1) / count[:, None]
+        return cls(cells, token.reshape(points.shape[:2]), mean, part, at, count / there[at])
+
+    def tokens(self, values: Float[np.ndarray, "m c"]) -> Float[np.ndarray, "n c"]:
+        """Means over each token's cells of values of the occupied cells."""
+        flat, times = self.token.reshape(-1), self.token.shape[1]
+        sums = (np.bincount(flat, np.repeat(column, times)) for column in values.T)
+        return np.stack(list(sums), 1) / np.bincount(flat)[:, None]
+
+    def back(self, values: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "m c"]:
+        """Bring values of tokens to the occupied cells."""
+        return values[self.token].mean(axis=1)
+
+
+def _points(parts: PartVoxels, cells: int) -> Float[np.ndarray, "m t 3"]:
+    """Centres [m] of the occupied cells, divided until they are as small as the cube's."""
+    centres = parts.grid.centers()[parts.occupied]
+    longest = round(float(np.ptp(centres, axis=0).max()) / parts.grid.h) + 1
+    times = ceil(cells / longest)
+    line = ((np.arange(times) + 0.5) / times - 0.5) * parts.grid.h
+    offsets = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
+    return centres[:, None] + offsets
+
+
+# Files of trained weights: float16 safetensors with the network's sizes and normalisation.
+
+_HEAD_OF = {"matter": "mpm", "body": SKINNING, "elastic": "lbs", "springs": "spring"}
+
+
+class RangeCalibration(NamedTuple):
+    """What was measured of a network's ranges and samples, and mends them.
+
+    The ends of a range move outwards by ``margin`` (of normalised log E), so that 95 % of parts lie
+    between them (conformal prediction, Vovk et al. 2005); samples lie ``spread`` times further from
+    their mean, so that their middle 80 % holds the truth as often.
+    """
+
+    margin: float = 0.0
+    spread: float = 1.0
+
+
+class Loaded(NamedTuple):
+    """A network with what its numbers mean and how far its ranges hold."""
+
+    network: UniPixie
+    normalisation: Normalisation
+    calibration: RangeCalibration
+
+
+def save_unipixie(
+    path: Path,
+    network: UniPixie,
+    *,
+    normalisation: Normalisation = DEFAULT,
+    calibration: RangeCalibration | None = None,
+    facts: dict | None = None,
+) -> None:
+    """Write the network as float16 safetensors, with its config and what its numbers mean."""
+    from safetensors.torch import save_file
+
+    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
+    metadata = {
+        "network": json.dumps(asdict(network.config)),
+        "normalisation": json.dumps(normalisation.to_dict()),
+        "calibration": json.dumps((calibration or RangeCalibration())._asdict()),
+        "facts": json.dumps(facts or {}),
+    }
+    save_file(tensors, path, metadata=metadata)
+
+
+def load_unipixie(path: Path) -> Loaded:
+    """Read what ``save_unipixie`` wrote, in float32 on the CPU, with the heads that it has.
+
+    Raises
+    ------
+    InputError
+        Where the file holds no such network.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="pt") as file:
+            facts = file.metadata()
+            config = UniPixieConfig(**json.loads(facts["network"]))
+            normalisation = Normalisation.from_dict(json.loads(facts["normalisation"]))
+            calibration = RangeCalibration(**json.loads(facts["calibration"]))
+            tensors = {key: file.get_tensor(key).float() for key in file.keys()}
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is not a checkpoint of a UniPixie network: {error}") from error
+    modules = {key.split(".")[0] for key in tensors}
+    network = UniPixie(config, tuple(h for module, h in _HEAD_OF.items() if module in modules))
+    network.load_state_dict(tensors)
+    return Loaded(network.eval(), normalisation, calibration)

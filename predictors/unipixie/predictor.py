@@ -10,21 +10,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...fem.mpm.classes import MaterialClass
-from ...fem.scene.materials import FIELDS, MaterialTable, MaterialValue, load_table
+from ...fem.mpm.materials import MaterialClass
+from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
+from ..appearance.features import Appearance
 from ..asset import UpAxis
-from ..encoders.protocol import TextEncoder
+from ..encoders.registry import TextEncoder
 from ..field import MaterialField, Ranges
-from ..hearing.binding import NamedPart
-from ..hearing.hints import own_name
-from ..hearing.vocabulary import vocabulary_of
-from ..images.appearance import Appearance
-from ..language.binding import bind
-from ..language.clauses import Sentence
-from ..lookup.lookup import Lookup, lookup_of
-from ..lookup.nearest import nearest_row
+from ..grid import PartVoxels
+from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
-from ..voxels import PartVoxels
+from ..text.clauses import Sentence, bind
+from ..text.hearing import NamedPart, own_name, vocabulary_of
 from .inference import Found, Known, UniPixieModel, one_torch_thread
 
 

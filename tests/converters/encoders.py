@@ -4,7 +4,7 @@ import gzip
 import struct
 
 import numpy as np
-from autophyx_tet.converters.points.splats.gaussians import SH_C0
+from autophyx_tet.converters.points.gaussians import SH_C0
 
 
 def standard(n=300, k=0, seed=0):

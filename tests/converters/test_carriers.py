@@ -2,23 +2,20 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters import npz
+from autophyx_tet.converters import files as npz
 from autophyx_tet.converters.carriers import append_material
-from autophyx_tet.converters.field_sources import (
+from autophyx_tet.converters.grids import DensityGrid, read_density, write_density
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.transfer import (
     field_from_points,
     field_from_tets,
     read_field_points,
+    sample_material,
 )
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import read_density, write_density
-from autophyx_tet.converters.material_sampling import sample_material
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 

@@ -7,8 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import read_density, write_density
+from autophyx_tet.converters.grids import DensityGrid, read_density, write_density
 from autophyx_tet.converters.registry import GRID_FORMATS
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
@@ -150,8 +149,8 @@ def test_volumes_start_without_a_banner(tmp_path):
     """The standard output belongs to --json: writing and reading NanoVDB prints nothing."""
     script = (
         "import sys, numpy as np\n"
-        "from autophyx_tet.converters.grids.density import DensityGrid\n"
-        "from autophyx_tet.converters.grids.density_file import read_density, write_density\n"
+        "from autophyx_tet.converters.grids import DensityGrid\n"
+        "from autophyx_tet.converters.grids import read_density, write_density\n"
         "grid = DensityGrid(np.zeros(3), np.ones(3), np.ones((2, 2, 2), 'f4'), 0.5, {})\n"
         "write_density(sys.argv[1], grid)\n"
         "read_density(sys.argv[1])\n"

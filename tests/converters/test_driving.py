@@ -2,16 +2,18 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.driving import Driven
-from autophyx_tet.converters.embedding import embed
-from autophyx_tet.converters.points.splats.covariances import (
+from autophyx_tet.converters.embedding import Driven, embed
+from autophyx_tet.converters.points.gaussians import (
+    BANDS,
+    band_rotations,
+    band_values,
+    gaussians,
     matrices_of,
     polar,
     quaternions_of,
+    standard_columns,
     stretched,
 )
-from autophyx_tet.converters.points.splats.gaussians import gaussians, standard_columns
-from autophyx_tet.converters.points.splats.harmonics import BANDS, band_rotations, band_values
 from autophyx_tet.converters.points.table import PointTable
 from autophyx_tet.fem import box_mesh
 

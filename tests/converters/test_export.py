@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh
-from autophyx_tet.converters.npz import load_npz
+from autophyx_tet.converters.files import load_npz
+from autophyx_tet.converters.mesh.meshdata import read_data, read_mesh
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import (
     NameStyle,
@@ -18,11 +18,9 @@ from autophyx_tet.converters.programs.material_bins import (
 )
 from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.axes import UpAxis
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.up import up_vector
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.scene.up import UpAxis, up_vector
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

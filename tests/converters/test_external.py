@@ -6,19 +6,17 @@ import subprocess
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_mesh, write_mesh
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.mesh.meshdata import read_mesh, write_mesh
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import bin_materials
 from autophyx_tet.fem.grain import axes_about
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.scene.material_properties import load_grains
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.table import load_grains
 
 from . import encoders
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.isosurface import density_surface, isosurface
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.splats.opacity_surface import splat_surface
+from autophyx_tet.converters.grids import DensityGrid, density_surface, isosurface
+from autophyx_tet.converters.points.gaussians import standard_columns
 from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.points.views import splat_surface
 from autophyx_tet.fem.errors import NoVolumeError
 from autophyx_tet.predictors.grid import Grid
 

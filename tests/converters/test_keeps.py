@@ -8,13 +8,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import density_losses, read_density, write_density
-from autophyx_tet.converters.mesh.mesh_file import read_data, write_mesh
-from autophyx_tet.converters.mesh.meshdata import WHOLE
+from autophyx_tet.converters.grids import DensityGrid, density_losses, read_density, write_density
+from autophyx_tet.converters.mesh.meshdata import WHOLE, read_data, write_mesh
 from autophyx_tet.converters.points.ply import Ply, columns_table, write_ply
-from autophyx_tet.converters.points.point_file import point_losses, read_points, write_points
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.points.table import PointTable, point_losses, read_points, write_points
 from autophyx_tet.converters.registry import (
     GRID_FORMATS,
     MESH_FORMATS,
@@ -23,10 +20,9 @@ from autophyx_tet.converters.registry import (
     written,
 )
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.material_properties import load_grains
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_grains
 
 from . import encoders
 
@@ -208,7 +204,7 @@ def test_suffixes_are_listed_without_a_heavy_package():
     code = (
         "import sys\n"
         "from autophyx_tet.converters import registry as r\n"
-        "from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS\n"
+        "from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS\n"
         "families = (r.MESH_FORMATS, r.POINT_FORMATS, r.GRID_FORMATS, r.PROGRAMS, ASSET_FORMATS)\n"
         "before = {m for m in sys.modules if m.startswith('autophyx_tet.converters.')}\n"
         "names = [name for family in families for name in family]\n"

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh, write_mesh
-from autophyx_tet.converters.mesh.pvd import read_pvd, write_pvd
+from autophyx_tet.converters.mesh.meshdata import read_data, read_mesh, write_mesh
+from autophyx_tet.converters.mesh.vtk import read_pvd, write_pvd
 from autophyx_tet.converters.registry import MESH_FORMATS
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

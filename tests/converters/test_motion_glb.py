@@ -10,10 +10,8 @@ import pytest
 import trimesh
 from autophyx_tet.converters.mesh.gltf_motion import to_y, write_motion_glb
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.axes import UpAxis
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.up import up_vector
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.scene.up import UpAxis, up_vector
 
 TIMES = np.array([0.0, 0.1, 0.25])
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.npz import load, load_npz, save, save_npz
+from autophyx_tet.converters.files import load, load_npz, save, save_npz
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.predictors.field import MaterialField, Ranges
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import HealthCheck, given, settings

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.field_sources import field_from_points
-from autophyx_tet.converters.particles import particles_of_field, tets_of_field
 from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
-from autophyx_tet.fem.mpm.sampling import sample_tets
+from autophyx_tet.converters.transfer import field_from_points, particles_of_field, tets_of_field
+from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
+from autophyx_tet.fem.mpm.particles import sample_tets
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 

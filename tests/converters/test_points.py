@@ -5,8 +5,7 @@ import struct
 import numpy as np
 import pytest
 from autophyx_tet.converters.points.ply import Ply, columns_table, read_ply, write_ply
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.converters.registry import POINT_FORMATS, written
 from autophyx_tet.fem.errors import InputError
 from hypothesis import HealthCheck, given, settings

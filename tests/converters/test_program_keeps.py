@@ -5,18 +5,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_data
-from autophyx_tet.converters.mesh.meshdata import lost_words
-from autophyx_tet.converters.npz import load_npz
+from autophyx_tet.converters.files import load_npz
+from autophyx_tet.converters.mesh.meshdata import lost_words, read_data
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import bin_materials
 from autophyx_tet.converters.registry import MATERIAL, PROGRAMS, Keeps
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.material_properties import load_grains
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.table import load_grains
 
 BOX = box_mesh((1, 1, 1), (3, 2, 2))
 N = len(BOX.tets)

@@ -5,9 +5,8 @@ import re
 import numpy as np
 import pytest
 from autophyx_tet.converters.programs.export import export_mesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 
 from .test_external import beam
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.points.splats.gaussians import SH_C0, standard_columns
-from autophyx_tet.converters.points.splats.splat_film import chosen_camera
-from autophyx_tet.converters.points.splats.splat_views import splat_view
+from autophyx_tet.converters.points.gaussians import SH_C0, standard_columns
 from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.predictors.images.cameras import look_at
+from autophyx_tet.converters.points.views import chosen_camera, splat_view
+from autophyx_tet.predictors.appearance.views import look_at
 
 pytestmark = pytest.mark.slow  # the kernel is compiled once
 EYE = look_at(np.array([0.0, -5.0, 0.0]), np.zeros(3), pixels=64)

@@ -6,10 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import Gaussians, gaussians, standard_columns
-from autophyx_tet.converters.points.splats.opacity_surface import opacity_grid
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.points.gaussians import Gaussians, gaussians, standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
+from autophyx_tet.converters.points.views import opacity_grid
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import HealthCheck, given, settings

@@ -7,15 +7,13 @@ import logging
 import numpy as np
 import pytest
 from autophyx_tet.converters.files import reading, writing
-from autophyx_tet.converters.mesh.mesh_file import read_mesh, write_mesh
-from autophyx_tet.converters.mesh.meshdata import MeshData
+from autophyx_tet.converters.mesh.meshdata import MeshData, read_mesh, write_mesh
 from autophyx_tet.converters.registry import MESH_FORMATS, Format, Keeps
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.toolkit.asset.document import check_file, mesh_suffixes
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.io.outputs import check_file, mesh_suffixes
 
 
 def read_toy(path):
@@ -89,7 +87,7 @@ def test_the_page_of_formats_lists_it(root):
 def test_the_page_of_formats_is_the_registries(root):
     """Every suffix and program stands in a table, with every item that it keeps."""
     from autophyx_tet.converters.registry import GRID_FORMATS, POINT_FORMATS, PROGRAMS
-    from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS
+    from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS
 
     page, make = (root / "docs" / "formats.md").read_text(), tables(root)
     families = {

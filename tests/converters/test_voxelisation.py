@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.material_sampling import sample_material
-from autophyx_tet.converters.voxelisation import containing_tets, voxelize
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.converters.transfer import containing_tets, sample_material, voxelize
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 from hypothesis import given, settings

@@ -6,10 +6,10 @@ import zlib
 import meshio
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
-from autophyx_tet.converters.mesh.vtu import load_vtu
+from autophyx_tet.converters.mesh.meshdata import read_mesh
+from autophyx_tet.converters.mesh.vtk import load_vtu
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

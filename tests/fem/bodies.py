@@ -1,9 +1,8 @@
 """Bodies and solutions that the FEM tests share."""
 
 import numpy as np
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 
 

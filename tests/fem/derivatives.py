@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.elastic import ElasticBody
+from autophyx_tet.fem.elements.assembly import discretise
+from autophyx_tet.fem.elements.elastic import ElasticBody
 from autophyx_tet.fem.laws.law import LAWS
 
 from .bodies import shaken_box

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.apparent import WallShare, apparent_material
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.materials import MaterialValue
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.table import MaterialValue, WallShare, apparent_material
 
 from .bodies import faces_at
 

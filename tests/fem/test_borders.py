@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import AutophyxError, ConvergenceError, InputError, UsageError
-from autophyx_tet.fem.scenarios.drop import drop
-from autophyx_tet.fem.scenarios.hang import hang
-from autophyx_tet.fem.scenarios.poke import poke
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scenarios.squeeze import squeeze
-from autophyx_tet.fem.scenarios.wind import wind
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.scenarios import drop, hang, poke, sag, squeeze, wind
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import DynamicMethod, Dynamics

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.contact.barrier import Contact
-from autophyx_tet.fem.contact.sites import face_lattice
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.elements.assembly import discretise, stiffness
+from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.contact import Contact, face_lattice
 from autophyx_tet.fem.solve.dynamics import Dynamics
 
 from .bodies import lifted, merged, shaken_box, with_uniform

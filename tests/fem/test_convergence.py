@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.space import TET_POINTS, make_space, shape_functions
-from autophyx_tet.fem.discrete.strain import displacement_gradients
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.elements.assembly import discretise
+from autophyx_tet.fem.elements.elastic import displacement_gradients
+from autophyx_tet.fem.elements.space import TET_POINTS, make_space, shape_functions
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 

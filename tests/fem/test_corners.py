@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.constraints import apply_supports, node_supports
-from autophyx_tet.fem.discrete.space import extend_linear
+from autophyx_tet.fem.elements.assembly import discretise, stiffness
+from autophyx_tet.fem.elements.constraints import apply_supports, node_supports
+from autophyx_tet.fem.elements.space import extend_linear
 from autophyx_tet.fem.linalg import solver
-from autophyx_tet.fem.linalg.corners import CornerLevel
-from autophyx_tet.fem.linalg.two_level import scale
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.linalg.multigrid import CornerLevel, scale
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.damping.rayleigh import Damping, Rayleigh
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.mass import lumped_mass
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.elements.assembly import discretise, stiffness
+from autophyx_tet.fem.elements.forces import lumped_mass
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.damping import Damping, Rayleigh
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 from scipy.linalg import eigh

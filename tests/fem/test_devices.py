@@ -9,8 +9,8 @@ import pytest
 from autophyx_tet.fem.device import MAPPED, checked_device, start_warp
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.linalg import solver
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.statics import solve_static

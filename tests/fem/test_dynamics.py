@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.damping.rayleigh import Damping
-from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.mass import consistent_mass, lumped_mass
+from autophyx_tet.fem.elements.assembly import discretise
+from autophyx_tet.fem.elements.forces import consistent_mass, lumped_mass
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Box, Capsule, Plane, Sphere, gripper
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.damping import Damping
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 from hypothesis import given, settings

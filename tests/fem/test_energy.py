@@ -5,27 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem import Scene
-from autophyx_tet.fem.contact.barrier import Contact
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.energy.balance import energy_balance
-from autophyx_tet.fem.energy.energy_verdicts import (
-    PARTICLE_EXCESS,
-    SPRING_EXCESS,
-    keeps_energy,
-)
-from autophyx_tet.fem.mpm.classes import Substance
+from autophyx_tet.fem.elements.space import make_space
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.mpm.materials import Substance
 from autophyx_tet.fem.mpm.method import MpmMethod
 from autophyx_tet.fem.reduced.method import ReducedMethod
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.step import ReducedDynamics
-from autophyx_tet.fem.result import Motion, MotionResult
-from autophyx_tet.fem.scenarios.drop import Drop
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.reduced.motion import ReducedDynamics
+from autophyx_tet.fem.scenarios import Drop
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.contact import Contact
 from autophyx_tet.fem.solve.dynamics import Dynamics
+from autophyx_tet.fem.solve.energy import energy_balance
+from autophyx_tet.fem.solve.result import Motion, MotionResult
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.springs.method import SpringMethod
+from autophyx_tet.fem.verdicts import PARTICLE_EXCESS, SPRING_EXCESS, keeps_energy
 
 from .bodies import with_uniform
 from .reduced.bodies import linear, whole

@@ -2,15 +2,21 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.cholesky import elimination, factor
-from autophyx_tet.fem.cholesky.elimination import dissect, join_supernodes, plan_elimination
-from autophyx_tet.fem.cholesky.factor import CholeskyFactor, NotPositive, known_factor
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.discrete import constraints
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.block_matrix import BlockMatrix
+from autophyx_tet.fem.elements import constraints
+from autophyx_tet.fem.elements.assembly import BlockMatrix, discretise, stiffness
+from autophyx_tet.fem.linalg import cholesky as elimination
+from autophyx_tet.fem.linalg import cholesky as factor
 from autophyx_tet.fem.linalg import solver
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.linalg.cholesky import (
+    CholeskyFactor,
+    NotPositive,
+    dissect,
+    join_supernodes,
+    known_factor,
+    plan_elimination,
+)
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 from scipy.sparse import block_diag, bsr_array, eye_array, random_array

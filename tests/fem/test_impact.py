@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.damping.rayleigh import Damping
 from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.obstacles import Plane, Sphere
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve import dynamics
+from autophyx_tet.fem.solve.damping import Damping
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 

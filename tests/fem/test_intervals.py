@@ -2,23 +2,26 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scenarios.sag import Sag
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.materials import MaterialValue, load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem import uncertainty as likely
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.scenarios import Sag
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.modal import natural_modes
-from autophyx_tet.fem.uncertainty import likely
-from autophyx_tet.fem.uncertainty.intervals import (
+from autophyx_tet.fem.table import MaterialValue, load_table
+from autophyx_tet.fem.uncertainty import (
     Interval,
+    Likely,
     displacement_interval,
     frequency_intervals,
+    likely_answers,
     mass_range,
+    material_ranges,
+    open_ranges,
+    shifted_lattice,
+    with_likely,
 )
-from autophyx_tet.fem.uncertainty.lattice import shifted_lattice
-from autophyx_tet.fem.uncertainty.likely import Likely, likely_answers, with_likely
-from autophyx_tet.fem.uncertainty.ranges import material_ranges, open_ranges
 from threadpoolctl import threadpool_info
 
 from .bodies import shaken_box

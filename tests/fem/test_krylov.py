@@ -3,22 +3,21 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.block_matrix import add_diagonal
+from autophyx_tet.fem.elements.assembly import add_diagonal, discretise, stiffness
 from autophyx_tet.fem.linalg import kernels_krylov
 from autophyx_tet.fem.linalg.krylov import (
     ConjugateGradients,
     DeviceVector,
+    LargestEigenvalue,
     SlicedMatrix,
     inner_product,
     length,
 )
-from autophyx_tet.fem.linalg.lanczos import LargestEigenvalue
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
-from autophyx_tet.fem.solve.potential import DeviceSteps
+from autophyx_tet.fem.solve.schemes import DeviceSteps
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.linalg.lanczos import lanczos
+from autophyx_tet.fem.linalg.krylov import lanczos
 
 
 def problem(n, values, rng):

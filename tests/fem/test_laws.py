@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.elastic import ElasticBody
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.discrete.strain import first_piola
+from autophyx_tet.fem.elements.assembly import discretise, stiffness
+from autophyx_tet.fem.elements.elastic import ElasticBody, first_piola
+from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.laws.law import LAWS, Law
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import LameParameters, lame_parameters
+from autophyx_tet.fem.material import LameParameters, lame_parameters
+from autophyx_tet.fem.mesh import box_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

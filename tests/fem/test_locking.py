@@ -4,29 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.energy.motion_verdicts import follows
-from autophyx_tet.fem.model_error import ModelError
-from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
+from autophyx_tet.fem.elements.space import make_space
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.reduced.basis import accuracy_warnings, reduce_body
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, reduced_frequencies, reduced_rest
 from autophyx_tet.fem.reduced.method import ReducedMethod, model_in_words
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.reduction import accuracy_warnings, reduce_body
-from autophyx_tet.fem.reduced.rest import reduced_frequencies, reduced_rest
-from autophyx_tet.fem.result import MotionResult
-from autophyx_tet.fem.scenarios.drop import drop
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scenarios.squeeze import squeeze
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.scenarios import drop, sag, squeeze
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
-from autophyx_tet.fem.solve.discretisation_error import linear_stiffening
 from autophyx_tet.fem.solve.dynamics import METHOD
+from autophyx_tet.fem.solve.error import linear_stiffening
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
+from autophyx_tet.fem.solve.result import ModelError, MotionResult
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.fem.verdicts import locking
+from autophyx_tet.fem.verdicts import follows, locking
 
 from .bodies import faces_at, shaken_box, with_uniform
 
@@ -117,7 +112,7 @@ def test_averaged_pressures_where_quadratic_elements_are_not_affordable(monkeypa
     mesh = with_uniform(box_mesh((0.2, 0.2, 0.1), (6, 6, 4)), E=1e5, nu=0.49, rho=1000.0)
     fine = sag(mesh, law="linear")
     linear = sag(mesh, order=1, law="linear")
-    monkeypatch.setattr("autophyx_tet.fem.discrete.space.LARGEST_P2", 0)
+    monkeypatch.setattr("autophyx_tet.fem.elements.space.LARGEST_P2", 0)
     averaged = sag(mesh, law="linear")
     assert averaged.static.averaged
     assert averaged.static.locking_share == 0 < linear.static.locking_share

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import ConvergenceError, InputError
-from autophyx_tet.fem.matching import (
+from autophyx_tet.fem.identify import (
     NU_HIGH,
     ObservedMotion,
     fit_motion,
     fit_warnings,
     moduli_forces,
 )
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.reduced.basis import reduce_body
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.reduction import reduce_body
-from autophyx_tet.fem.reduced.step import ReducedDynamics
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.reduced.motion import ReducedDynamics
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
@@ -129,7 +129,7 @@ def test_nu_beyond_its_limit_is_told(model):
 
 
 def test_a_fit_that_does_not_settle_is_refused(model, monkeypatch):
-    monkeypatch.setattr("autophyx_tet.fem.matching.MOST", 2)
+    monkeypatch.setattr("autophyx_tet.fem.identify.MOST", 2)
     with pytest.raises(ConvergenceError, match="does not settle"):
         fit_motion(model, twin(model, scale=0.2, nu=0.3, frames=3))
 

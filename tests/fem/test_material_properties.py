@@ -4,12 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.material_properties import (
-    load_colours,
-    load_grains,
-    load_strengths,
-)
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.table import load_colours, load_grains, load_strengths, load_table
 
 TABLE = load_table()
 STRENGTHS, GRAINS, COLOURS = load_strengths(), load_grains(), load_colours()

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from hypothesis import given
 from hypothesis import strategies as st
 

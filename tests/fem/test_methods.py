@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from autophyx_tet.fem import LAWS, METHODS, SCENARIOS, Scene, sag
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.result import Modes, MotionResult, SagResult
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.method import Method
+from autophyx_tet.fem.solve.result import Modes, MotionResult, SagResult
 
 from .bodies import faces_at, shaken_box
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.cholesky import factor
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.linalg import cholesky as factor
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.statics import solve_static

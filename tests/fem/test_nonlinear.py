@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.space import EDGES
-from autophyx_tet.fem.discrete.strain import displacement_gradients
+from autophyx_tet.fem.elements.assembly import discretise
+from autophyx_tet.fem.elements.elastic import displacement_gradients
+from autophyx_tet.fem.elements.space import EDGES
 from autophyx_tet.fem.errors import ConvergenceError
 from autophyx_tet.fem.laws.law import LAWS
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.material import lame_parameters
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.material import lame_parameters
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear

@@ -2,22 +2,21 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.damping.rayleigh import Damping
-from autophyx_tet.fem.discrete.assembly import discretise, linear_stiffness
-from autophyx_tet.fem.discrete.elastic import ElasticBody
+from autophyx_tet.fem.elements.assembly import discretise, linear_stiffness
+from autophyx_tet.fem.elements.elastic import ElasticBody
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.fem.grain import axes_about, longest_axis, ring_mean, with_grains
 from autophyx_tet.fem.laws.law import Law
+from autophyx_tet.fem.material import ElementMaterial, mandel_vector
+from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.material import ElementMaterial, mandel_vector
-from autophyx_tet.fem.scene.material_properties import OrthotropicConstants, load_grains
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.fem.scene.support_finder import find_supports
-from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.scene.supports import Supports, find_supports
+from autophyx_tet.fem.solve.damping import Damping
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.solve.statics import nodal_stress, solve_static
+from autophyx_tet.fem.table import OrthotropicConstants, load_grains
 
 from .bodies import faces_at, random_rotation, shaken_box
 

@@ -5,11 +5,10 @@ import pytest
 from autophyx_tet.fem import BoundaryConditions, ElementMaterial, Scene, TetMesh, box_mesh
 from autophyx_tet.fem.safety import part_safety, part_stresses
 from autophyx_tet.fem.scene.loads import Traction
-from autophyx_tet.fem.scene.material_properties import load_strengths
-from autophyx_tet.fem.scene.materials import load_table
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.table import load_strengths, load_table
 from autophyx_tet.fem.verdicts import percent, strength, usual_size
 
 from .bodies import faces_at

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
@@ -113,7 +112,7 @@ def test_error_is_the_difference_of_the_orders():
 def test_what_cannot_be_estimated_is_not(monkeypatch):
     """Linear elements alone do not tell their error."""
     mesh = shaken_box((1.0, 0.2, 0.2), (20, 4, 4), E=1e7, rho=1000, amount=0)
-    monkeypatch.setattr("autophyx_tet.fem.discrete.space.LARGEST_P2", 0)
+    monkeypatch.setattr("autophyx_tet.fem.elements.space.LARGEST_P2", 0)
     error = sag(mesh, up="z").discretisation_error
     assert np.isnan(error.value)
     assert "linear elements were taken" in error.why

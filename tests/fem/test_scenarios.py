@@ -7,13 +7,8 @@ import pytest
 from autophyx_tet.fem import verdicts as checks
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import Law
-from autophyx_tet.fem.scenarios.drop import drop
-from autophyx_tet.fem.scenarios.hang import hang
-from autophyx_tet.fem.scenarios.poke import poke
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scenarios.squeeze import squeeze
-from autophyx_tet.fem.scenarios.wind import wind
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.scenarios import drop, hang, poke, sag, squeeze, wind
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.nonlinear import solve_nonlinear

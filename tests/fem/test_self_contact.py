@@ -2,18 +2,15 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.contact import self_contact
-from autophyx_tet.fem.contact.self_contact import SelfContact
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.block_matrix import GrownPattern, add_blocks
-from autophyx_tet.fem.energy.motion_verdicts import no_penetration
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.components import point_components
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.elements.assembly import GrownPattern, add_blocks, discretise, stiffness
+from autophyx_tet.fem.mesh import TetMesh, box_mesh, point_components
 from autophyx_tet.fem.scene.obstacles import Plane, gripper
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve import self_contact
 from autophyx_tet.fem.solve.dynamics import METHOD, Dynamics
+from autophyx_tet.fem.solve.self_contact import SelfContact
+from autophyx_tet.fem.verdicts import no_penetration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.block_matrix import add_diagonal
-from autophyx_tet.fem.linalg.smoother import SPREAD, SingleSmoother, Smoother
-from autophyx_tet.fem.linalg.two_level import scale
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.elements.assembly import add_diagonal, discretise, stiffness
+from autophyx_tet.fem.linalg.multigrid import SPREAD, SingleSmoother, Smoother, scale
+from autophyx_tet.fem.mesh import box_mesh
 from numpy.polynomial.chebyshev import chebval
 
 
@@ -60,7 +58,7 @@ def test_what_is_left_is_a_chebyshev_polynomial(scaled, kind, round_off, degree)
 
 def test_products_by_scalars_are_those_by_rows(scaled):
     """y = A x with a thread a scalar: the way of a GPU, here on a CPU."""
-    from autophyx_tet.fem.discrete import kernels_matrix as k
+    from autophyx_tet.fem.elements import kernels_field as k
 
     wp, matrix = start_warp(), scaled.matrix
     x = np.random.default_rng(0).normal(size=(matrix.nodes, 3))

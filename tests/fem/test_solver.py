@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError
-from autophyx_tet.fem.linalg import kernels_gpu, kernels_solver, solver
-from autophyx_tet.fem.linalg.coarse import (
+from autophyx_tet.fem.linalg import kernels_krylov as kernels_solver
+from autophyx_tet.fem.linalg import kernels_multigrid as kernels_gpu
+from autophyx_tet.fem.linalg import solver
+from autophyx_tet.fem.linalg.multigrid import (
     _cholesky,
     _members,
     _motions,
@@ -13,9 +15,8 @@ from autophyx_tet.fem.linalg.coarse import (
     inversion,
     make_groups,
 )
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.components import rigid_motions
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh, rigid_motions
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 

@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem import verdicts
-from autophyx_tet.fem.scenarios.hang import hang
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.scenarios import hang, sag
 from autophyx_tet.fem.scene.loads import pressure
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.scene.supports import Supports
+from autophyx_tet.fem.solve.buckling import find_load_factor
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
-from autophyx_tet.fem.solve.stability import find_load_factor
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.toolkit.results.verdict import Verdict
+from autophyx_tet.toolkit.verdict.verdict import Verdict
 
 from .bodies import faces_at, random_rotation, with_uniform
 
@@ -108,10 +107,10 @@ def test_a_fine_stem_is_checked_too():
 def test_buckling_that_was_not_checked_is_told(monkeypatch, why):
     """Its line says why, and nothing that it could change is called good beside it."""
     if why == "unknowns":
-        monkeypatch.setattr("autophyx_tet.fem.discrete.space.LARGEST_P2", 0)
+        monkeypatch.setattr("autophyx_tet.fem.elements.space.LARGEST_P2", 0)
     if why == "factor":
-        monkeypatch.setattr("autophyx_tet.fem.solve.held_inverse.MOST_ENTRIES", 0)
-        monkeypatch.setattr("autophyx_tet.fem.solve.stability.MOST_TETS", 0)
+        monkeypatch.setattr("autophyx_tet.fem.solve.modal.MOST_ENTRIES", 0)
+        monkeypatch.setattr("autophyx_tet.fem.solve.buckling.MOST_TETS", 0)
     result = sag(stem((1, 1, 30)), order=1 if why == "order" else None)
     found = {check.name: check for check in verdicts.static_checks(result)}
     assert found["buckling"].outcome == "not made"

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.elements.space import make_space
+from autophyx_tet.fem.material import ElementMaterial, lame_parameters
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.fem.scene.loads import Traction, pressure
-from autophyx_tet.fem.scene.material import ElementMaterial, lame_parameters
-from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import nodal_stress, solve_static
 from hypothesis import given, settings

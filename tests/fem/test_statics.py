@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.assembly import discretise, stiffness
-from autophyx_tet.fem.discrete.space import make_space
+from autophyx_tet.fem.elements.assembly import discretise, stiffness
+from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.errors import ConvergenceError, InputError
+from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.scene.loads import Traction, pressure
-from autophyx_tet.fem.scene.material import ElementMaterial
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 

@@ -8,7 +8,7 @@ import re
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.materials import (
+from autophyx_tet.fem.table import (
     CATEGORIES,
     CONTENTS_PATH,
     NU_CAP,

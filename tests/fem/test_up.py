@@ -5,14 +5,13 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.contact.foothold import foothold
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mpm.walls import scene_room
-from autophyx_tet.fem.scenarios.sag import sag
-from autophyx_tet.fem.scenarios.scenario import SCENARIOS
-from autophyx_tet.fem.scene.axes import UpAxis
+from autophyx_tet.fem.mpm.boundaries import scene_room
+from autophyx_tet.fem.scenarios import sag
 from autophyx_tet.fem.scene.obstacles import Plane
-from autophyx_tet.fem.scene.up import half_turn, lowest_corner, up_index, up_vector
+from autophyx_tet.fem.scene.up import UpAxis, half_turn, lowest_corner, up_index, up_vector
+from autophyx_tet.fem.solve.contact import foothold
+from autophyx_tet.fem.solve.method import SCENARIOS
 from autophyx_tet.fem.verdicts import stays_upright
 
 from .bodies import shaken_box

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.contact.foothold import foothold
-from autophyx_tet.fem.scenarios.poke import Poke
-from autophyx_tet.fem.scenarios.sag import Sag
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.scenarios import Poke, Sag
 from autophyx_tet.fem.scene.scene import Hold
+from autophyx_tet.fem.solve.contact import foothold
 from autophyx_tet.fem.solve.equilibrium import StaticMethod
 from autophyx_tet.fem.verdicts import stays_upright
 

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.verdicts import usual_mass
 
 from .bodies import with_uniform

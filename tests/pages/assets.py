@@ -5,13 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from autophyx_tet.converters import (
-    SH_C0,
-    PointTable,
-    standard_columns,
-    write_mesh,
-    write_points,
-)
+from autophyx_tet.converters import SH_C0, PointTable, standard_columns, write_mesh, write_points
 from autophyx_tet.fem import ElementMaterial, TetMesh, box_mesh
 
 PLANT = {  # name: extents [m], centre [m], colour; y is up

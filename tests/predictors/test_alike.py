@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.voxelisation import congruent_regions
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.assignment import predict_materials
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.interpreter import read_sentence
-from autophyx_tet.predictors.lookup.nearest import nearest_row
-from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.converters.transfer import congruent_regions
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.assign import predict_materials
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.lookup.lookup import nearest_row
 from autophyx_tet.predictors.prediction import PartChoice, Prediction
 from autophyx_tet.predictors.predictor import PREDICTORS
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.text.interpreter import read_sentence
 from scipy.spatial.transform import Rotation
 
 TABLE = load_table()

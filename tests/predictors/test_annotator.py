@@ -4,8 +4,8 @@ import json
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.predictors.chat import ChatEndpoint
-from autophyx_tet.predictors.datasets.annotator import Annotator
+from autophyx_tet.predictors.text.interpreter import ChatEndpoint
+from autophyx_tet.research.datasets.annotator import Annotator
 
 POT = {"E": 7e10, "nu": 0.25, "rho": 2400}
 SOIL = {"E": 1e7, "nu": 0.3, "rho": 1300}

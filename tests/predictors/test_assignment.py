@@ -6,24 +6,26 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.assignment import predict_materials
-from autophyx_tet.predictors.datasets.objects import make_objects
-from autophyx_tet.predictors.datasets.shapes import EMPTY, rasterise
-from autophyx_tet.predictors.film.certainty import Calibration, Certainty
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.film.inference import FilmModel, Inference
-from autophyx_tet.predictors.film.predictor import FilmPredictor
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.binding import NamedPart, overlap, unbound_clauses
-from autophyx_tet.predictors.hearing.clauses import HeardClause
-from autophyx_tet.predictors.hearing.hints import HintedEncoder
-from autophyx_tet.predictors.hearing.parser import listen
-from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
-from autophyx_tet.predictors.interpreter import read_sentence
+from autophyx_tet.predictors.film.predictor import Calibration, Certainty, FilmPredictor
+from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.lookup.lookup import Lookup, lookup_of
 from autophyx_tet.predictors.partition import SPECK, partition
 from autophyx_tet.predictors.prediction import Prediction
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.text.hearing import (
+    HeardClause,
+    HintedEncoder,
+    NamedPart,
+    overlap,
+    unbound_clauses,
+    vocabulary_of,
+)
+from autophyx_tet.predictors.text.interpreter import read_sentence
+from autophyx_tet.predictors.text.parser import listen
+from autophyx_tet.research.datasets.objects import make_objects
+from autophyx_tet.research.datasets.shapes import EMPTY, rasterise
 
 TABLE = load_table()
 WORDS = vocabulary_of(TABLE)

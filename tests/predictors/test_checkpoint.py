@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.film.checkpoint import load_checkpoint, save_checkpoint
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT, Normalisation
 from autophyx_tet.predictors.film.config import NetworkConfig
+from autophyx_tet.predictors.film.inference import load_checkpoint, save_checkpoint
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.lexicon import CHANNELS
-from autophyx_tet.predictors.hearing.parser import listen
-from autophyx_tet.predictors.normalisation import DEFAULT, Normalisation
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.hearing import CHANNELS
+from autophyx_tet.predictors.text.parser import listen
 from safetensors import safe_open
 from safetensors.torch import save_file
 

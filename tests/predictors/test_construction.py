@@ -1,11 +1,18 @@
 """What is hollow: by its words, its shape and its material."""
 
 import pytest
-from autophyx_tet.fem.scene.materials import load_contents, load_table
-from autophyx_tet.predictors.construction.construction import ThingWords, construction_of
-from autophyx_tet.predictors.construction.kinds import head_of_name, kinds_named, load_kinds
-from autophyx_tet.predictors.construction.masses import SHAPE, densities_of, mass_interval
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.table import load_contents, load_table
+from autophyx_tet.predictors.construction import (
+    SHAPE,
+    ThingWords,
+    construction_of,
+    densities_of,
+    head_of_name,
+    kinds_named,
+    load_kinds,
+    mass_interval,
+)
+from autophyx_tet.predictors.text.reader import parse
 
 TABLE, CONTENTS = load_table(), load_contents()
 STEEL = TABLE.exact("steel")

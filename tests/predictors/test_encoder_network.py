@@ -14,7 +14,7 @@ from autophyx_tet.predictors.encoders.network import (
     levels,
     new_backbone,
 )
-from autophyx_tet.predictors.training.encoder.head import Head, Linear, shipped_weights
+from autophyx_tet.research.training.encoder.head import Head, Linear, shipped_weights
 
 DIM = 24
 

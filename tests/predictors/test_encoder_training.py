@@ -10,8 +10,8 @@ import pytest
 import torch
 import trimesh
 from autophyx_tet.fem.scene.up import up_vector
+from autophyx_tet.predictors.appearance.views import hemisphere, render_views
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.encoders.embedded import Embedded
 from autophyx_tet.predictors.encoders.network import (
     LENGTH,
     SMALLEST,
@@ -20,11 +20,10 @@ from autophyx_tet.predictors.encoders.network import (
     levels,
     new_backbone,
 )
-from autophyx_tet.predictors.hearing.kinds import KINDS, bare_words, kind_of
-from autophyx_tet.predictors.images.cameras import hemisphere
-from autophyx_tet.predictors.images.views import render_views
-from autophyx_tet.predictors.training.encoder.corpus import Specimen, read_corpus, write_corpus
-from autophyx_tet.predictors.training.encoder.head import (
+from autophyx_tet.predictors.encoders.plain import Embedded
+from autophyx_tet.predictors.text.hearing import KINDS, bare_words, kind_of
+from autophyx_tet.research.training.encoder.corpus import Specimen, read_corpus, write_corpus
+from autophyx_tet.research.training.encoder.head import (
     HeadOptions,
     fit_head,
     free_directions,
@@ -34,7 +33,7 @@ from autophyx_tet.predictors.training.encoder.head import (
     ridge,
     shipped_weights,
 )
-from autophyx_tet.predictors.training.encoder.pictures import NO_VARIETY, Variety, draw_pictures
+from autophyx_tet.research.training.encoder.pictures import NO_VARIETY, Variety, draw_pictures
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 

@@ -6,29 +6,28 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.real import CELLS, RealObject
-from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.evaluation import held_out
-from autophyx_tet.predictors.evaluation.ablations import (
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.film.config import Output, VoxelScene
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.hearing import Vocabulary
+from autophyx_tet.research.datasets.real import CELLS, RealObject
+from autophyx_tet.research.datasets.shapes import EMPTY
+from autophyx_tet.research.evaluation import held_out
+from autophyx_tet.research.evaluation.ablations import (
     pooled_by_part,
     with_one_matter,
     with_slot_names,
     with_vision,
 )
-from autophyx_tet.predictors.evaluation.examples import Example, load_example, save_example
-from autophyx_tet.predictors.evaluation.folder_evaluation import evaluate_folder
-from autophyx_tet.predictors.evaluation.held_out import HeldOutObject, HeldOutSet, ImageFeatures
-from autophyx_tet.predictors.evaluation.held_out_evaluation import evaluate_held_out
-from autophyx_tet.predictors.evaluation.mass_errors import mass_errors
-from autophyx_tet.predictors.evaluation.metrics import Score, against_best, summary
-from autophyx_tet.predictors.evaluation.rows import BASELINES, ROWS
-from autophyx_tet.predictors.evaluation.ssim import ImageSimilarity
-from autophyx_tet.predictors.film.config import Output, VoxelScene
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.vocabulary import Vocabulary
-from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.research.evaluation.examples import Example, load_example, save_example
+from autophyx_tet.research.evaluation.folder_evaluation import evaluate_folder
+from autophyx_tet.research.evaluation.held_out import HeldOutObject, HeldOutSet, ImageFeatures
+from autophyx_tet.research.evaluation.held_out_evaluation import evaluate_held_out
+from autophyx_tet.research.evaluation.mass_errors import mass_errors
+from autophyx_tet.research.evaluation.metrics import Score, against_best, summary
+from autophyx_tet.research.evaluation.rows import BASELINES, ROWS
+from autophyx_tet.research.evaluation.ssim import ImageSimilarity
 
 
 def table_example(mass=None) -> Example:

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
+from autophyx_tet.predictors.appearance.features import features, features_of_views, name_embeddings
+from autophyx_tet.predictors.appearance.segmentation import best_segmentation, segment
+from autophyx_tet.predictors.appearance.surface import density_of_points
+from autophyx_tet.predictors.appearance.views import render_views
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.encoders import ENCODERS, Encoder, ImageEncoder, load_encoder
-from autophyx_tet.predictors.images.features import features, features_of_views
-from autophyx_tet.predictors.images.names import name_embeddings
-from autophyx_tet.predictors.images.segmentation import best_segmentation, segment
-from autophyx_tet.predictors.images.surface_voxels import density_of_points
-from autophyx_tet.predictors.images.views import render_views
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 

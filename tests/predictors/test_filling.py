@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.appearance.features import fill, nearest_known
+from autophyx_tet.predictors.appearance.surface import surface_voxels
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.filling import fill, nearest_known
-from autophyx_tet.predictors.images.surface_voxels import surface_voxels
 from scipy.ndimage import binary_dilation
 
 GRID = Grid.around(np.array([[-1.0] * 3, [1.0] * 3]), cells=48)

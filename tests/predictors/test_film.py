@@ -6,30 +6,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.constraints import holds
-from autophyx_tet.predictors.datasets.grammar import (
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT, Normalisation
+from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
+from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
+from autophyx_tet.predictors.film.predictor import FilmPredictor
+from autophyx_tet.predictors.film.unet import USELESS, FilmUNet, count_parameters
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, part_kinds, with_lexicon
+from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from autophyx_tet.predictors.text.parser import listen
+from autophyx_tet.research.datasets.constraints import holds
+from autophyx_tet.research.datasets.grammar import (
     Grammar,
     is_held_out_pair,
     level_value,
     split_frames,
     write_phrases,
 )
-from autophyx_tet.predictors.datasets.objects import CATEGORIES, HELD_OUT, make_objects
-from autophyx_tet.predictors.datasets.shapes import EMPTY, Solid, pack, rasterise
-from autophyx_tet.predictors.datasets.wordings import wordings
-from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
-from autophyx_tet.predictors.film.grounding import USELESS
-from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modulation
-from autophyx_tet.predictors.film.predictor import FilmPredictor
-from autophyx_tet.predictors.film.unet import FilmUNet, count_parameters
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.levels import LEVELS
-from autophyx_tet.predictors.hearing.lexicon import CHANNELS, LOUDNESS, with_lexicon
-from autophyx_tet.predictors.hearing.parser import listen
-from autophyx_tet.predictors.hearing.part_names import part_kinds
-from autophyx_tet.predictors.normalisation import DEFAULT, Normalisation
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.research.datasets.objects import CATEGORIES, HELD_OUT, make_objects
+from autophyx_tet.research.datasets.shapes import EMPTY, Solid, pack, rasterise
+from autophyx_tet.research.datasets.wordings import wordings
 
 SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 
@@ -248,9 +245,9 @@ def test_shipped_weights_follow_words():
 @pytest.mark.slow
 def test_a_cpu_trains_the_small_network(tmp_path):
     """Sixty steps bring the loss of the small network below .45."""
-    from autophyx_tet.predictors.datasets.text_table import build_text_table, save_text_table
-    from autophyx_tet.predictors.training.film.presets import CPU
-    from autophyx_tet.predictors.training.film.recipe import train_film
+    from autophyx_tet.research.datasets.text_table import build_text_table, save_text_table
+    from autophyx_tet.research.training.film.presets import CPU
+    from autophyx_tet.research.training.film.recipe import train_film
 
     rng = np.random.default_rng(0)
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.datasets.real import CELLS, RealObject, load_real, save_real
 from autophyx_tet.predictors.film.config import NetworkConfig, VoxelScene, halve
 from autophyx_tet.predictors.film.unet import FilmUNet
-from autophyx_tet.predictors.training.film.simulated_evidence import (
+from autophyx_tet.research.datasets.real import CELLS, RealObject, load_real, save_real
+from autophyx_tet.research.training.film.simulated_evidence import (
     simulate_features,
     spread_features,
 )
-from autophyx_tet.predictors.training.stores import look_rows
+from autophyx_tet.research.training.stores import look_rows
 
 BLIND = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 SEEING = NetworkConfig(**{**BLIND.to_dict(), "features": 6})

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.film.frame import Frame
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.grid import Grid, PartVoxels
 
 
 def voxels(part) -> PartVoxels:

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from autophyx_tet.predictors.appearance.features import features_of_views, render_grid
+from autophyx_tet.predictors.appearance.surface import opaque_density
+from autophyx_tet.predictors.appearance.views import look_at, render_views
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import look_at
-from autophyx_tet.predictors.images.features import features_of_views
-from autophyx_tet.predictors.images.grid_views import render_grid
-from autophyx_tet.predictors.images.surface_voxels import opaque_density
-from autophyx_tet.predictors.images.views import render_views
 
 GRID = Grid(np.full(3, -1.0), 0.125, (16, 16, 16))
 CAMERAS = [look_at(np.array(at), np.zeros(3), pixels=48) for at in ((5.0, 1, 2), (1.0, -5, 3))]

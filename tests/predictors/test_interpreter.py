@@ -2,10 +2,9 @@
 
 import json
 
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.chat import MAX_ANSWER, ChatEndpoint
-from autophyx_tet.predictors.interpreter import interpret
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.interpreter import MAX_ANSWER, ChatEndpoint, interpret
+from autophyx_tet.predictors.text.reader import parse
 
 TABLE = load_table()
 TEXT = "oak legs, the seat is soft foam of 30 kg/m3"

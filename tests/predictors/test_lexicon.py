@@ -1,12 +1,18 @@
 """Laws of the lexicon: what a clause says word by word."""
 
 import numpy as np
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.wordings import sentence, wordings
-from autophyx_tet.predictors.hearing.hints import HintedEncoder, PlainWords
-from autophyx_tet.predictors.hearing.levels import LEVELS
-from autophyx_tet.predictors.hearing.lexicon import CHANNELS, LOUDNESS, Lexicon, with_lexicon
-from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.text.hearing import (
+    CHANNELS,
+    LOUDNESS,
+    HintedEncoder,
+    Lexicon,
+    PlainWords,
+    with_lexicon,
+)
+from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from autophyx_tet.research.datasets.wordings import sentence, wordings
 from scipy.stats import spearmanr
 
 LEXICON = Lexicon()

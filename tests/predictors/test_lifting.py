@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
+from autophyx_tet.predictors.appearance.lifting import Rays, lift, pixel_rays, ray_weights
+from autophyx_tet.predictors.appearance.surface import density_of_points, opaque_density
+from autophyx_tet.predictors.appearance.views import hemisphere, look_at
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import hemisphere, look_at
-from autophyx_tet.predictors.images.lifting import Rays, lift, pixel_rays, ray_weights
-from autophyx_tet.predictors.images.surface_voxels import density_of_points, opaque_density
 
 GRID = Grid(np.array([-1.0, -1, -1]), 0.125, (16, 16, 16))
 

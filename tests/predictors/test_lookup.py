@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.materials import load_table, outside_band
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.interpreter import read_sentence
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.table import load_table, outside_band
+from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.lookup.lookup import Lookup
 from autophyx_tet.predictors.predictor import PREDICTORS, Predictor
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.text.interpreter import read_sentence
+from autophyx_tet.predictors.text.reader import parse
 
 from .phrasings import HELD_OUT, TUNED
 

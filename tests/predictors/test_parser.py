@@ -2,9 +2,9 @@
 
 import pytest
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.hearing.parser import MAX_TEXT, listen
-from autophyx_tet.predictors.hearing.vocabulary import name_words, stem, vocabulary_of
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.hearing import name_words, stem, vocabulary_of
+from autophyx_tet.predictors.text.parser import MAX_TEXT, listen
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

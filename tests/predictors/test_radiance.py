@@ -6,19 +6,22 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import hemisphere
-from autophyx_tet.predictors.images.features import features_of_views
-from autophyx_tet.predictors.images.filling import fill
-from autophyx_tet.predictors.images.radiance import (
+from autophyx_tet.predictors.appearance.features import features_of_views, fill
+from autophyx_tet.predictors.appearance.radiance import (
     FitOptions,
     fit_radiance,
     focus,
     silhouette_bounds,
     silhouette_hull,
 )
-from autophyx_tet.predictors.images.views import Views, load_photographs, render_views
+from autophyx_tet.predictors.appearance.views import (
+    Views,
+    hemisphere,
+    load_photographs,
+    render_views,
+)
+from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.predictors.grid import Grid
 from PIL import Image
 
 QUICK = FitOptions(steps=60, rays=1024)

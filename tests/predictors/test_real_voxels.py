@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.datasets.real import CELLS, cube, voxelise
-from autophyx_tet.predictors.datasets.shapes import EMPTY
+from autophyx_tet.research.datasets.real import CELLS, cube, voxelise
+from autophyx_tet.research.datasets.shapes import EMPTY
 
 
 def test_closed_flat_boxes_are_filled():

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.evaluation import held_out
-from autophyx_tet.predictors.evaluation.held_out import HeldOutSet
-from autophyx_tet.predictors.evaluation.reliability import (
+from autophyx_tet.predictors.film.predictor import Calibration, Certainty, log_odds
+from autophyx_tet.research.evaluation import held_out
+from autophyx_tet.research.evaluation.held_out import HeldOutSet
+from autophyx_tet.research.evaluation.reliability import (
     Answer,
     Bin,
     answers,
@@ -16,8 +17,7 @@ from autophyx_tet.predictors.evaluation.reliability import (
     expected_error,
     fit,
 )
-from autophyx_tet.predictors.evaluation.rows import ROWS
-from autophyx_tet.predictors.film.certainty import Calibration, Certainty, log_odds
+from autophyx_tet.research.evaluation.rows import ROWS
 
 
 def drawn(law: Calibration, count: int) -> list[Answer]:

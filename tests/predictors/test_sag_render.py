@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
-from autophyx_tet.predictors.evaluation.sag_render import SLOPE, SagRender, slowest_period, swing
-from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.voxels import voxel_mesh
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.grid import voxel_mesh
+from autophyx_tet.research.evaluation.sag_render import SLOPE, SagRender, slowest_period, swing
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 PART = np.full((8, 8, 12), -1)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.field import MaterialField
+from autophyx_tet.predictors.field import ANY_PART, MaterialField, sample_field
 from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.sampling import ANY_PART, sample_field
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

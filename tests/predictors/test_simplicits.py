@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.npz import load_npz
-from autophyx_tet.converters.reduced_archive import load_theta, save_theta
+from autophyx_tet.converters.archives import load_theta, save_theta
+from autophyx_tet.converters.files import load_npz
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.unipixie.simplicits import (
     BODY_HASH,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.evaluation.ssim import (
+from autophyx_tet.research.evaluation.ssim import (
     FINEST,
     K1,
     image_similarity,

@@ -2,16 +2,23 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.datasets.grammar import Grammar
-from autophyx_tet.predictors.datasets.objects import CATEGORIES
-from autophyx_tet.predictors.hearing.hints import PlainWords, subject
-from autophyx_tet.predictors.hearing.levels import LEVELS, material_at_level
-from autophyx_tet.predictors.hearing.lexicon import CHANNELS, Lexicon
-from autophyx_tet.predictors.hearing.part_names import CATEGORY_NAMES, known_words, part_kinds
-from autophyx_tet.predictors.hearing.statement import Reader
-from autophyx_tet.predictors.hearing.vocabulary import Vocabulary
-from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.text.hearing import (
+    CATEGORY_NAMES,
+    CHANNELS,
+    Lexicon,
+    PlainWords,
+    Reader,
+    Vocabulary,
+    known_words,
+    material_at_level,
+    part_kinds,
+    subject,
+)
+from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from autophyx_tet.research.datasets.grammar import Grammar
+from autophyx_tet.research.datasets.objects import CATEGORIES
 
 READ = Reader(Vocabulary(load_table().phrases))
 

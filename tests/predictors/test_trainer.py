@@ -10,9 +10,9 @@ from typing import NamedTuple
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.training.options import TrainerOptions
-from autophyx_tet.predictors.training.processes import rank
-from autophyx_tet.predictors.training.trainer import Losses, train_network
+from autophyx_tet.research.training.options import TrainerOptions
+from autophyx_tet.research.training.processes import rank
+from autophyx_tet.research.training.trainer import Losses, train_network
 from torch import Tensor, nn
 
 pytestmark = pytest.mark.usefixtures("one_thread")

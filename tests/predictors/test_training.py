@@ -9,24 +9,23 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.datasets.objects import make_objects
-from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.datasets.text_table import (
+from autophyx_tet.predictors.film.config import NetworkConfig
+from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.hearing import with_lexicon
+from autophyx_tet.research.datasets.objects import make_objects
+from autophyx_tet.research.datasets.shapes import EMPTY
+from autophyx_tet.research.datasets.text_table import (
     build_text_table,
     load_text_table,
     save_text_table,
 )
-from autophyx_tet.predictors.film.config import NetworkConfig
-from autophyx_tet.predictors.film.frame import Frame
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.lexicon import with_lexicon
-from autophyx_tet.predictors.training.film.mixture import Mixture
-from autophyx_tet.predictors.training.film.presets import ABLATIONS, CPU, TEXT_DIM
-from autophyx_tet.predictors.training.film.recipe import train_film
-from autophyx_tet.predictors.training.film.sampler import VoxelSampler
-from autophyx_tet.predictors.training.sentences import Sentences
-from autophyx_tet.predictors.training.stores import procedural_store
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.research.training.film.mixture import Mixture
+from autophyx_tet.research.training.film.presets import ABLATIONS, CPU, TEXT_DIM
+from autophyx_tet.research.training.film.recipe import train_film
+from autophyx_tet.research.training.film.sampler import VoxelSampler
+from autophyx_tet.research.training.sentences import Sentences
+from autophyx_tet.research.training.stores import procedural_store
 
 TINY = replace(
     CPU, batch=2, steps=20, every=10, objects=8, text_batch=8,

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.cameras import (
+from autophyx_tet.predictors.appearance.surface import Finish, finish_of, to_linear, to_srgb
+from autophyx_tet.predictors.appearance.views import (
     Camera,
     hemisphere,
+    load_photographs,
     look_at,
     read_transforms,
+    render_views,
     ring,
 )
-from autophyx_tet.predictors.images.surface_colour import Finish, finish_of, to_linear, to_srgb
-from autophyx_tet.predictors.images.views import load_photographs, render_views
+from autophyx_tet.predictors.asset import Asset, Part
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals

@@ -5,11 +5,11 @@ import json
 import autophyx_tet as apx
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.lookup.lookup import Lookup
+from autophyx_tet.predictors.text.clauses import bind
+from autophyx_tet.predictors.text.reader import parse
 from autophyx_tet.toolkit.options import AssignOptions
 
 pytestmark = pytest.mark.blockers

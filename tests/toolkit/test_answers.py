@@ -6,13 +6,11 @@ import autophyx_tet as apx
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.prediction import Binding
-from autophyx_tet.toolkit.io.sidecar import Sidecar
-from autophyx_tet.toolkit.report.answers import found, loaded_mesh, unheard
-from autophyx_tet.toolkit.report.pages import run_page, simulation_page
-from autophyx_tet.toolkit.report.report import report_page
+from autophyx_tet.toolkit.asset.document import Sidecar
+from autophyx_tet.toolkit.report.html import report_page
+from autophyx_tet.toolkit.report.pages import found, loaded_mesh, run_page, simulation_page, unheard
 
 SIDE, HEIGHT = 0.1, 0.4
 

@@ -7,11 +7,10 @@ import autophyx_tet as apx
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import AutophyxError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.film.inference import FilmModel
 

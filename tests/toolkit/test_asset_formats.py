@@ -6,9 +6,9 @@ import pytest
 import trimesh
 from autophyx_tet.converters.registry import Format, Keeps
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS, AssetContent, NamedSurface
-from autophyx_tet.toolkit.io.readers.carrier import CARRIER
+from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, AssetContent, NamedSurface
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.asset.readers import CARRIER
 
 PARTS = {"leg": (0, 0, 0), "seat": (3, 0, 0)}
 

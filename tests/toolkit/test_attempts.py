@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.toolkit.meshing import attempts
-from autophyx_tet.toolkit.meshing import tetrahedralize as module
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.toolkit.asset import cache
+from autophyx_tet.toolkit.asset.child import ChildFailure
+from autophyx_tet.toolkit.meshing import convert as attempts
+from autophyx_tet.toolkit.meshing import convert as module
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from autophyx_tet.toolkit.meshing.stuffing.mesher import stuffed
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.native import cache
-from autophyx_tet.toolkit.native.child import ChildFailure
 
 from .test_tetrahedralize import QUICK, asset_of, converted
 

@@ -14,12 +14,18 @@ from collections import Counter
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.toolkit.batch import task
-from autophyx_tet.toolkit.batch.batch import batch
-from autophyx_tet.toolkit.batch.manifest import read_manifest
-from autophyx_tet.toolkit.batch.options import BatchOptions
-from autophyx_tet.toolkit.batch.table import index_page
-from autophyx_tet.toolkit.batch.task import Job, Limits, Stopped, perform, stored
+from autophyx_tet.toolkit import batch as task
+from autophyx_tet.toolkit.batch import (
+    BatchOptions,
+    Job,
+    Limits,
+    Stopped,
+    batch,
+    index_page,
+    perform,
+    read_manifest,
+    stored,
+)
 from PIL import Image
 
 LIMITS = Limits(seconds=120, memory=8 * 10**9, threads=1)
@@ -156,7 +162,7 @@ def test_a_stopped_row_is_neither_done_nor_failed(tmp_path):
 
 
 def test_two_batches_in_one_folder_are_refused(tmp_path):
-    from autophyx_tet.toolkit.batch.batch import _alone
+    from autophyx_tet.toolkit.batch import _alone
 
     with _alone(tmp_path), pytest.raises(UsageError, match="another batch"), _alone(tmp_path):
         pass

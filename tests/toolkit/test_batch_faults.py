@@ -38,7 +38,7 @@ set -e
 {batch} > "$2/second.json"
 cp -r "$1" "$2/out"
 """
-GUARD = b"autophyx_tet.toolkit.native.guard"  # its first argument is the process that asked
+GUARD = b"autophyx_tet.toolkit.asset.guard"  # its first argument is the process that asked
 
 
 def boxes(folder, count):

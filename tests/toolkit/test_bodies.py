@@ -5,13 +5,13 @@ import sys
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.fem.contact.collision_mesh import ipc_toolkit
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.solve.self_contact import ipc_toolkit
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.results.description import marks
+from autophyx_tet.toolkit.verdict.description import marks
 
 from ..fem.bodies import with_uniform
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.io.bonsai import bonsai, write_bonsai
+from autophyx_tet.toolkit.asset.bonsai import bonsai, write_bonsai
 
 PARTS = ["pot", "soil", "trunk", "foliage"]
 

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from autophyx_tet.toolkit.native import cache
-from autophyx_tet.toolkit.native.cache import recalled, remember
+from autophyx_tet.toolkit.asset import cache
+from autophyx_tet.toolkit.asset.cache import recalled, remember
 
 KILOBYTE = {"values": np.random.default_rng(0).integers(0, 256, 1000, dtype=np.uint8)}
 

@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import write_density
-from autophyx_tet.converters.points.point_file import write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.grids import DensityGrid, write_density
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import InputError, NoVolumeError
-from autophyx_tet.toolkit.io import clouds
-from autophyx_tet.toolkit.io.clouds import guessed_share
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.asset import load as clouds
+from autophyx_tet.toolkit.asset.load import guessed_share, load_asset
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 BALL = 4 / 3 * np.pi
 

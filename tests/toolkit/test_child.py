@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from autophyx_tet.toolkit.native.child import ChildFailure, run_guarded
+from autophyx_tet.toolkit.asset.child import ChildFailure, run_guarded
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) - 0.5
 CUBE_FACES = np.array([

@@ -12,7 +12,7 @@ import autophyx_tet
 import numpy as np
 import pytest
 import tyro
-from autophyx_tet.toolkit.cli import progress
+from autophyx_tet.toolkit.cli import terminal as progress
 from autophyx_tet.toolkit.cli.main import COMMANDS, main
 
 from .command import run_cli, run_here

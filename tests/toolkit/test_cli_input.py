@@ -8,8 +8,8 @@ import sys
 
 import pytest
 import trimesh
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
-from autophyx_tet.toolkit.batch.manifest import read_manifest
+from autophyx_tet.converters.mesh.meshdata import read_mesh
+from autophyx_tet.toolkit.batch import read_manifest
 from autophyx_tet.toolkit.cli.main import main
 
 from .command import run_cli, run_here

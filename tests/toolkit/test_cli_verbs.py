@@ -45,8 +45,8 @@ def test_a_configuration_that_is_none_or_wrong_is_refused(tmp_path):
 @pytest.mark.slow
 def test_assign_and_simulate_from_files(cube_msh, tmp_path):
     """oak cube: table values on every tet; then a sag that scales with 1/E."""
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.fem.scene.materials import load_table
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.fem.table import load_table
 
     target = tmp_path / "m.msh"
     done = run_cli("assign", cube_msh, "--text", "oak cube", "-o", target, "--json")
@@ -80,8 +80,8 @@ def test_dry_run_writes_nothing_and_estimates_within_its_range(cube, tmp_path, c
 @pytest.mark.parametrize("option", [(), ("--edge-length", "0.01"), ("--max-tets", "30000")])
 def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
     """The demo, by the tets wanted, by an edge and by a budget: as many as were estimated."""
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 
     asset, target = write_bonsai(tmp_path / "bonsai.glb"), tmp_path / "b.msh"
     call = ["convert", str(asset), "--mesher", "stuffing", *option, "-o", str(target), "--json"]
@@ -94,8 +94,8 @@ def test_dry_run_of_a_lattice_is_within_its_range(option, tmp_path, capsys):
 @pytest.mark.slow
 def test_a_budget_too_small_for_one_piece_is_refused(tmp_path, capsys):
     """With 4,000 tets a tenth of the demo would come off; with 8,000 leaves hang on by beads."""
-    from autophyx_tet.converters.mesh.mesh_file import read_mesh
-    from autophyx_tet.toolkit.io.bonsai import write_bonsai
+    from autophyx_tet.converters.mesh.meshdata import read_mesh
+    from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 
     asset, target = write_bonsai(tmp_path / "bonsai.glb"), tmp_path / "b.msh"
     call = ["convert", str(asset), "--mesher", "stuffing", "--max-tets", "4000", "-o", str(target)]

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import write_density
-from autophyx_tet.converters.points.point_file import write_points
-from autophyx_tet.converters.points.splats.gaussians import SH_C0, standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.grids import DensityGrid, write_density
+from autophyx_tet.converters.points.gaussians import SH_C0, standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.grid import Grid
+from autophyx_tet.toolkit.asset.coloured_grid import is_carrier, read_coloured_grid
 from autophyx_tet.toolkit.features import features
-from autophyx_tet.toolkit.io.coloured_grid import is_carrier, read_coloured_grid
 from autophyx_tet.toolkit.options import FeatureOptions
 
 RED, BLUE = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.1, 0.9])

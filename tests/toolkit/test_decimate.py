@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.surfaces.decimate import decimated
-from autophyx_tet.toolkit.surfaces.triangles import Triangles, closest
+from autophyx_tet.toolkit.asset.decimate import decimated
+from autophyx_tet.toolkit.asset.triangles import Triangles, closest
 
 
 def _triangles(mesh):

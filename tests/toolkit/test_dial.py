@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.io.bonsai import write_bonsai
 
 pytestmark = pytest.mark.slow  # three conversions and nine solves
 

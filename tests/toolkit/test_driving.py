@@ -4,9 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.fem.errors import InputError, UsageError
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.driving import drive, transfer_motion

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.meshing.engine_run import by_cells, conforming
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids
+from autophyx_tet.toolkit.meshing.ftetwild import by_cells, conforming
 
 
 def cube_in_a_grid():

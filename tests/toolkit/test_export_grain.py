@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.points.point_file import write_points
-from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.toolkit.io.sidecar import Sidecar
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.points.table import PointTable, write_points
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.options import ExportOptions
 from autophyx_tet.toolkit.transfer import export, transfer
 

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.npz import load_npz
+from autophyx_tet.converters.files import load_npz
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.report.picture.feature_picture import voxel_shell
+from autophyx_tet.toolkit.report.picture import voxel_shell
 from PIL import Image
 
 

@@ -15,13 +15,13 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, NoVolumeError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers.asset_formats import ASSET_FORMATS, read_content
-from autophyx_tet.toolkit.io.readers.carrier import CARRIER
-from autophyx_tet.toolkit.io.references import References
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.asset.formats import ASSET_FORMATS, read_content
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.asset.readers import CARRIER
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids
+from autophyx_tet.toolkit.asset.textures import References
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -11,17 +11,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import write_density
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.points.point_file import write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.grids import DensityGrid, write_density
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
 from autophyx_tet.fem.errors import AutophyxError, InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.toolkit.io.readers.asset_formats import read_content
-from autophyx_tet.toolkit.io.readers.carrier import CARRIER
-from autophyx_tet.toolkit.io.references import References
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.toolkit.asset.formats import read_content
+from autophyx_tet.toolkit.asset.readers import CARRIER
+from autophyx_tet.toolkit.asset.textures import References
 from autophyx_tet.toolkit.meshing.import_tets import SUFFIXES, import_tets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st

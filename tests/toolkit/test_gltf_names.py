@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.sidecar import read_known
+from autophyx_tet.toolkit.asset.document import read_known
+from autophyx_tet.toolkit.asset.load import load_asset
 
 from .command import run_cli, run_here
 
@@ -163,7 +163,7 @@ def test_two_processes_read_the_same_names(tmp_path):
         _glb(tmp_path / f"asset{number}.glb", nodes, meshes, materials)
     read = (
         "import sys; from pathlib import Path\n"
-        "from autophyx_tet.toolkit.io.load import load_asset\n"
+        "from autophyx_tet.toolkit.asset.load import load_asset\n"
         "for path in sorted(Path(sys.argv[1]).glob('*.glb')):\n"
         "    parts = load_asset(path).parts\n"
         "    print(path.name, [(p.name, p.labels, p.mesh.bounds.tolist()) for p in parts])\n"

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.predictors.datasets.real import voxelise
 from autophyx_tet.predictors.encoders import speaking_encoder
-from autophyx_tet.toolkit.image_features import cached_image_features
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.learning import evaluate
+from autophyx_tet.research.datasets.real import voxelise
+from autophyx_tet.research.image_features import cached_image_features
+from autophyx_tet.research.learning import evaluate
+from autophyx_tet.toolkit.asset.load import load_asset
 
 HALF = 16
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.toolkit.meshing.import_tets import import_tets
 
 

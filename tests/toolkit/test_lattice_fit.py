@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.toolkit.meshing.engine_run import EngineTarget
-from autophyx_tet.toolkit.meshing.stuffing.carve import without_crumbs
-from autophyx_tet.toolkit.meshing.stuffing.fit import resolving
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids
+from autophyx_tet.toolkit.asset.surface import Surface
+from autophyx_tet.toolkit.asset.triangles import edge_components
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
+from autophyx_tet.toolkit.meshing.ftetwild import EngineTarget
+from autophyx_tet.toolkit.meshing.stuffing.mesher import resolving, without_crumbs
 from autophyx_tet.toolkit.meshing.stuffing.pieces import came_off
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
-from autophyx_tet.toolkit.surfaces.surface import Surface
-from autophyx_tet.toolkit.surfaces.triangles import edge_components
 
 from .test_stuffing import solids_of, turned
 from .test_tetrahedralize import asset_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.surfaces.layer import hull_share, wall_share
+from autophyx_tet.toolkit.asset.solids import hull_share, wall_share
 from trimesh import creation
 
 K = 0.9

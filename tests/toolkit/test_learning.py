@@ -7,11 +7,11 @@ import pytest
 import tyro
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.encoders import minilm
-from autophyx_tet.predictors.training.unipixie import config
-from autophyx_tet.predictors.unipixie.checkpoint import load_unipixie
-from autophyx_tet.toolkit.cli.learning import COMMANDS
-from autophyx_tet.toolkit.datasets import build_dataset, build_ranges, show_dataset
-from autophyx_tet.toolkit.learning import train
+from autophyx_tet.predictors.unipixie.inference import load_unipixie
+from autophyx_tet.research.learning import train
+from autophyx_tet.research.prepare import build_dataset, build_ranges, show_dataset
+from autophyx_tet.research.training.unipixie import config
+from autophyx_tet.toolkit.cli.main import COMMANDS
 
 CONFIG = """
 cells = 16
@@ -53,7 +53,7 @@ def test_an_unreadable_config_is_named(tmp_path):
 def test_commands_parse():
     """The commands read their options as the others do."""
     arguments = "evaluate --split procedural --objects 3 --predictors film constant --json".split()
-    command = tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments)
+    command = tyro.extras.subcommand_cli_from_dict(dict(COMMANDS), args=arguments)
     assert (command.objects, command.predictors) == (3, ("film", "constant"))
     assert command.common.json
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.toolkit.io.bonsai import write_bonsai
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers.obj import absolute_indices
-from autophyx_tet.toolkit.io.units import METRES
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.surface import component_volumes
+from autophyx_tet.toolkit.asset.bonsai import write_bonsai
+from autophyx_tet.toolkit.asset.load import METRES, load_asset
+from autophyx_tet.toolkit.asset.readers import absolute_indices
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.surface import component_volumes
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY = (

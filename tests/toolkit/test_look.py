@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.report.data import payload
-from autophyx_tet.toolkit.report.look import MOST, look_of
-from autophyx_tet.toolkit.report.report import write_report
+from autophyx_tet.toolkit.report.content import MOST, look_of
+from autophyx_tet.toolkit.report.html import payload, write_report
 
 from .browser import Visit
 from .test_report import bar, case, content

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
+from autophyx_tet.toolkit.asset.repair import stacked
+from autophyx_tet.toolkit.meshing.convert import Preparation, tetrahedralize
 from autophyx_tet.toolkit.meshing.losses import MOST_LOST, FileSurface
-from autophyx_tet.toolkit.meshing.preparation import Preparation
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.repair import stacked
 
 from .bodies import part_of
 

@@ -5,11 +5,10 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters import npz
-from autophyx_tet.converters.mesh.mesh_file import read_data, read_mesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.converters import files as npz
+from autophyx_tet.converters.mesh.meshdata import read_data, read_mesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_table
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import AssignOptions
 from autophyx_tet.toolkit.pipeline import assign

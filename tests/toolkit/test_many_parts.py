@@ -5,8 +5,7 @@ import time
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.toolkit.options import AssignOptions
 
 KINDS = "bolt nut washer plate bracket rod cap seal spring gear shaft cover lever pin hinge".split()

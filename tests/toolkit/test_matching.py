@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids
 from autophyx_tet.toolkit.meshing.stuffing import mesher
 from autophyx_tet.toolkit.meshing.stuffing.field import SolidField
-from autophyx_tet.toolkit.meshing.stuffing.match import own_volumes, wanted_volumes
-from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff
+from autophyx_tet.toolkit.meshing.stuffing.mesher import own_volumes, stuff, wanted_volumes
 from autophyx_tet.toolkit.meshing.stuffing.pieces import LONGEST, WIDER, narrowest
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
 
 from .test_stuffing import turned
 from .test_tetrahedralize import asset_of

@@ -2,8 +2,7 @@
 
 import numpy as np
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.meshing.messages import likely_hollow
 

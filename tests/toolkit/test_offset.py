@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.offset import hollowed, thickened, vertex_offsets
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
-from autophyx_tet.toolkit.surfaces.surface import component_volumes
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids, hollowed, thickened, vertex_offsets
+from autophyx_tet.toolkit.asset.surface import component_volumes
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 
 def _hollow_volume(mesh, wall):

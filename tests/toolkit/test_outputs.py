@@ -6,14 +6,14 @@ from threading import Event
 import pytest
 import trimesh
 from autophyx_tet.converters.files import alone, writing_folder
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit import pipeline
+from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.estimate import plan
-from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.options import ConvertOptions
-from autophyx_tet.toolkit.report import folder
+from autophyx_tet.toolkit.report import pages as folder
 
 FOREIGN = '{"schema": 7, "name": "a chair of someone else"}'
 
@@ -47,7 +47,7 @@ def test_a_document_that_is_not_ours_is_refused_before_the_work(box, tmp_path, m
         raise AssertionError("the work has begun")
 
     monkeypatch.setattr("autophyx_tet.toolkit.meshing.import_tets.read_mesh", no_work)
-    monkeypatch.setattr("autophyx_tet.converters.mesh.mesh_file.read_mesh", no_work)
+    monkeypatch.setattr("autophyx_tet.converters.mesh.meshdata.read_mesh", no_work)
     for verb, name, call in calls(box, tmp_path):
         for words in (FOREIGN, "not even JSON", "[1, 2]", ""):
             document = tmp_path / name

@@ -6,18 +6,16 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from autophyx_tet.converters import npz
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.mesh.pvd import read_pvd
-from autophyx_tet.converters.npz import load_npz, save_npz
-from autophyx_tet.converters.points.point_file import read_points, write_points
+from autophyx_tet.converters import files as npz
+from autophyx_tet.converters.files import load_npz, save_npz
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.mesh.vtk import read_pvd
+from autophyx_tet.converters.points.table import read_points, write_points
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.mpm.classes import MaterialClass, triaxial_friction
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.material_properties import load_flows
-from autophyx_tet.fem.scene.materials import load_contents, load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.mpm.materials import MaterialClass, triaxial_friction
+from autophyx_tet.fem.table import load_contents, load_flows, load_table
 from autophyx_tet.predictors.field import MaterialField
 from autophyx_tet.predictors.grid import Grid
 from autophyx_tet.toolkit.cli.main import main

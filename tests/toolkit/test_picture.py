@@ -3,22 +3,23 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.predictors.appearance.surface import to_srgb
+from autophyx_tet.predictors.appearance.views import look_at
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.images.cameras import look_at
-from autophyx_tet.predictors.images.surface_colour import to_srgb
-from autophyx_tet.toolkit.io.bonsai import FINISHES, bonsai
+from autophyx_tet.toolkit.asset.bonsai import FINISHES, bonsai
 from autophyx_tet.toolkit.report.picture import (
+    Scale,
     asset_panel,
     exaggeration,
     mesh_panel,
     render_animation,
     render_png,
+    rgb,
     story,
 )
-from autophyx_tet.toolkit.report.picture.tracer import ColouredSurface, trace
-from autophyx_tet.toolkit.report.scale import Scale, rgb
+from autophyx_tet.toolkit.report.tracer import ColouredSurface, trace
 from PIL import Image
 
 

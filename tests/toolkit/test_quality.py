@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.boundary import boundary_faces
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh, altitudes
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, altitudes, boundary_faces, box_mesh
 from autophyx_tet.fem.verdicts import largest_explicit_step
-from autophyx_tet.toolkit.meshing.manifold import separate
+from autophyx_tet.toolkit.meshing.guarantees import separate
 from autophyx_tet.toolkit.meshing.quality import (
     boundary_kind,
     dihedral_angles,

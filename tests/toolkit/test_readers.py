@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.images.surface_colour import skin_of
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.readers.gltf import gltf_json
+from autophyx_tet.predictors.appearance.surface import skin_of
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.asset.readers import gltf_json
 
 from .command import run_here
 

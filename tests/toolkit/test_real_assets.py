@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.converters.mesh.meshdata import read_mesh
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.toolkit.asset import sweethome3d
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.io import sweethome3d
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 

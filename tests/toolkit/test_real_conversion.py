@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.sweethome3d import catalog, extract
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.offset import hollowed
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
-from autophyx_tet.toolkit.surfaces.triangles import closest
+from autophyx_tet.toolkit.asset.load import load_asset
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids, hollowed
+from autophyx_tet.toolkit.asset.sweethome3d import catalog, extract
+from autophyx_tet.toolkit.asset.triangles import closest
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 pytestmark = [pytest.mark.real, pytest.mark.slow]
 

@@ -5,18 +5,18 @@ import re
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.mesh.pvd import write_pvd
-from autophyx_tet.converters.reduced_archive import load_fits, load_reduced, save_fits
+from autophyx_tet.converters.archives import load_fits, load_reduced, save_fits
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.mesh.vtk import write_pvd
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.matching import MotionFit
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.identify import MotionFit
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.simulation.fitted import moduli_between
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
+from autophyx_tet.toolkit.simulation.scenario import moduli_between
 
 
 @pytest.fixture(scope="module")

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.surfaces import repair as repair_module
-from autophyx_tet.toolkit.surfaces.repair import RepairReport, repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
-from autophyx_tet.toolkit.surfaces.surface import (
+from autophyx_tet.toolkit.asset import repair as repair_module
+from autophyx_tet.toolkit.asset.repair import WELD_REL, RepairReport, repair
+from autophyx_tet.toolkit.asset.solids import Solids
+from autophyx_tet.toolkit.asset.surface import (
     Surface,
     component_volumes,
     open_components,
     unbalanced_edges,
 )
-from autophyx_tet.toolkit.surfaces.triangles import winding_numbers
-from autophyx_tet.toolkit.surfaces.welding import WELD_REL
+from autophyx_tet.toolkit.asset.triangles import winding_numbers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

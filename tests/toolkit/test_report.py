@@ -9,14 +9,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.materials import Span
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.table import Span
 from autophyx_tet.toolkit.report.content import Case, PartRow, ReportContent
-from autophyx_tet.toolkit.report.data import payload
-from autophyx_tet.toolkit.report.report import report_page, write_report
-from autophyx_tet.toolkit.results.quantities import area_words, mass_words, si, volume_words
-from autophyx_tet.toolkit.results.verdict import Verdict
+from autophyx_tet.toolkit.report.html import payload, report_page, write_report
+from autophyx_tet.toolkit.verdict.verdict import Verdict, area_words, mass_words, si, volume_words
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -150,7 +148,7 @@ def test_long_motions_are_thinned_and_the_page_says_so(monkeypatch):
     """A motion beyond the page's room keeps its first and last frame, and a warning counts."""
     long = case(frames=100)
     monkeypatch.setattr(
-        "autophyx_tet.toolkit.report.data.MOTION_NUMBERS", 10 * long.mesh.points.size
+        "autophyx_tet.toolkit.report.html.MOTION_NUMBERS", 10 * long.mesh.points.size
     )
     page = report_page(content(long))
     assert data_of(page)["cases"][0]["times"][::9] == [0, 1]

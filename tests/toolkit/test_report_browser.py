@@ -5,8 +5,8 @@ import itertools
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.boundary import boundary_faces
-from autophyx_tet.toolkit.report.report import write_report
+from autophyx_tet.fem.mesh import boundary_faces
+from autophyx_tet.toolkit.report.html import write_report
 from PIL import Image
 
 from .browser import Visit

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.toolkit.report.report import write_report
+from autophyx_tet.toolkit.report.html import write_report
 
 from .browser import Visit
 from .test_report import case, content

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_mesh
+from autophyx_tet.converters.mesh.meshdata import read_mesh
 from autophyx_tet.toolkit.report.content import ReportContent
-from autophyx_tet.toolkit.report.report import write_report
-from autophyx_tet.toolkit.results.description import Acting
+from autophyx_tet.toolkit.report.html import write_report
+from autophyx_tet.toolkit.verdict.description import Acting
 
 from .browser import Visit
 from .test_report import case

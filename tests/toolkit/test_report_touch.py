@@ -9,13 +9,12 @@ from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
 from autophyx_tet.fem.scene.scene import Scene
 from autophyx_tet.fem.solve.schemes import Kinematics, Scheme, Step
-from autophyx_tet.toolkit.io.sidecar import Sidecar
+from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.report import pages
-from autophyx_tet.toolkit.report.content import Case, ReportContent
+from autophyx_tet.toolkit.report.content import FINGER, Case, ReportContent, shown, touch_of
+from autophyx_tet.toolkit.report.html import write_report
 from autophyx_tet.toolkit.report.pages import simulation_page
-from autophyx_tet.toolkit.report.report import write_report
-from autophyx_tet.toolkit.report.touch import FINGER, shown, touch_of
 
 from .browser import Visit
 

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.toolkit.meshing.conversion_report import InputVolume, input_volume
-from autophyx_tet.toolkit.meshing.lattice_guarantees import lattice_guarantees
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.toolkit.asset.triangles import COARSE, Triangles, inside
+from autophyx_tet.toolkit.meshing.guarantees import InputVolume, input_volume, lattice_guarantees
 from autophyx_tet.toolkit.meshing.quality import quality
-from autophyx_tet.toolkit.surfaces.samples import COARSE, inside
-from autophyx_tet.toolkit.surfaces.triangles import Triangles
 
 from .test_stuffing import solids_of
 

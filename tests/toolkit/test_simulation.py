@@ -6,20 +6,18 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import read_data, write_mesh
-from autophyx_tet.converters.mesh.pvd import read_pvd
+from autophyx_tet.converters.mesh.meshdata import read_data, write_mesh
+from autophyx_tet.converters.mesh.vtk import read_pvd
 from autophyx_tet.fem import METHODS, SCENARIOS, Scene
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.result import Motion, MotionResult
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.toolkit.io.sidecar import Sidecar
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.solve.result import Motion, MotionResult
+from autophyx_tet.toolkit.asset.document import Sidecar
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate
-from autophyx_tet.toolkit.results.moving import Moving
-from autophyx_tet.toolkit.results.ringing import Ringing
-from autophyx_tet.toolkit.results.settled import Settled
 from autophyx_tet.toolkit.simulation import scenario
+from autophyx_tet.toolkit.verdict.simulation import Moving, Ringing, Settled
 
 LENGTH, SIDE = 1.0, 0.1
 

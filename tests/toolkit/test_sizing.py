@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.fem.scene.mesh import signed_volumes
+from autophyx_tet.fem.mesh import signed_volumes
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.meshing.sizing import REACH, SHORTEST, edge_field, thicknesses
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.triangles import Triangles
+from autophyx_tet.toolkit.asset.triangles import Triangles
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
+from autophyx_tet.toolkit.meshing.ftetwild import REACH, SHORTEST, edge_field, thicknesses
 
 
 def _triangles(mesh):

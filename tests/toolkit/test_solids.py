@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Part
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids, _asked
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids, _asked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

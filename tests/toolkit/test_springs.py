@@ -5,12 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.mesh.pvd import write_pvd
-from autophyx_tet.converters.spring_archive import load_springs
+from autophyx_tet.converters.archives import load_springs
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.mesh.vtk import write_pvd
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.options import SimulateOptions
 from autophyx_tet.toolkit.pipeline import simulate

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate

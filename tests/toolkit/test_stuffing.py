@@ -6,22 +6,18 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import signed_volumes
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import box_mesh, signed_volumes
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.toolkit.asset.repair import repair
+from autophyx_tet.toolkit.asset.solids import Solids, hollowed
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 from autophyx_tet.toolkit.meshing.quality import dihedral_angles
 from autophyx_tet.toolkit.meshing.stuffing.cut import cut
 from autophyx_tet.toolkit.meshing.stuffing.field import NodeField, SolidField
 from autophyx_tet.toolkit.meshing.stuffing.lattice import lattice_around
-from autophyx_tet.toolkit.meshing.stuffing.match import wanted_volumes
-from autophyx_tet.toolkit.meshing.stuffing.mesher import stuff
-from autophyx_tet.toolkit.meshing.stuffing.snap import Guard
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
-from autophyx_tet.toolkit.surfaces.offset import hollowed
-from autophyx_tet.toolkit.surfaces.repair import repair
-from autophyx_tet.toolkit.surfaces.solids import Solids
+from autophyx_tet.toolkit.meshing.stuffing.mesher import Guard, stuff, wanted_volumes
 
 from .test_tetrahedralize import asset_of
 

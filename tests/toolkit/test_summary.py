@@ -8,13 +8,12 @@ import time
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
+from autophyx_tet.converters.mesh.meshdata import write_mesh
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.report.window import show_in_window
-from autophyx_tet.toolkit.results.run import Stopwatch
+from autophyx_tet.toolkit.report.html import show_in_window
+from autophyx_tet.toolkit.verdict.run import Stopwatch
 from PIL import Image
 
 

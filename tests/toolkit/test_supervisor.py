@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
-from autophyx_tet.toolkit.native.interrupts import on_interrupt
+from autophyx_tet.toolkit.asset.guard import on_interrupt
 
 SOON = 2.0  # s that a command may take to end
 # Commands that begin to write a file and then do not hear: every interrupt is swallowed, or the

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.toolkit.surfaces.caps import cycle, least_area_cap
-from autophyx_tet.toolkit.surfaces.rows import equal_rows, face_edges
-from autophyx_tet.toolkit.surfaces.surface import Surface, touching_places
-from autophyx_tet.toolkit.surfaces.triangles import edge_components
+from autophyx_tet.toolkit.asset.repair import cycle, least_area_cap
+from autophyx_tet.toolkit.asset.surface import Surface, equal_rows, face_edges, touching_places
+from autophyx_tet.toolkit.asset.triangles import edge_components
 
 
 @pytest.mark.parametrize("largest", [5, 10**6, 2**61])

@@ -2,7 +2,7 @@
 
 from autophyx_tet.fem.verdicts import Check
 from autophyx_tet.toolkit.cli.terminal import show
-from autophyx_tet.toolkit.results.verdict import ADVICE, Verdict, with_doubts
+from autophyx_tet.toolkit.verdict.verdict import ADVICE, Verdict, with_doubts
 
 
 def shown(capsys, document):

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import NoVolumeError, UsageError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 # Coarse and quick: the laws below do not depend on resolution.
 QUICK = {"edge_length_rel": 0.2, "epsilon_rel": 5e-3, "stop_energy": 20.0}

@@ -8,22 +8,19 @@ from typing import get_args
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.converters.grids.density import DensityGrid
-from autophyx_tet.converters.grids.density_file import read_density, write_density
-from autophyx_tet.converters.mesh.mesh_file import write_mesh
-from autophyx_tet.converters.points.point_file import read_points, write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
+from autophyx_tet.converters.grids import DensityGrid, read_density, write_density
+from autophyx_tet.converters.mesh.meshdata import write_mesh
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, read_points, write_points
 from autophyx_tet.converters.programs.export import export_mesh
 from autophyx_tet.converters.programs.material_bins import NameStyle, vertex_masses
 from autophyx_tet.converters.registry import PROGRAMS
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.toolkit.asset.document import Sidecar
+from autophyx_tet.toolkit.asset.textures import References
 from autophyx_tet.toolkit.cli.main import main
-from autophyx_tet.toolkit.io.references import References
-from autophyx_tet.toolkit.io.sidecar import Sidecar
 from autophyx_tet.toolkit.options import ExportOptions, Names, TransferOptions
 
 OAK = (1.1e10, 0.35, 700.0)

@@ -6,18 +6,15 @@ from typing import get_args
 import numpy as np
 import pytest
 import trimesh
-from autophyx_tet.converters.points.point_file import write_points
-from autophyx_tet.converters.points.splats.gaussians import standard_columns
-from autophyx_tet.converters.points.table import PointTable
-from autophyx_tet.fem.scene.axes import UpAxis
-from autophyx_tet.fem.scene.up import half_turn, up_vector
+from autophyx_tet.converters.points.gaussians import standard_columns
+from autophyx_tet.converters.points.table import PointTable, write_points
+from autophyx_tet.fem.scene.up import UpAxis, half_turn, up_vector
+from autophyx_tet.predictors.appearance.views import hemisphere, ring
 from autophyx_tet.predictors.asset import Asset, Part, upright
-from autophyx_tet.predictors.film.frame import Frame
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.cameras import hemisphere, ring
-from autophyx_tet.predictors.voxels import PartVoxels
-from autophyx_tet.toolkit.io.load import load_asset
-from autophyx_tet.toolkit.io.sidecar import Sidecar
+from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.toolkit.asset.document import Sidecar
+from autophyx_tet.toolkit.asset.load import load_asset
 from autophyx_tet.toolkit.report.picture import asset_panel, render_png
 from PIL import Image
 

@@ -5,14 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.fem.errors import UsageError
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.toolkit.options import AssignOptions, ConvertOptions
-from autophyx_tet.toolkit.walls.built_parts import bodies_of
-from autophyx_tet.toolkit.walls.stated_walls import with_stated_walls
-from autophyx_tet.toolkit.walls.wall_options import WallOptions
+from autophyx_tet.toolkit.walls import WallOptions, bodies_of, with_stated_walls
 
 CAN = (0.066, 0.066, 0.115)
 SURFACE = 2 * (0.066**2 + 2 * 0.066 * 0.115)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.toolkit.meshing.tetrahedralize import tetrahedralize
+from autophyx_tet.toolkit.meshing.convert import tetrahedralize
 
 from .test_losses import panels, prepared
 

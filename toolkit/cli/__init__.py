@@ -2,5 +2,5 @@
 
 In: the words of a call.
 Out: the document as tables or JSON, one line for an error, an exit code.
-Read: supervisor, main, mesh, transfer, look, learning, batch, progress, terminal.
+Read: supervisor, main, commands, terminal.
 """

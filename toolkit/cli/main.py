@@ -7,33 +7,54 @@ import logging
 import os
 import sys
 import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import tyro
 
 from ... import __version__
 from ...fem.errors import AutophyxError, UsageError
-from ..config import config_text, option_names, with_config
-from ..native.interrupts import was_interrupted
-from .batch import COMMANDS as BATCH
-from .help import BRIEF, WHOLE, asked, brief
-from .learning import COMMANDS as LEARNING
-from .look import COMMANDS as LOOK
-from .mesh import COMMANDS as MESH
-from .pipes import piped, writes_to_stdout
-from .transfer import COMMANDS as TRANSFER
-from .view import COMMANDS as VIEW
+from ...fem.registry import Registry
+from ..asset.guard import was_interrupted
+from ..options import config_text, option_names, with_config
 
 if TYPE_CHECKING:
     from ..options import Common
 
+
 EXIT_BUG = 1
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # what shells return when nobody reads any more: `--help | head`
-COMMANDS = {**MESH, **TRANSFER, **LOOK, **VIEW, **BATCH, **LEARNING}
+# Verb -> its options, loaded when it is called: the last three are of `research`.
+COMMANDS: Registry[Any] = Registry(
+    "command",
+    (__package__ or "").partition(".")[0],
+    {
+        "convert": "toolkit.cli.commands:ConvertCommand",
+        "assign": "toolkit.cli.commands:AssignCommand",
+        "simulate": "toolkit.cli.commands:SimulateCommand",
+        "reduce": "toolkit.cli.commands:ReduceCommand",
+        "match": "toolkit.cli.commands:MatchCommand",
+        "run": "toolkit.cli.commands:RunCommand",
+        "transfer": "toolkit.cli.commands:TransferCommand",
+        "export": "toolkit.cli.commands:ExportCommand",
+        "features": "toolkit.cli.commands:FeaturesCommand",
+        "materials": "toolkit.cli.commands:MaterialsCommand",
+        "info": "toolkit.cli.commands:InfoCommand",
+        "doctor": "toolkit.cli.commands:DoctorCommand",
+        "view": "toolkit.cli.commands:ViewCommand",
+        "batch": "toolkit.cli.commands:BatchCommand",
+        "dataset": "research.commands:DatasetCommand",
+        "train": "research.commands:TrainCommand",
+        "evaluate": "research.commands:EvaluateCommand",
+    },
+)
 
 
 DESCRIPTION = """From a 3D asset and a sentence to a simulation-ready tetrahedral mesh.
@@ -177,7 +198,7 @@ def _say(line: str) -> None:
 
 def _show(document: dict[str, Any], common: Common, *, silent: bool) -> None:
     """Print what was found; with a ``silent`` stdout its warnings alone."""
-    from ..io.document import SCHEMA, dumps
+    from ..asset.document import SCHEMA, dumps
 
     if silent:
         from .terminal import warn
@@ -198,3 +219,81 @@ def _show(document: dict[str, Any], common: Common, *, silent: bool) -> None:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+
+# What --help shows: the options that most calls want; --help-all shows every one.
+
+BRIEF, WHOLE = ("-h", "--help"), "--help-all"
+# By name, in whatever command they stand.
+RARE = frozenset(
+    "accept_broken address anchors basis bins body cache cells config damping device drop_height "
+    "edge_length encoder epsilon_rel eta fall_height features grain gravity_dir grid handles "
+    "interpreter law layers lower matter max_tets memory_limit modes move neighbours no_cache "
+    "obstacle order parameters parameters_alpha part part_wall picture poke_force preset pressure "
+    "print_config scene seed self_contact solid squeeze_share stiff supports table tear_share "
+    "threads time_limit to_stiff torque touch traceback views wind_speed with_nu".split()
+)
+
+
+def asked(words: Sequence[str]) -> str:
+    """Return which help ``words`` of the command line ask for, BRIEF or WHOLE, or nothing."""
+    if WHOLE in words:
+        return WHOLE
+    return next((word for word in words if word in BRIEF), "")
+
+
+def brief(command: type) -> type:
+    """Return ``command`` without its rare options, for its help alone."""
+    hints = get_type_hints(command, include_extras=True)
+    own: dict[str, Any] = {"__annotations__": {}, "__doc__": command.__doc__}
+    for item in fields(command):
+        hint, group = hints[item.name], item.default_factory
+        if item.name in RARE and item.default is not MISSING:
+            hint, own[item.name] = tyro.conf.Suppress[hint], item.default
+        elif isinstance(group, type) and is_dataclass(group):
+            inner = brief(group)
+            hint = Annotated[(inner, *get_args(hint)[1:])]
+            own[item.name] = field(default_factory=inner)
+        else:
+            continue
+        own["__annotations__"][item.name] = hint
+    return dataclass(frozen=True)(type(command.__name__, (command,), own))
+
+
+# A dash in place of a mesh: read it from stdin, write it to stdout, as .msh.
+
+DASH = Path("-")
+_INPUTS = ("mesh", "file")  # what commands call a mesh that they read
+_WRITERS = ("ConvertCommand", "AssignCommand")
+
+
+def writes_to_stdout(command: Any) -> bool:
+    """Whether the result goes to stdout, where nothing else may be told then."""
+    return getattr(command, "output", None) == DASH
+
+
+@contextmanager
+def piped(command: Any) -> Iterator[Any]:
+    """Give the command with files in the places of dashes; what it wrote goes to stdout at its end.
+
+    Raises
+    ------
+    UsageError
+        Where stdout has two things to hold, or what goes there is no mesh.
+    """
+    reads = [name for name in _INPUTS if getattr(command, name, None) == DASH]
+    writes = writes_to_stdout(command)
+    if not reads and not writes:
+        yield command
+        return
+    if writes and (command.common.json or type(command).__name__ not in _WRITERS):
+        raise UsageError("-o -: stdout takes a mesh of `convert` or `assign`, without --json")
+    with TemporaryDirectory() as folder:
+        files = {"output": Path(folder) / "stdout.msh"} if writes else {}
+        for name in reads:
+            files[name] = Path(folder) / "stdin.msh"
+            files[name].write_bytes(sys.stdin.buffer.read())
+        yield replace(command, **files)
+        if writes:
+            sys.stdout.buffer.write(files["output"].read_bytes())
+            sys.stdout.flush()

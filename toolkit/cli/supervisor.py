@@ -46,7 +46,7 @@ def main() -> int:
 def _command(parent: int, folder: str, watched: set[signal.Signals]) -> NoReturn:
     """The child's side: the command, with its temporary files in ``folder``."""
     try:
-        from ..native.interrupts import on_interrupt
+        from ..asset.guard import on_interrupt
 
         if signal.SIGINT in watched:
             signal.signal(signal.SIGINT, on_interrupt)
@@ -83,7 +83,7 @@ def _settle(parent: int, folder: str) -> None:
     import tempfile
 
     from ...converters.files import UNFINISHED_LIST
-    from ..native.guard import die_with
+    from ..asset.guard import die_with
 
     die_with(parent)
     if folder:

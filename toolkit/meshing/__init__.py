@@ -2,5 +2,5 @@
 
 In: an asset of named surfaces [m], or a file of tets.
 Out: one watertight tet mesh [m] with a region a part, and its report.
-Read: tetrahedralize, preparation, losses, attempts, meshers, engine_run, stuffing, messages.
+Read: convert, losses, meshers, ftetwild, stuffing, messages.
 """

@@ -8,15 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...converters.mesh.mesh_file import read_mesh
-from ...fem.scene.boundary import boundary_faces
-from ...fem.scene.mesh import TetMesh
+from ...converters.mesh.meshdata import read_mesh
+from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset, Part, UpAxis
-from ..io.load import scaled
-from ..io.units import Unit
-from ..surfaces.repair import RepairReport
-from .conversion_report import ConversionReport, Distances, Guarantee, Region
-from .manifold import separate
+from ..asset.load import Unit, scaled
+from ..asset.repair import RepairReport
+from .guarantees import ConversionReport, Distances, Guarantee, Region, separate
 from .quality import quality
 
 SUFFIXES = (".msh", ".vtk", ".vtu", ".mesh")

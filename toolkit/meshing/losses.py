@@ -11,13 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...predictors.asset import Part
-from ..surfaces.orientation import enclosed_shares
-from ..surfaces.repair import oriented, stacked
-from ..surfaces.samples import sample, stratified
-from ..surfaces.solids import Solids
-from ..surfaces.surface import Surface, incoherence, open_components
-from ..surfaces.triangles import WindingNumber, closest
-from ..surfaces.welding import WELD_REL, weld
+from ..asset.repair import WELD_REL, enclosed_shares, oriented, stacked, weld
+from ..asset.solids import Solids
+from ..asset.surface import Surface, incoherence, open_components
+from ..asset.triangles import WindingNumber, closest, sample, stratified
 
 MOST_LOST = 0.05  # of the volume: a body that lacks more is another body
 # Winding number from which a point is inside for certain: it sees the surface's inner side in at

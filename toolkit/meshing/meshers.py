@@ -8,9 +8,9 @@ from ...fem.errors import UsageError
 from ...fem.registry import Registry
 
 if TYPE_CHECKING:
-    from ..native.cache import Runner
-    from ..surfaces.solids import Solids
-    from .engine_run import EngineTarget, Filling
+    from ..asset.cache import Runner
+    from ..asset.solids import Solids
+    from .ftetwild import EngineTarget, Filling
 
 
 class Mesher(Protocol):
@@ -29,7 +29,7 @@ FTETWILD, STUFFING = "ftetwild", "stuffing"
 MESHERS: Registry[Mesher] = Registry(
     "mesher",
     __package__ or "",
-    {FTETWILD: "engine_run:run_engine", STUFFING: "stuffing.mesher:stuffed"},
+    {FTETWILD: "ftetwild:run_engine", STUFFING: "stuffing.mesher:stuffed"},
 )
 
 

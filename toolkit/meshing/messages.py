@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...fem.scene.boundary import boundary_faces
-from ...fem.scene.mesh import TetMesh
+from ...fem.mesh import TetMesh, boundary_faces
 from ...predictors.asset import Asset
-from ...predictors.construction.construction import IN_ITS_SHAPE
-from ...predictors.construction.kinds import head_of_name, kinds_named
-from ..surfaces.layer import hull_share
-from ..surfaces.repair import MOST_CROSSED
-from .conversion_report import BROKEN, SHARE_TOLD, Attempt, ConversionReport
+from ...predictors.construction import IN_ITS_SHAPE, head_of_name, kinds_named
+from ..asset.repair import MOST_CROSSED
+from ..asset.solids import hull_share
+from .guarantees import BROKEN, SHARE_TOLD, Attempt, ConversionReport
 from .losses import MOST_LOST, FileLosses
 from .meshers import STUFFING
 

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fem.scene.boundary import (
+from ...fem.material import wave_speed
+from ...fem.mesh import (
+    TetMesh,
+    altitudes,
     boundary_faces,
     edge_vectors,
     equal_faces,
+    largest_explicit_step,
+    signed_volumes,
     tet_area_vectors,
 )
-from ...fem.scene.material import wave_speed
-from ...fem.scene.mesh import TetMesh, altitudes, largest_explicit_step, signed_volumes
-from ..surfaces.rows import face_edges
+from ..asset.surface import face_edges
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])

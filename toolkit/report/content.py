@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int, UInt8
 
-from ...fem.errors import InputError
-from ...fem.scene.materials import Span
-from ...fem.scene.mesh import TetMesh
-from ...predictors.asset import UpAxis
-from ..results.description import Acting, Marks
-from ..results.verdict import Verdict
-from .look import Look
-from .touch import TouchBody
+from ...fem.errors import ConvergenceError, InputError, UsageError
+from ...fem.mesh import TetMesh
+from ...fem.reduced.basis import reduce_body
+from ...fem.reduced.elasticity import ReducedElasticity, reduced_frequencies
+from ...fem.reduced.model import ReducedModel, Subspace
+from ...fem.scene.scene import Scene
+from ...fem.scene.up import up_vector
+from ...fem.table import Span
+from ...predictors.appearance.surface import skin_of
+from ...predictors.asset import Asset, UpAxis
+from ..verdict.description import Acting, Marks
+from ..verdict.verdict import Verdict
 
 Fact = tuple[str, str]  # a label, and words
 
@@ -158,3 +162,132 @@ class ReportContent:
     def __post_init__(self) -> None:
         if not self.cases:
             raise InputError("a report needs at least one case, got none")
+
+
+# How an asset looks, carried to the tets of its mesh: one of a few colours each.
+
+SAMPLES = 40_000  # coloured points of the surface: one a pixel of a picture of 200 x 200
+MOST = 64  # colours: what one map of the page tells apart
+
+
+class Look(NamedTuple):
+    """Colours as ``#rrggbb``, at most ``MOST``, and which of them each tet has, shape (tets,)."""
+
+    colors: tuple[str, ...]
+    index: Int[np.ndarray, "tets"]
+
+
+def look_of(asset: Asset, mesh: TetMesh) -> Look | None:
+    """The colour of the asset's surface where it is nearest to each tet; None where it has one.
+
+    A tet on the surface has the colour of its face, which lies nearer than its centroid.
+    """
+    from PIL import Image
+    from scipy.spatial import KDTree
+
+    where, colour = _coloured_points(asset)
+    if len(np.unique(colour, axis=0)) < 2:
+        return None
+    at = mesh.centroids.copy()
+    at[mesh.boundary.tet] = mesh.points[mesh.boundary.faces].mean(axis=1)
+    seen = colour[KDTree(where).query(at)[1]]
+    image = Image.fromarray(seen[None]).quantize(MOST, method=Image.Quantize.MEDIANCUT)
+    table = np.array(image.getpalette()).reshape(-1, 3)
+    used, index = np.unique(np.asarray(image)[0], return_inverse=True)
+    return Look(tuple("#{:02x}{:02x}{:02x}".format(*table[k]) for k in used), index)
+
+
+def _coloured_points(
+    asset: Asset,
+) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
+    """Points of even density on all parts, and their colours, sRGB bytes."""
+    rng = np.random.default_rng(0)
+    areas = np.array([part.mesh.area for part in asset.parts])
+    where, colours = [], []
+    for part, share in zip(asset.parts, areas / (areas.sum() or 1), strict=True):
+        corners, area = part.mesh.triangles, part.mesh.area_faces
+        if not area.sum() > 0:
+            continue
+        face = rng.choice(len(area), size=int(np.ceil(SAMPLES * share)), p=area / area.sum())
+        u, v = np.sort(rng.random((2, len(face))), axis=0)
+        weight = np.stack([u, v - u, 1 - v], axis=1).astype(np.float32)
+        where.append(np.einsum("nk,nki->ni", weight, corners[face]))
+        colours.append(skin_of(part.mesh)(face, weight)[:, :3])
+    if not where:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.uint8)
+    bytes_ = (255 * np.concatenate(colours).clip(0, 1) + 0.5).astype(np.uint8)
+    return np.concatenate(where), bytes_
+
+
+# A body to pull on the page: its reduced model, how large and how slowly it is shown.
+
+# What a page can step sixty times a second.
+MOST_CELLS, MOST_DOFS = 250, 40
+# The force [N] of a finger moves the softest place by this share of the diagonal, as it is shown.
+FINGER, SHOWN = 10.0, 0.1
+# The slowest vibration takes at least so long [s] on the page.
+SLOWEST = 0.5
+
+
+class TouchBody(NamedTuple):
+    """A body to pull.
+
+    ``magnification`` and ``slowness`` [1] are how many times larger and slower than it is it is
+    shown; ``moved`` [m] is how far ``FINGER`` N move its softest place.
+    """
+
+    model: ReducedModel
+    magnification: float
+    slowness: float
+    moved: float
+
+    @property
+    def words(self) -> str:
+        """How it is shown, in words."""
+        size = "as large as it is"
+        if self.magnification > 1:
+            size = f"magnified {self.magnification:,.0f} times"
+        pace = "in its own time" if self.slowness == 1 else f"{self.slowness:,.0f} times slower"
+        return f"Its motion is shown {size} and {pace}."
+
+
+def touch_of(scene: Scene) -> TouchBody:
+    """Body of ``scene`` as it is held, without its loads, to be pulled.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be, and why.
+    """
+    if not scene.held.fixed.any():
+        raise UsageError("nothing holds it: there is nothing to pull at")
+    mesh, down = scene.mesh, -9.81 * up_vector(scene.up)
+    try:
+        model = reduce_body(
+            mesh, scene.held, gravity_vector=down, kind=Subspace.VECTOR, most_cells=MOST_CELLS
+        )
+    except (InputError, ConvergenceError) as error:
+        raise UsageError(f"it has no reduced model: {error}") from error
+    if model.dofs > MOST_DOFS or len(model.cells) > MOST_CELLS:
+        raise UsageError(
+            f"{model.dofs} coordinates and {len(model.cells)} cells are too many for a page"
+        )
+    return shown(model)
+
+
+def shown(model: ReducedModel) -> TouchBody:
+    """Magnification and pace at which a reader sees ``model`` give way and swing."""
+    elasticity = ReducedElasticity(model)
+    surface = model.basis[np.unique(model.faces)]
+    K = elasticity.tangent(np.zeros(model.dofs))
+    soft = np.einsum("nia,ab,njb->nij", surface, np.linalg.inv(K), surface, optimize=True)
+    moved = FINGER * float(np.linalg.eigvalsh(soft)[:, -1].max())
+    diagonal = float(np.linalg.norm(np.ptp(model.points[model.mass > 0], axis=0)))
+    slow = SLOWEST * float(reduced_frequencies(elasticity)[0])
+    return TouchBody(model, _plain(SHOWN * diagonal / moved), _plain(slow), moved)
+
+
+def _plain(value: float) -> float:
+    """Nearest 1, 2 or 5 times a power of ten, at least 1."""
+    steps = np.array([1, 2, 5, 10]) * 10.0 ** np.floor(np.log10(max(value, 1.0)))
+    return float(steps[np.argmin(np.abs(np.log(steps / max(value, 1.0))))])

@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ... import __version__
+from ...converters import files as npz
+from ...converters.files import writing_folder
+from ...converters.mesh.meshdata import write_mesh
 from ...fem.errors import UsageError
-from ...fem.reduced.reduction import accuracy_warnings
-from ...fem.scene.materials import Span
+from ...fem.mesh import TetMesh
+from ...fem.reduced.basis import accuracy_warnings
+from ...fem.table import Span
+from ...fem.verdicts import GIVES_WAY
 from ...predictors.asset import UpAxis
-from ..io.document import now, plain, versions
-from ..io.sidecar import Sidecar
+from ...predictors.prediction import GUESS
+from ..asset.document import SCHEMA, Sidecar, now, plain, versions, write_json
+from ..meshing.messages import listed
 from ..meshing.quality import dihedral_angles, quality
-from ..results.conversion import Conversion
-from ..results.description import describe, marks
-from ..results.quantities import si
-from ..results.ringing import Ringing
-from ..results.run import RunResult
-from ..results.settled import Settled
-from ..results.simulation import Simulation
-from ..results.verdict import Verdict
-from .answers import found, loaded, loaded_mesh, unheard
-from .content import Case, PartRow, ReportContent
-from .look import look_of
-from .picture.snapshot import PARTICLES, particle_film
-from .report import report_page
-from .touch import touch_of
+from ..verdict.description import describe, marks
+from ..verdict.run import Conversion, RunCase, RunResult, Stopwatch
+from ..verdict.simulation import Ringing, Settled, Simulation
+from ..verdict.verdict import Verdict, si
+from .content import Case, Fact, PartRow, ReportContent, look_of, touch_of
+from .html import report_page, write_report
+from .picture import PARTICLES, particle_film, render_png, story
 
 log = logging.getLogger(__name__)
 
@@ -231,3 +234,206 @@ def _part_row(row: dict[str, Any]) -> PartRow:
         nu_span=nu,
         rho_span=rho,
     )
+
+
+# Answers: what a reader asks of a page before all else, a line each, in words.
+
+MESHERS = {"ftetwild": "fTetWild", "stuffing": "a lattice cut to the surface"}
+UNJUDGED = "not judged in a motion: a load at rest is, --scenario sag with --load"
+SAFE_TOLD = 1000.0  # safety factors above it are told as more than it
+
+
+def loaded(conversion: Conversion) -> Iterator[Fact]:
+    """What was loaded, and what mesh was made of it."""
+    asset, report = conversion.asset, conversion.report
+    kind = f"a surface through {asset.samples}" if asset.sampled else "a surface"
+    faces, parts = sum(len(part.mesh.faces) for part in asset.parts), len(asset.parts)
+    unit = asset.metres_per_unit
+    scale = "in metres" if unit == 1 else f"1 unit taken as {si(unit, 'm')}"
+    size = " × ".join(si(side, "m") for side in asset.size)
+    yield (
+        "Loaded",
+        f"{_file_name(asset.source or asset.name)}: {kind}, {parts} part{'s' * (parts > 1)}, "
+        f"{faces:,} triangles, {size}, {scale}, {asset.up} up",
+    )
+    kept = sum(guarantee.ok for guarantee in report.guarantees)
+    gaps = report.distances
+    off = max(gaps.to_input, gaps.from_input)
+    yield (
+        "Mesh",
+        f"{len(conversion.mesh.tets):,} tets of about {si(report.edge_length, 'm')} by "
+        f"{MESHERS.get(report.mesher, report.mesher)}, at most {si(off, 'm')} off the file; "
+        f"{kept} of {len(report.guarantees)} guarantees kept",
+    )
+
+
+def loaded_mesh(name: str, mesh: TetMesh, sidecar: Sidecar) -> Iterator[Fact]:
+    """Which mesh a simulation has loaded, and what it was made of."""
+    parts, source = len(mesh.region_names), sidecar.source.get("path")
+    size = " × ".join(si(side, "m") for side in np.ptp(mesh.bounds, axis=0))
+    yield (
+        "Loaded",
+        f"{name}: a mesh of {len(mesh.tets):,} tets, {parts} part{'s' * (parts > 1)}, {size}, "
+        f"{sidecar.up} up{f', of {_file_name(source)}' if source else ''}",
+    )
+
+
+def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[Fact]:
+    """What moves most, whether it gives way, and how well the materials are known."""
+    if isinstance(simulation, Ringing):
+        first = simulation.frequencies[:1]
+        yield "Rings", f"first at {si(first[0], 'Hz')}" if first else "no frequency was found"
+    else:
+        yield "Moves most", _moves(simulation)
+    judged = isinstance(simulation, Settled)
+    yield "Gives way", _gives_way(simulation) if judged else UNJUDGED
+    if parts:
+        yield "Materials", _materials(parts)
+
+
+def unheard(doubts: Sequence[str]) -> Fact:
+    """What of the words was not understood, or is a guess."""
+    return "Not understood, or guessed", "; ".join(doubts) or "nothing of the words: each was used"
+
+
+def _file_name(source: str) -> str:
+    return source.replace("\\", "/").rpartition("/")[2]
+
+
+def _moves(simulation: Simulation) -> str:
+    """How far, which part and where: of all frames of a motion."""
+    if isinstance(simulation, Settled):
+        frames, when = simulation.displacement[None], ""
+    else:
+        frames, when = simulation.animation.displacement, " at most"
+    far = np.linalg.norm(frames, axis=-1).max(axis=0)
+    point = int(far.argmax())
+    mesh = simulation.mesh
+    place = ", ".join(f"{x:.3g}" for x in mesh.points[point])
+    return f"{_part_at(mesh, point)} by {si(float(far[point]), 'm')}{when}, at ({place}) m"
+
+
+def _part_at(mesh: TetMesh, point: int) -> str:
+    """Name of a part that has this point."""
+    tet = int(np.flatnonzero((mesh.tets == point).any(axis=1))[0])
+    return mesh.region_names[mesh.region[tet]]
+
+
+def _gives_way(simulation: Settled) -> str:
+    """Strength, then buckling; what the table has no strength of is named."""
+    said = []
+    if not simulation.solved.trusted:
+        return "it moves too far for this law: no stress of it is to be relied on"
+    if safety := simulation.safety:
+        worst = min(safety, key=lambda one: one.factor)
+        verb = "yes" if worst.factor < 1 else "no"
+        said.append(
+            f"{verb}: the least safety factor is {_times(worst.factor)}, of {worst.part} "
+            f"({worst.material}) against its {GIVES_WAY[worst.side][1]}"
+        )
+    known = {one.part for one in safety}
+    unknown = [name for name in simulation.mesh.region_names if name not in known]
+    if not simulation.materials:
+        said.append("of its strength nothing is known: its materials came without their names")
+    elif unknown:
+        said.append(f"not known of {listed(unknown)}, whose material has no strength in the table")
+    if factor := simulation.solved.load_factor:
+        does = "it buckles at" if factor.value < 1 else "it would buckle at"
+        said.append(f"{does} {_times(factor.value)} times its load")
+    else:
+        said.append(f"whether it buckles was not checked: {simulation.solved.load_factor_unmade}")
+    return "; ".join(said)
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.3g}" if factor <= SAFE_TOLD else f"more than {SAFE_TOLD:.0f}"
+
+
+def _materials(parts: Sequence[dict[str, Any]]) -> str:
+    """How many are as said, which are guesses, how far E is known."""
+    guesses = [part["name"] for part in parts if _is_guess(part)]
+    spans = [p["ranges"]["E"] for p in parts]
+    ends = [(s["min"], s["max"]) if isinstance(s, dict) else (s.min, s.max) for s in spans]
+    widest = max(high / low for low, high in ends)
+    known = f"{len(parts) - len(guesses)} of {len(parts)} from words or names"
+    guessed = f", a guess for {listed(guesses)}" if guesses else ""
+    if widest == 1:
+        return f"{known}{guessed}; E is as stated"
+    return f"{known}{guessed}; E is known to a factor of {widest:.2g} or better"
+
+
+def _is_guess(part: dict[str, Any]) -> bool:
+    """Whether no word settles its material: nothing near is known, or no clause speaks of it."""
+    binding = plain(part["binding"])
+    unsaid = binding is not None and binding["clause"] is None
+    return part["guessed"] or not part["understood"] or part["weight"] < GUESS or unsaid
+
+
+# The folder that `run` leaves: mesh, field, motion, report, and run.json written last.
+
+PICTURE, SAMPLES = 320, 4  # pixels of a panel and rays a pixel: one or two seconds of a core
+
+
+def write_folder(folder: Path, result: RunResult, *, touch: bool = False) -> RunResult:
+    """Write everything or nothing; the result with its files. Further texts go to ``text2/`` ...
+
+    With ``touch`` the report has bodies to pull.
+    """
+    with writing_folder(folder) as home:
+        clock = Stopwatch()
+        made = [*_write_files(home, result, touch), home / "run.json"]
+        clock.lap("write")
+        spent = {"seconds": {**result.seconds, **clock.seconds}}
+        spent["cpu_seconds"] = {**result.cpu_seconds, **clock.cpu_seconds}
+        files = (*result.files, *(folder / file.relative_to(home) for file in made))
+        result = replace(result, files=files, **spent)
+        write_json(made[-1], {"schema": SCHEMA, **result.document()})
+    return result
+
+
+def _write_files(folder: Path, result: RunResult, touch: bool) -> list[Path]:
+    """Write all but run.json; data and picture on another core than the report is made on."""
+    with ThreadPoolExecutor(1) as beside:
+        picture = beside.submit(_write_picture, folder / "picture.png", result)
+        data = beside.submit(_write_data, folder, result)
+        files, pictures = [], {}
+        if result.features is not None:
+            from .picture import CAPTION, feature_png
+
+            asset = result.conversion.asset
+            files.append(feature_png(folder / "features.png", result.features, asset))
+            pictures[CAPTION] = files[-1].read_bytes()
+        page = run_page(result, pictures=pictures, touch=touch)
+        report = write_report(folder / "report.html", page)
+    return [*data.result(), *files, picture.result(), report]
+
+
+def _write_data(folder: Path, result: RunResult) -> list[Path]:
+    files: list[Path] = []
+    for number, case in enumerate(result.cases, 1):
+        home = folder if number == 1 else folder / f"text{number}"
+        home.mkdir(exist_ok=True)
+        files += _write_case(home, case, bare_mesh=number == 1)
+    return files
+
+
+def _write_case(home: Path, case: RunCase, *, bare_mesh: bool) -> list[Path]:
+    mesh, solved = case.assignment.mesh, case.simulation
+    files = []
+    if bare_mesh:
+        write_mesh(home / "mesh.msh", mesh)
+        files += [home / "mesh.msh", case.assignment.described().write(home / "mesh.msh")]
+    if len(solved.mesh.tets) == len(mesh.tets):  # with its grain
+        mesh = solved.mesh
+    write_mesh(home / "mesh.vtu", mesh, point_data=solved.point_data, cell_data=solved.cell_data)
+    npz.save(home / "field.npz", case.assignment.field)
+    return [*files, home / "mesh.vtu", home / "field.npz", *solved.write(home / "motion.pvd")]
+
+
+def _write_picture(path: Path, result: RunResult) -> Path:
+    """Asset, stiffness and sag of the first sentence, side by side."""
+    case, asset = result.cases[0], result.conversion.asset
+    simulation = case.simulation
+    panels = story(asset, simulation.mesh, simulation.displacement, title=simulation.title)
+    render_png(path, panels, up=asset.up, pixels=PICTURE, samples=SAMPLES)
+    return path

@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
+import csv
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...converters.reduced_archive import save_fits, save_reduced
-from ...converters.spring_archive import save_springs
-from ...fem.discrete.space import make_space
+from ...converters.archives import save_fits, save_reduced, save_springs
+from ...converters.mesh.vtk import read_pvd
+from ...fem.elements.space import LARGEST_MOVING, affordable_order, make_space
 from ...fem.errors import InputError, UsageError
-from ...fem.matching import MotionFit, ObservedMotion, fit_motion, fit_warnings
-from ...fem.reduced.following import start_velocity, stated_forces
+from ...fem.identify import MotionFit, ObservedMotion, fit_motion, fit_warnings
+from ...fem.mesh import TetMesh
+from ...fem.reduced.basis import accuracy_warnings, measured
 from ...fem.reduced.method import with_motion_error
 from ...fem.reduced.model import ReducedModel
-from ...fem.reduced.reduction import accuracy_warnings, measured
-from ...fem.scene.mesh import TetMesh
+from ...fem.reduced.motion import start_velocity, stated_forces
+from ...fem.reduced.sweep import what_if, what_if_error
 from ...fem.scene.scene import Scene
+from ...fem.solve.error import linear_stiffening, motion_order
+from ...fem.solve.modal import natural_modes
+from ...fem.solve.result import too_coarse
 from ...fem.solve.schemes import Scheme
+from ...fem.springs.body import spring_body
+from ...fem.springs.fit import SpringFit, fit_both_ends, fit_to_motion, spring_warnings
 from ...predictors.asset import UpAxis
-from ..io.outputs import check_file
-from ..io.sidecar import read_known
+from ..asset.document import check_file, read_known
 from ..options import SimulateOptions
-from ..results.reduction import Match, Reduction, SpringMatch
-from .conditions import changed_options
-from .motion_reading import EvenMotion, read_motion
-from .scenario import Progress, announce, frames_told, stated_scene
-from .solvers import reduced_method
-from .spring_matching import fitted_springs
-from .what_if_table import answer_table
+from ..verdict.reduction import Match, Reduction, SpringMatch, WhatIfTable
+from .scenario import Progress, announce, changed_options, frames_told, reduced_method, stated_scene
 
 
 def reduce(
@@ -179,3 +181,125 @@ def _scene(mesh: str | Path | TetMesh, options: SimulateOptions, up: UpAxis | No
     if found.material is None:
         raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
     return stated_scene(found, options, up=up or sidecar.up)
+
+
+# The verb match for springs: the scale of k after a motion of the same scene.
+
+
+def fitted_springs(
+    scene: Scene, motions: Sequence[EvenMotion], options: SimulateOptions, **told: Any
+) -> tuple[SpringFit, tuple[str, ...]]:
+    """Fit of the network of ``options`` to a motion, or to a soft and a stiff one.
+
+    And what it does not know of the body. The fit is ``told`` of, as ``fit_to_motion`` does.
+    The frequency that it is compared with is that of the elements which motions are made with.
+    """
+    body = spring_body(scene, options.anchors, options.neighbours)
+    order = motion_order(scene.mesh)
+    modes = natural_modes(scene.mesh, 1, supports=scene.supports, order=order)
+    frequency = float(modes.frequencies[0])
+    one, *others = motions
+    if others:
+        (soft, dt), (stiff, stiff_dt) = one, others[0]
+        fit = fit_both_ends(body, soft, stiff, (dt, stiff_dt), frequency=frequency, **told)
+    else:
+        u, dt = one
+        fit = fit_to_motion(body, u, dt, eta=options.eta, frequency=frequency, **told)
+    coarse = too_coarse(linear_stiffening(scene.mesh, scene.supports)) if order == 1 else None
+    notes = () if coarse is None else (f"the frequency it is compared with is too high: {coarse}",)
+    return fit, (*notes, *body.notes, *spring_warnings(fit))
+
+
+# Motions out of files: displacements at equal times, to be fitted to.
+
+# Frames of a motion are at equal times to this share of their distance.
+EVEN = 1e-3
+
+
+class EvenMotion(NamedTuple):
+    """Displacement (frames, points, 3) [m] every ``dt`` [s]."""
+
+    displacement: np.ndarray
+    dt: float
+
+
+def read_motion(path: Path, points: int) -> EvenMotion:
+    """Displacements of a .pvd at equal times; ``InputError`` where they are none or uneven."""
+    times, frames = [], []
+    for moment, data in read_pvd(path):
+        u = data.point_data.get("displacement")
+        if u is None or u.shape != (points, 3):
+            raise InputError(
+                f"{path}: frame {len(frames)} has no displacement of {points} points: wanted a "
+                "motion of this mesh, as `simulate -o MOTION.pvd` writes"
+            )
+        times.append(moment)
+        frames.append(np.asarray(u, dtype=float))
+    steps = np.diff(times)
+    if len(steps) < 2 or not np.ptp(steps) <= EVEN * steps.mean():
+        raise InputError(f"{path}: {len(times)} frames: wanted three or more at equal times")
+    return EvenMotion(np.stack(frames), float(steps.mean()))
+
+
+# A table of what-if runs: E of every part and the load, a row a run, answered by a reduced model.
+#
+# Columns are names of parts (a factor to their E), ``load`` (one to all that acts) and ``gx``,
+# ``gy``, ``gz`` [m/s^2] (gravity instead of the scenario's); what a table does not name stays.
+
+LOAD, GRAVITY = "load", ("gx", "gy", "gz")
+
+
+def answer_table(path: Path, model: ReducedModel, scene: Scene) -> WhatIfTable:
+    """Answer every row of the table at ``path`` by ``model``, and some by the full body.
+
+    Raises
+    ------
+    InputError
+        Where the table is empty, names what is no part, or holds what is no number.
+    """
+    header, rows = _read(path, model.region_names)
+    columns = dict(zip(header, rows.T, strict=True))
+    runs, ones = len(rows), np.ones(len(rows))
+    scales = np.stack([columns.get(part, ones) for part in model.region_names], axis=1)
+    usual = np.asarray(scene.gravity_vector, dtype=float)
+    pairs = zip(GRAVITY, usual, strict=True)
+    gravity = np.stack([columns.get(name, g * ones) for name, g in pairs], axis=1)
+    share, dead = columns.get(LOAD, ones), stated_forces(scene, model.order)
+
+    def forces(run: int) -> np.ndarray:
+        return share[run] * (model.mass[:, None] * gravity[run] + dead)
+
+    weights = np.stack([model.weight(axis) for axis in np.eye(3)])
+    loads = share[:, None] * (gravity @ weights + model.pull_back(dead))
+    started = time.perf_counter()
+    found = what_if(model, scales=scales, loads=loads)
+    seconds = time.perf_counter() - started
+    error = what_if_error(
+        model,
+        found,
+        scene.mesh,
+        scene.held,
+        scales=scales,
+        forces=forces,
+        count=min(4, runs),
+        order=affordable_order(scene.mesh, LARGEST_MOVING),
+    )
+    return WhatIfTable(header, rows, found, error, seconds)
+
+
+def _read(path: Path, parts: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
+    try:
+        with path.open(newline="") as file:
+            header, *lines = [row for row in csv.reader(file) if row]
+        rows = np.array(lines, dtype=float).reshape(len(lines), len(header))
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: wanted a table of numbers with a header: {error}") from error
+    header = tuple(name.strip() for name in header)
+    unknown = [name for name in header if name not in (*parts, LOAD, *GRAVITY)]
+    if unknown or len(set(header)) < len(header):
+        known = ", ".join((*parts, LOAD, *GRAVITY))
+        wrong = ", ".join(unknown or header)
+        raise InputError(f"{path}: columns {wrong}: wanted each once of {known}")
+    if not len(rows) or not np.isfinite(rows).all():
+        raise InputError(f"{path}: wanted a row of finite numbers for every run")
+    return header, rows

@@ -4,27 +4,39 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...fem.conditions.boundary_conditions import LOADS, BoundaryConditions
+import numpy as np
+
 from ...fem.errors import ConvergenceError, InputError, UsageError
-from ...fem.result import Modes, MotionResult, SagResult
-from ...fem.scenarios.scenario import SCENARIOS, Scenario
-from ...fem.scene.mesh import TetMesh
+from ...fem.grain import Grained, grained_parts, parts_of_grain, with_grains
+from ...fem.identify import MotionFit
+from ...fem.mesh import TetMesh, join_meshes, material_of
+from ...fem.scene.conditions import (
+    KINDS,
+    LOADS,
+    BoundaryConditions,
+    ConditionsFile,
+    entries,
+    numbers,
+    read_conditions,
+)
 from ...fem.scene.scene import Scene
-from ...fem.solve.method import METHODS, Method
+from ...fem.solve.method import METHODS, SCENARIOS, Method, Scenario
+from ...fem.solve.result import Modes, MotionResult, SagResult
 from ...predictors.asset import UpAxis
-from ..options import EXPECTED, SimulateOptions
-from ..results.moving import Moving
-from ..results.ringing import Ringing
-from ..results.settled import Settled
-from ..results.simulation import Simulation
-from .bodies import with_bodies
-from .conditions import stated_conditions
-from .grain import grained
-from .solvers import chosen_method, method_name
+from ..asset.document import BodyRecord, read_known
+from ..options import EXPECTED, SimulateOptions, with_given
+from ..verdict.simulation import Moving, Ringing, Settled, Simulation
+
+if TYPE_CHECKING:
+    from ...fem.reduced.method import ReducedMethod
+    from ...fem.springs.method import SpringMethod
+
 
 STANDING_MODES = 3
 RECENT = 3  # frames whose pace is that of what goes on now
@@ -195,7 +207,7 @@ def frames_told(scenario: str, progress: Progress | None, started: float) -> Any
 
 def _standing_modes(scene: Scene, device: str) -> Any:
     """First vibrations of a body as it is held, where a direct factor finds them; else None."""
-    from ...fem.scenarios.vibration import Vibration
+    from ...fem.scenarios import Vibration
     from ...fem.solve.modal import quick_order
 
     order = quick_order(scene.mesh)
@@ -206,3 +218,285 @@ def _standing_modes(scene: Scene, device: str) -> Any:
         return METHODS[Vibration.method].solve(wanted, order=order, device=device)
     except (ConvergenceError, InputError):  # too few unknowns for so many modes
         return None
+
+
+# Further bodies of a scene: meshes beside the first, moved to where they are wanted.
+
+
+class Bodies(NamedTuple):
+    """All bodies as one ``mesh``, and the row of the table that each part is of."""
+
+    mesh: TetMesh
+    materials: dict[str, str]
+
+
+def with_bodies(mesh: TetMesh, materials: Mapping[str, str], entries: Sequence[str]) -> Bodies:
+    """Join the meshes of ``entries``, 'FILE' or 'FILE=x,y,z' [m], to ``mesh``.
+
+    Raises
+    ------
+    InputError
+        Where a file is no mesh with a material.
+    """
+    rows = dict(materials)
+    for entry in entries:
+        path, equals, place = entry.rpartition("=")
+        shift = numbers(place, 3, f"--body {entry}") if equals else numbers("0,0,0", 3, entry)
+        other, sidecar, *_ = read_known(path if equals else entry, None)
+        if other.material is None:
+            raise InputError(f"--body {entry}: it has no E, nu and rho: run `assign` on it first")
+        known, before = BodyRecord.of(sidecar).materials, len(mesh.region_names)
+        mesh = join_meshes(mesh, other, shift)
+        renamed = zip(other.region_names, mesh.region_names[before:], strict=True)
+        rows |= {new: known[old] for old, new in renamed if old in known}
+    return Bodies(mesh, rows)
+
+
+# Which method solves a scenario: its own, or the one of ``--solver`` with its options.
+
+# What solvers beside finite elements cannot do, by name of the scenario's own method or scenario.
+REFUSED = {
+    ("mpm", "modal"): "particles do not ring",
+    ("spring", "modal"): "springs are followed in time",
+    ("spring", "tear"): "springs do not tear",
+    ("lbs", "modal"): "a reduced body is followed in time",
+    ("lbs", "tear"): "a reduced body does not tear",
+}
+# Options that only some solvers have: with another they would be left out in silence.
+OWNED = {
+    **dict.fromkeys(("grid", "stiff", "matter", "damping", "preset", "threads"), ("mpm",)),
+    **dict.fromkeys(("anchors", "neighbours", "eta"), ("spring",)),
+    **dict.fromkeys(("basis", "handles"), ("lbs",)),
+    **dict.fromkeys(("parameters", "parameters_alpha"), ("lbs", "spring")),
+    "order": ("fem", "lbs"),
+}
+# Options that are a scenario's numbers, those of N named N_...: as they would be beside another.
+STAGED = {"supports": "sag", "modes": "modal"} | {
+    field.name: scenario
+    for field in fields(SimulateOptions)
+    for scenario in SCENARIOS.names
+    if field.name.startswith(f"{scenario}_")
+}
+
+
+def method_name(options: SimulateOptions, scenario: Scenario) -> str:
+    """Name of the method of ``--solver`` for ``scenario``; ``UsageError`` where it cannot."""
+    _check_owners(options, scenario)
+    if options.solver == "fem":
+        return scenario.method
+    why = REFUSED.get((options.solver, options.scenario))
+    if why is not None:
+        other = "mpm" if scenario.method == "mpm" else "fem"
+        raise UsageError(f"--scenario {options.scenario}: {why}; --solver {other}")
+    return options.solver
+
+
+def _check_owners(options: SimulateOptions, scenario: Scenario) -> None:
+    """Refuse what neither the solver nor the scenario would read, rather than leave it out."""
+    solver = "mpm" if scenario.method == "mpm" else options.solver
+    known = [field.name for field in fields(scenario)]  # type: ignore  (a scenario is a dataclass)
+    read = {*known, *(f"{options.scenario}_{name}" for name in known)}
+    for name in (*OWNED, *STAGED):
+        if getattr(options, name) == getattr(SimulateOptions, name):
+            continue
+        option = name.replace("_", "-")
+        owners = OWNED.get(name, ())
+        if owners and solver not in owners:
+            raise UsageError(f"--{option}: wanted --solver {' or '.join(owners)}, not {solver}")
+        if name in STAGED and name not in read:
+            wanted = f"wanted --scenario {STAGED[name]}, not {options.scenario}"
+            raise UsageError(f"--{option}: {wanted}")
+
+
+def chosen_method(
+    name: str,
+    options: SimulateOptions,
+    materials: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
+    *,
+    classes: Mapping[str, str] | None = None,
+) -> Method:
+    """Return the method ``name`` with the options that are its own, loaded when asked for.
+
+    ``materials`` are rows of the table by part, ``classes`` of matter those that were found of
+    them; ``announce`` hears what the run will cost.
+    """
+    if name == "mpm":
+        from .matter import particle_method
+
+        return particle_method(options, materials, announce, classes=classes)
+    if name == "spring":
+        return spring_method(options, announce)
+    if name == "lbs":
+        return reduced_method(options, announce)
+    return METHODS[name]
+
+
+def reduced_method(
+    options: SimulateOptions, announce: Callable[[str], None] | None = None
+) -> ReducedMethod:
+    """Reduced bodies of the kind and size, and with the fitted moduli, that the options name."""
+    from ...converters.archives import load_fits
+    from ...fem.reduced.method import ReducedMethod
+    from ...fem.reduced.model import Subspace
+
+    _check_parameters(options)
+    moduli = Moduli(1.0, None)
+    if options.parameters is not None:
+        moduli = moduli_between(load_fits(options.parameters), options.parameters_alpha)
+    return ReducedMethod(
+        kind=Subspace(options.basis),
+        handles=options.handles,
+        scale=moduli.scale,
+        nu=moduli.nu,
+        announce=announce,
+    )
+
+
+def spring_method(
+    options: SimulateOptions, announce: Callable[[str], None] | None = None
+) -> SpringMethod:
+    """Springs of the network that the options name, or of the one that was fitted."""
+    from ...converters.archives import load_springs
+    from ...fem.springs.method import SpringMethod
+
+    _check_parameters(options)
+    if options.parameters is None:
+        network = {"anchors": options.anchors, "neighbours": options.neighbours, "eta": options.eta}
+        return SpringMethod(**network, announce=announce)
+    fit = load_springs(options.parameters)
+    for name in ("anchors", "neighbours", "eta"):
+        asked, fitted = getattr(options, name), getattr(fit, name)
+        if asked not in (fitted, getattr(SimulateOptions, name)):
+            raise UsageError(
+                f"--{name} {asked:g}: --parameters were fitted with {fitted:g}, and hold for it "
+                "alone; leave it out"
+            )
+    network = {"anchors": fit.anchors, "neighbours": fit.neighbours, "eta": fit.eta}
+    ends = 1 if isnan(fit.stiffer) else 2
+    alpha = checked_alpha(options.parameters_alpha, ends)
+    stiffer = None if ends == 1 else fit.stiffer**alpha
+    found = {"scale": fit.scale, "surface": fit.surface, "stiffer": stiffer}
+    return SpringMethod(**network, **found, announce=announce)
+
+
+def _check_parameters(options: SimulateOptions) -> None:
+    if options.parameters is None and options.parameters_alpha is not None:
+        raise UsageError("--parameters-alpha: wanted --parameters of `match --to-stiff` with it")
+
+
+# What a match has found between a soft and a stiff motion: moduli at an alpha in between.
+
+# Where nothing is said.
+MIDDLE = 0.5
+
+
+class Moduli(NamedTuple):
+    """What E of all cells is multiplied by [1], and their Poisson's ratio [1] where it is known."""
+
+    scale: float
+    nu: float | None
+
+
+def checked_alpha(alpha: float | None, ends: int) -> float:
+    """Where between a soft end (0) and a stiff one (1), by default the middle; of one end, 0."""
+    if alpha is not None and (ends < 2 or not 0 <= alpha <= 1):
+        raise UsageError(
+            f"--parameters-alpha {alpha:g}: wanted 0 to 1, with --parameters of `match --to-stiff`"
+        )
+    return 0.0 if ends < 2 else MIDDLE if alpha is None else alpha
+
+
+def moduli_between(ends: Sequence[MotionFit], alpha: float | None = None) -> Moduli:
+    """Moduli at ``alpha`` between fits to a soft and to a stiff motion: even in log E, and in nu.
+
+    Raises
+    ------
+    UsageError
+        Where there is one end only, or ``alpha`` lies beyond them.
+    """
+    share = checked_alpha(alpha, len(ends))
+    soft, stiff = ends[0], ends[-1]
+    scale = float(soft.scale ** (1 - share) * stiff.scale**share)
+    if soft.nu is None or stiff.nu is None:
+        return Moduli(scale, None)
+    return Moduli(scale, (1 - share) * soft.nu + share * stiff.nu)
+
+
+# The grain of wood in a simulation: which way it is said to run, and who takes it.
+
+METHODS_WITH_GRAIN = ("statics", "modal", "dynamics")
+
+
+def grained(
+    mesh: TetMesh, options: SimulateOptions, materials: Mapping[str, str], *, method: str
+) -> Grained:
+    """Give the parts of ``mesh`` their grain where the ``method`` knows one, or say so.
+
+    ``materials`` are the rows of the table by part.
+
+    Raises
+    ------
+    UsageError
+        Where ``--grain`` is not understood, or cannot be followed.
+    """
+    stated = stated_grains(mesh, options.grain)
+    if method in METHODS_WITH_GRAIN:
+        return with_grains(mesh, materials, stated)
+    if stated:
+        raise UsageError("--grain: springs, particles and reduced bodies know none")
+    note = "wood is taken as stiff across its grain as along it: this method knows no grain"
+    known = grained_parts(mesh) or parts_of_grain(materials)
+    return Grained(mesh.with_material(material_of(mesh).without_grain()), (note,) if known else ())
+
+
+def stated_grains(mesh: TetMesh, entries: Sequence[str]) -> dict[str, np.ndarray]:
+    """Directions by part of what ``--grain`` says; ``UsageError`` where it is not understood."""
+    found = {}
+    for entry in entries:
+        place, equals, value = entry.rpartition("=")
+        kind, _, part = place.strip().partition(":")
+        if not equals or kind != "part" or part not in mesh.region_names:
+            known = ", ".join(mesh.region_names)
+            raise UsageError(f"--grain {entry!r}: wanted part:NAME=x,y,z; parts are {known}")
+        found[part] = numbers(value, 3, f"--grain {entry}")
+        if not found[part].any():
+            raise UsageError(f"--grain {entry!r}: wanted a direction, not zero")
+    return found
+
+
+# What the options of a simulation state of supports, loads and gravity.
+
+
+def stated_conditions(options: SimulateOptions) -> ConditionsFile:
+    """Conditions of the file of ``--scene`` and then of the options, and gravity [m/s^2] if said.
+
+    Raises
+    ------
+    UsageError
+        Where gravity is negative, or a number is none.
+    """
+    read = ConditionsFile(BoundaryConditions(), None)
+    if options.scene is not None:
+        read = read_conditions(Path(options.scene))
+    both: dict[str, Any] = {
+        kind: (*getattr(read.conditions, kind), *getattr(options, kind)) for kind in KINDS
+    }
+    if options.gravity_dir is not None:
+        way = numbers(options.gravity_dir, 3, f"--gravity-dir {options.gravity_dir}")
+        both["gravity_dir"] = tuple(way.tolist())
+    gravity = read.gravity if options.gravity is None else options.gravity
+    if gravity is not None and not gravity >= 0:
+        raise UsageError(f"--gravity {gravity:g}: wanted >= 0; --gravity-dir says where it pulls")
+    bodies = (*read.bodies, *options.body)
+    return ConditionsFile(replace(read.conditions, **both), gravity, bodies)
+
+
+def changed_options(options: SimulateOptions, given: Mapping[str, Any]) -> SimulateOptions:
+    """Return the options with those ``given`` by name, as Python users write them."""
+    repeated = (*KINDS, "body", "grain")
+    plain = {name: entries(value) if name in repeated else value for name, value in given.items()}
+    way = plain.get("gravity_dir")
+    if way is not None and not isinstance(way, str):
+        plain["gravity_dir"] = ",".join(repr(float(x)) for x in way)
+    return with_given(options, plain, verb="simulate")

@@ -8,20 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from ...fem.errors import InputError, UsageError
-from ...fem.scenarios.scenario import SCENARIOS
-from ...fem.scene.mesh import TetMesh
+from ...fem.mesh import TetMesh
+from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
-from ..config import command_line
+from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
-from ..io.body_record import BodyRecord
-from ..io.outputs import check_file, check_folder
-from ..io.sidecar import Sidecar, read_known
-from ..options import SimulateOptions
-from ..results.simulation import Simulation
-from .conditions import changed_options
-from .matter import cells_wanted, logged
-from .voxel_body import VoxelBody, check_particles, voxel_body
+from ..options import SimulateOptions, command_line
+from ..verdict.simulation import Simulation
+from .matter import VoxelBody, cells_wanted, check_particles, logged, voxel_body
+from .scenario import changed_options
 
 
 def simulate(
@@ -149,7 +145,7 @@ def _check_pages(report: Path | None, picture: Path | None, *, touch: bool) -> N
     if report is not None:
         check_file(report, (".html",))
     if picture is not None:
-        from ..report.picture.snapshot import SUFFIXES
+        from ..report.picture import SUFFIXES
 
         check_file(picture, SUFFIXES)
 
@@ -169,14 +165,14 @@ def _shown(
     if output is not None:
         result = replace(result, files=(*result.write(output), *result.files))
     if report is not None:
+        from ..report.html import write_report
         from ..report.pages import simulation_page
-        from ..report.report import write_report
 
         page = simulation_page(name, result, sidecar, touch=touch, command=command)
         written = write_report(report, page)
         result = replace(result, files=(*result.files, written))
     if picture is not None:
-        from ..report.picture.snapshot import write_picture
+        from ..report.picture import write_picture
 
         drawn = write_picture(picture, result, up=sidecar.up)
         result = replace(result, files=(*result.files, drawn))

@@ -1,7 +1,7 @@
 """Blocks of particles, and what they have of momentum and energy."""
 
 import numpy as np
-from autophyx_tet.fem.mpm.background import BackgroundGrid, grid_around
+from autophyx_tet.fem.mpm.boundaries import BackgroundGrid, grid_around
 from autophyx_tet.fem.mpm.particles import Particles, block_places
 from autophyx_tet.fem.mpm.solver import MpmSolver
 

@@ -3,8 +3,8 @@
 import numpy as np
 import warp as wp
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.mpm.kernels.kernels_point import point_kernel
-from autophyx_tet.fem.scene.material import lame_parameters
+from autophyx_tet.fem.material import lame_parameters
+from autophyx_tet.fem.mpm.kernels_transfer import point_kernel
 
 EYE = np.eye(3)
 

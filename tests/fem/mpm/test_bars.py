@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.mpm.background import CLAMP_OFFSET, grid_around
+from autophyx_tet.fem.mpm.boundaries import CLAMP_OFFSET, Touch, Wall, grid_around
 from autophyx_tet.fem.mpm.solver import MpmSolver
-from autophyx_tet.fem.mpm.walls import Touch, Wall
 from autophyx_tet.fem.scene.obstacles import Plane
 
 from .bodies import block
@@ -60,8 +59,8 @@ CELLS = (16, 4, 4)
 
 def finite_elements(gravity):
     """Tip deflection [m] of the cantilever by quadratic elements."""
-    from autophyx_tet.fem.scene.box import box_mesh
-    from autophyx_tet.fem.scene.material import ElementMaterial
+    from autophyx_tet.fem.material import ElementMaterial
+    from autophyx_tet.fem.mesh import box_mesh
     from autophyx_tet.fem.scene.supports import Supports
     from autophyx_tet.fem.solve.nonlinear import solve_nonlinear
 

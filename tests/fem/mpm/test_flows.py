@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.mpm.background import grid_around
-from autophyx_tet.fem.mpm.classes import GAMMA, MaterialClass, Substance, plane_friction
-from autophyx_tet.fem.mpm.fracture import BAND, crack_band
-from autophyx_tet.fem.mpm.kernels.kernels_survey import WAVE
-from autophyx_tet.fem.mpm.particles import Particles, block_places
+from autophyx_tet.fem.mpm.boundaries import Touch, Wall, grid_around
+from autophyx_tet.fem.mpm.kernels_grid import WAVE
+from autophyx_tet.fem.mpm.materials import GAMMA, MaterialClass, Substance, plane_friction
+from autophyx_tet.fem.mpm.particles import BAND, Particles, block_places, crack_band
 from autophyx_tet.fem.mpm.solver import MpmSolver
-from autophyx_tet.fem.mpm.walls import Touch, Wall
 from autophyx_tet.fem.scene.obstacles import Plane
 
 pytestmark = pytest.mark.slow

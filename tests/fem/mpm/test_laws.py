@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mpm.classes import (
+from autophyx_tet.fem.mpm.materials import (
     SNOW_COMPRESSION,
     MaterialClass,
     Substance,
@@ -155,9 +155,9 @@ def test_classes_do_not_depend_on_the_frame(kind):
 def test_jelly_is_the_law_of_the_finite_elements():
     """The Kirchhoff stress is P F^T of ``laws.neo_hookean``, large strains too."""
     import warp as wp
-    from autophyx_tet.fem.discrete.kernels_elastic import elastic_kernels
+    from autophyx_tet.fem.elements.kernels_elastic import elastic_kernels
     from autophyx_tet.fem.laws.law import LAWS
-    from autophyx_tet.fem.scene.material import lame_parameters
+    from autophyx_tet.fem.material import lame_parameters
 
     F = EYE + 0.3 * np.random.default_rng(1).standard_normal((3, 3))
     tau, _, _ = driven(Substance(), lambda t: EYE + t * (F - EYE), E=1e5, nu=0.4, steps=1)
@@ -200,7 +200,7 @@ def test_numbers_that_no_matter_has_are_refused(wrong):
 @pytest.mark.slow
 def test_corotated_jelly_is_the_derivative_of_its_energy():
     """Tau = dPsi/dF F^T of Psi = mu |F - R|^2 + lambda/2 (J - 1)^2, small and large strains."""
-    from autophyx_tet.fem.scene.material import lame_parameters
+    from autophyx_tet.fem.material import lame_parameters
     from scipy.linalg import polar
 
     lam, mu = map(float, lame_parameters(1e5, 0.4))

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from autophyx_tet.fem import SCENARIOS, ElementMaterial, Scene, Supports, box_mesh, wind
-from autophyx_tet.fem.energy.energy_verdicts import keeps_energy
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
+from autophyx_tet.fem.mesh import TetMesh
+from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.method import PRESETS, MpmMethod
-from autophyx_tet.fem.mpm.particles import ParticleState
-from autophyx_tet.fem.mpm.sampling import Followers, sample_tets
-from autophyx_tet.fem.mpm.stability import MpmError
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mpm.particles import Followers, ParticleState, sample_tets
+from autophyx_tet.fem.mpm.time_step import MpmError
+from autophyx_tet.fem.verdicts import keeps_energy
 
 from ..bodies import random_rotation, shaken_box
 

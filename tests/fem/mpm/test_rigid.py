@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mpm.background import grid_around
-from autophyx_tet.fem.mpm.classes import MaterialClass, Substance
+from autophyx_tet.fem.mpm.boundaries import Impulse, Touch, Wall, grid_around
+from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.particles import Particles, block_places
+from autophyx_tet.fem.mpm.rigid import Stiff, treated
 from autophyx_tet.fem.mpm.solver import MpmSolver
-from autophyx_tet.fem.mpm.stability import largest_modulus
-from autophyx_tet.fem.mpm.stiff import Stiff, treated
-from autophyx_tet.fem.mpm.walls import Impulse, Touch, Wall
+from autophyx_tet.fem.mpm.time_step import largest_modulus
 from autophyx_tet.fem.scene.obstacles import Box, Plane
 
 from .bodies import block, momenta

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mpm.background import grid_around
+from autophyx_tet.fem.mpm.boundaries import grid_around
 from autophyx_tet.fem.mpm.particles import Particles
 from autophyx_tet.fem.mpm.solver import MpmSolver
 
@@ -99,7 +99,7 @@ def test_values_that_are_not_finite_are_a_failure():
 
 def test_a_step_that_is_too_long_is_reported_before_running():
     """At twice the modulus that the steps allow the answer is cfl, and nothing has moved."""
-    from autophyx_tet.fem.mpm.stability import largest_modulus
+    from autophyx_tet.fem.mpm.time_step import largest_modulus
 
     most = float(largest_modulus(0.3, 1000.0, DX, 1e-3))
     body = block((0.0,) * 3, (3 * DX,) * 3, DX, E=2 * most)

@@ -1,13 +1,18 @@
 """Bodies and models that the tests of reduced models share."""
 
 import numpy as np
+from autophyx_tet.fem.material import ElementMaterial
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.reduced.basis import (
+    LinearBody,
+    linear_body,
+    modal_weights,
+    skinned_basis,
+    skinned_functions,
+    vector_basis,
+    whole_model,
+)
 from autophyx_tet.fem.reduced.model import ReducedModel, Subspace
-from autophyx_tet.fem.reduced.reduction import whole_model
-from autophyx_tet.fem.reduced.skinning import modal_weights, skinned_basis, skinned_functions
-from autophyx_tet.fem.reduced.subspace import LinearBody, linear_body, vector_basis
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.material import ElementMaterial
-from autophyx_tet.fem.scene.mesh import TetMesh
 from autophyx_tet.fem.scene.supports import Supports
 
 SIZE = (0.5, 0.1, 0.08)

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.discrete.mass import lumped_mass
-from autophyx_tet.fem.discrete.space import make_space
-from autophyx_tet.fem.reduced.error import error_of, missed_motion
+from autophyx_tet.fem.elements.forces import lumped_mass
+from autophyx_tet.fem.elements.space import make_space
+from autophyx_tet.fem.reduced.basis import orthonormal_fields, relative_error, whole_model
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.reduction import relative_error, whole_model
-from autophyx_tet.fem.reduced.step import ReducedDynamics
-from autophyx_tet.fem.reduced.subspace import orthonormal_fields
+from autophyx_tet.fem.reduced.motion import ReducedDynamics, error_of, missed_motion
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 

@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.reduced.family import AT_ONCE, LinearFamily, Member
-from autophyx_tet.fem.scene.material import (
-    ElementMaterial,
-    isotropic_tensor,
-    orthotropic_constants,
-)
-from autophyx_tet.fem.scene.mesh import material_of
+from autophyx_tet.fem.material import ElementMaterial, isotropic_tensor, orthotropic_constants
+from autophyx_tet.fem.mesh import material_of
+from autophyx_tet.fem.reduced.sweep import AT_ONCE, LinearFamily, Member
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.statics import solve_static
 

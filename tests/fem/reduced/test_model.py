@@ -4,31 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from autophyx_tet.converters.reduced_archive import load_reduced, save_reduced
-from autophyx_tet.fem.discrete.assembly import discretise
-from autophyx_tet.fem.discrete.elastic import ElasticBody
-from autophyx_tet.fem.discrete.forces import traction_force
-from autophyx_tet.fem.discrete.strain import first_piola
+from autophyx_tet.converters.archives import load_reduced, save_reduced
+from autophyx_tet.fem.elements.assembly import discretise
+from autophyx_tet.fem.elements.elastic import ElasticBody, first_piola
+from autophyx_tet.fem.elements.forces import traction_force
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.fem.laws.law import LAWS
-from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
-from autophyx_tet.fem.reduced.model import Accuracy, Subspace
-from autophyx_tet.fem.reduced.reduction import whole_model
-from autophyx_tet.fem.reduced.rest import reduced_frequencies
-from autophyx_tet.fem.reduced.skinning import (
+from autophyx_tet.fem.mesh import face_normals
+from autophyx_tet.fem.reduced.basis import (
     affine_coordinates,
+    derivatives,
     laplacian_weights,
+    orthonormal_fields,
+    principal_fields,
     skinned_basis,
     skinned_functions,
     turning_functions,
-)
-from autophyx_tet.fem.reduced.subspace import (
-    derivatives,
-    orthonormal_fields,
-    principal_fields,
     vector_basis,
+    whole_model,
 )
-from autophyx_tet.fem.scene.boundary import face_normals
+from autophyx_tet.fem.reduced.elasticity import ReducedElasticity, reduced_frequencies
+from autophyx_tet.fem.reduced.model import Accuracy, Subspace
 from autophyx_tet.fem.scene.loads import Traction
 from autophyx_tet.fem.scene.supports import Supports
 
@@ -179,7 +175,7 @@ def model_of_functions(body, functions):
 def test_springs_hold_it_too():
     """Springs of the supports add their quadratic form of the displacement."""
     supports = Supports.none(len(MESH.points)).with_springs(MESH.points[:, 0] < 0.1, 50.0)
-    from autophyx_tet.fem.reduced.subspace import linear_body
+    from autophyx_tet.fem.reduced.basis import linear_body
 
     model = whole(linear_body(MESH, supports), Subspace.VECTOR)
     q = state(model)
@@ -191,7 +187,7 @@ def test_springs_hold_it_too():
 
 def test_what_handles_cannot_do_is_refused():
     """A support that moves, a point held in one direction only, a free body of fixed fields."""
-    from autophyx_tet.fem.reduced.reduction import reduce_body
+    from autophyx_tet.fem.reduced.basis import reduce_body
 
     points = len(MESH.points)
     moved = Supports.clamp(points, MESH.points[:, 0] < 1e-9, 0.01)

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.reduced.cubature import nonnegative_weights, with_cells
-from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.reduction import (
+from autophyx_tet.fem.mesh import box_mesh
+from autophyx_tet.fem.reduced.basis import (
     accuracy_warnings,
+    linear_body,
     measured,
     reduce_body,
+    vector_basis,
     whole_model,
 )
-from autophyx_tet.fem.reduced.subspace import linear_body, vector_basis
-from autophyx_tet.fem.scene.box import box_mesh
+from autophyx_tet.fem.reduced.cubature import nonnegative_weights, with_cells
+from autophyx_tet.fem.reduced.model import Subspace
 from autophyx_tet.fem.scene.supports import Supports
 from scipy.optimize import nnls
 

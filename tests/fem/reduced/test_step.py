@@ -5,12 +5,15 @@ import itertools
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.reduced.elasticity import ReducedElasticity
+from autophyx_tet.fem.reduced.basis import (
+    relative_error,
+    skinned_basis,
+    turning_functions,
+    whole_model,
+)
+from autophyx_tet.fem.reduced.elasticity import KeptInverse, ReducedElasticity, reduced_frequencies
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.reduction import relative_error, whole_model
-from autophyx_tet.fem.reduced.rest import KeptInverse, reduced_frequencies
-from autophyx_tet.fem.reduced.skinning import skinned_basis, turning_functions
-from autophyx_tet.fem.reduced.step import ReducedDynamics
+from autophyx_tet.fem.reduced.motion import ReducedDynamics
 from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.schemes import Scheme
 
@@ -149,9 +152,9 @@ def test_state_is_told_as_the_full_body_s():
 
 
 def test_wrong_start_is_refused():
-    from autophyx_tet.fem.contact.barrier import Contact
-    from autophyx_tet.fem.discrete.space import make_space
+    from autophyx_tet.fem.elements.space import make_space
     from autophyx_tet.fem.scene.obstacles import Plane
+    from autophyx_tet.fem.solve.contact import Contact
 
     model = whole(linear(MESH), Subspace.VECTOR)
     inside = Contact(MESH, make_space(MESH, 1), [Plane((0, 0, 0.02))], friction=0.0)
@@ -179,7 +182,7 @@ def test_a_kept_inverse_changes_no_motion(kind, monkeypatch):
         return np.stack([body.advance(1 / 60).u for _ in range(12)]), len(made)
 
     few, few_made = path()
-    monkeypatch.setattr("autophyx_tet.fem.reduced.rest.CONTRACTION", 0.0)
+    monkeypatch.setattr("autophyx_tet.fem.reduced.elasticity.CONTRACTION", 0.0)
     every, every_made = path()
     assert np.linalg.norm(few - every) < 1e-8 * np.linalg.norm(every)
     assert few_made < 0.6 * every_made

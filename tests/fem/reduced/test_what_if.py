@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.errors import ConvergenceError, InputError
 from autophyx_tet.fem.reduced.model import Subspace
-from autophyx_tet.fem.reduced.what_if import WhatIf, what_if, what_if_error
+from autophyx_tet.fem.reduced.sweep import WhatIf, what_if, what_if_error
 
 from .bodies import clamped, linear, two_part_bar, whole
 

@@ -5,15 +5,19 @@ import pytest
 from autophyx_tet.fem import ElementMaterial, Supports, box_mesh
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.errors import ConvergenceError, InputError
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh
 from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.scene import Scene
-from autophyx_tet.fem.springs.anchors import Anchors, sample_anchors
 from autophyx_tet.fem.springs.body import spring_body
 from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.springs.motion import SpringMotion
-from autophyx_tet.fem.springs.network import SpringNetwork, neighbour_weights
-from autophyx_tet.fem.springs.sight import Sight
+from autophyx_tet.fem.springs.network import (
+    Anchors,
+    Sight,
+    SpringNetwork,
+    neighbour_weights,
+    sample_anchors,
+)
 
 from ..bodies import random_rotation
 

@@ -11,7 +11,6 @@ from autophyx_tet.fem.solve.dynamics import Dynamics
 from autophyx_tet.fem.solve.modal import natural_modes
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.springs.body import spring_body
-from autophyx_tet.fem.springs.eta import SOFTEST, eta_for_ratio, eta_reach, stiffened
 from autophyx_tet.fem.springs.fit import (
     fit_both_ends,
     fit_to_motion,
@@ -19,7 +18,8 @@ from autophyx_tet.fem.springs.fit import (
     spring_warnings,
 )
 from autophyx_tet.fem.springs.method import SpringMethod
-from autophyx_tet.fem.springs.vibration import network_frequencies
+from autophyx_tet.fem.springs.motion import network_frequencies
+from autophyx_tet.fem.springs.network import SOFTEST, eta_for_ratio, eta_reach, stiffened
 
 
 def post(nu=0.25, E=1e5, cells=(2, 2, 8), **given):

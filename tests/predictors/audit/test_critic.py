@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.datasets.audit import critic as module
-from autophyx_tet.predictors.datasets.audit.actor import AuditObject, draw_object, propose_by_table
-from autophyx_tet.predictors.datasets.audit.critic import COHERENT, Review, critic_of
-from autophyx_tet.predictors.images.surface_colour import srgb_of_lab
+from autophyx_tet.predictors.appearance.surface import srgb_of_lab
+from autophyx_tet.research.datasets.audit import critic as module
+from autophyx_tet.research.datasets.audit.actor import AuditObject, draw_object, propose_by_table
+from autophyx_tet.research.datasets.audit.critic import COHERENT, Review, critic_of
 
 PLANT = draw_object(0, 9)  # replaced in shape: two boxes, one on the other
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.materials import Band, Span
-from autophyx_tet.predictors.datasets.audit.findings import DISTINCT, Examiner
-from autophyx_tet.predictors.datasets.audit.probe import PERIODS, SAG, TOO_FAR, Probe, difference
-from autophyx_tet.predictors.datasets.audit.proposal import End, PartRange, Proposal
+from autophyx_tet.fem.table import Band, Span
+from autophyx_tet.research.datasets.audit.findings import DISTINCT, Examiner
+from autophyx_tet.research.datasets.audit.probe import PERIODS, SAG, TOO_FAR, Probe, difference
+from autophyx_tet.research.datasets.audit.proposal import End, PartRange, Proposal
 
 COLUMN = np.full((24, 24, 24), -1)
 COLUMN[10:14, 10:14, :12], COLUMN[10:14, 10:14, 12:] = 0, 1

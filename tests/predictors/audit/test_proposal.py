@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.fem.scene.materials import FIELDS, Band, MaterialValue, Span
-from autophyx_tet.predictors.datasets.audit.actor import draw_object, order_of, propose_by_table
-from autophyx_tet.predictors.datasets.audit.agent import respond
-from autophyx_tet.predictors.datasets.audit.findings import Flaw
-from autophyx_tet.predictors.datasets.audit.proposal import End, Proposal, proposal_from
-from autophyx_tet.predictors.datasets.constraints import always_holds, holds
+from autophyx_tet.fem.table import FIELDS, Band, MaterialValue, Span
+from autophyx_tet.research.datasets.audit.actor import draw_object, order_of, propose_by_table
+from autophyx_tet.research.datasets.audit.agent import respond
+from autophyx_tet.research.datasets.audit.findings import Flaw
+from autophyx_tet.research.datasets.audit.proposal import End, Proposal, proposal_from
+from autophyx_tet.research.datasets.constraints import always_holds, holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

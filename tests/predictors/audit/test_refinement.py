@@ -5,17 +5,17 @@ from typing import ClassVar
 
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.scene.materials import Band, Span
-from autophyx_tet.predictors.chat import ChatEndpoint
-from autophyx_tet.predictors.datasets.audit import auditing, refinement
-from autophyx_tet.predictors.datasets.audit.actor import draw_object, propose_by_table
-from autophyx_tet.predictors.datasets.audit.agent import TOLD, respond
-from autophyx_tet.predictors.datasets.audit.auditing import audit, audit_document, resume
-from autophyx_tet.predictors.datasets.audit.bias import count_biases
-from autophyx_tet.predictors.datasets.audit.endpoint import EndpointActor
-from autophyx_tet.predictors.datasets.audit.findings import Examination, Flaw
-from autophyx_tet.predictors.datasets.audit.log import RangeOutcome, load_log
-from autophyx_tet.predictors.datasets.audit.proposal import End, PartRange, Proposal
+from autophyx_tet.fem.table import Band, Span
+from autophyx_tet.predictors.text.interpreter import ChatEndpoint
+from autophyx_tet.research.datasets.audit import auditing, refinement
+from autophyx_tet.research.datasets.audit.actor import draw_object, propose_by_table
+from autophyx_tet.research.datasets.audit.agent import TOLD, respond
+from autophyx_tet.research.datasets.audit.auditing import audit, audit_document, resume
+from autophyx_tet.research.datasets.audit.bias import count_biases
+from autophyx_tet.research.datasets.audit.endpoint import EndpointActor
+from autophyx_tet.research.datasets.audit.findings import Examination, Flaw
+from autophyx_tet.research.datasets.audit.log import RangeOutcome, load_log
+from autophyx_tet.research.datasets.audit.proposal import End, PartRange, Proposal
 
 WHOLE = Band(Span(1e6, 1e9), Span(0.1, 0.4), Span(100, 900))
 OPEN = PartRange(WHOLE)

@@ -1,9 +1,9 @@
 """What a sentence says of parts, as the tests of the reader ask for it."""
 
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.clauses import bind
+from autophyx_tet.predictors.text.reader import parse
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,9 @@
 """Binding: which clause speaks of which part."""
 
 import pytest
-from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.reader import parse
-from autophyx_tet.predictors.vocabulary.lexicon import part_name_words
+from autophyx_tet.predictors.text.clauses import bind
+from autophyx_tet.predictors.text.lexicon import part_name_words
+from autophyx_tet.predictors.text.reader import parse
 
 
 @pytest.mark.slow

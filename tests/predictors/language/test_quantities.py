@@ -1,7 +1,7 @@
 """Numbers of a text: every notation gives one value in SI; what is no measure of ours is none."""
 
 import pytest
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.text.reader import parse
 
 
 def test_numbers_are_si(clauses_of):

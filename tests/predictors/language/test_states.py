@@ -1,7 +1,7 @@
 """Words that change a matter which the table has only as it is usually: told, or another row."""
 
 import pytest
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.text.reader import parse
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """What a part bears, hits or stands on is of no part, unless it is one; it is told."""
 
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.text.reader import parse
 
 
 def test_what_stands_on_a_part_or_under_it_is_not_its_matter(agree):

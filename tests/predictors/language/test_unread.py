@@ -1,6 +1,6 @@
 """What is not understood: told, never guessed and never passed over."""
 
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.predictors.text.reader import parse
 
 
 def test_what_nobody_knows_is_told_with_its_nearest_rows(clauses_of):

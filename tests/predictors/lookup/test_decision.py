@@ -1,15 +1,13 @@
 """What the clauses about one part settle, clauses given by hand."""
 
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.hearing.binding import NamedPart
-from autophyx_tet.predictors.hearing.vocabulary import vocabulary_of
-from autophyx_tet.predictors.language.clauses import Clause, Subject
-from autophyx_tet.predictors.lookup.comparison import with_relations
-from autophyx_tet.predictors.lookup.decision import Decider, PartStatement
-from autophyx_tet.predictors.lookup.kernel import RowKernel
-from autophyx_tet.predictors.lookup.levels import DENSITY, STIFFNESS
-from autophyx_tet.predictors.quantities.quantity import Comparison, Quantity
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.lookup.decision import DENSITY, STIFFNESS, Decider, PartStatement
+from autophyx_tet.predictors.lookup.lookup import with_relations
+from autophyx_tet.predictors.lookup.similarity import RowKernel
+from autophyx_tet.predictors.text.clauses import Clause, Subject
+from autophyx_tet.predictors.text.hearing import NamedPart, vocabulary_of
+from autophyx_tet.predictors.text.numerals import Comparison, Quantity
 
 TABLE = load_table()
 DECIDER = Decider(TABLE, RowKernel(TABLE))

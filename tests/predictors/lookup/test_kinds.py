@@ -2,8 +2,7 @@
 
 import autophyx_tet as apx
 import pytest
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.mesh import TetMesh
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,9 @@
 import autophyx_tet as apx
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.box import box_mesh
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.fem.scene.mesh import TetMesh
-from autophyx_tet.predictors.vocabulary.loads import loads_said, without_loads
+from autophyx_tet.fem.mesh import TetMesh, box_mesh
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.text.lexicon import loads_said, without_loads
 
 
 @pytest.mark.parametrize(

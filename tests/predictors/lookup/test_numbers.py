@@ -1,20 +1,21 @@
 """Numbers win over the table; what stands in their place follows published relations."""
 
 import pytest
-from autophyx_tet.fem.scene.material_properties import load_strengths
-from autophyx_tet.fem.scene.materials import load_table, outside_band
-from autophyx_tet.predictors.language.binding import bind
-from autophyx_tet.predictors.language.reader import parse
-from autophyx_tet.predictors.lookup.derivation import (
+from autophyx_tet.fem.table import load_strengths, load_table, outside_band
+from autophyx_tet.predictors.lookup.lookup import lookup_of
+from autophyx_tet.predictors.lookup.numbers import (
     FIBRES,
+    may_have,
     modulus_of_shore_a,
     modulus_of_shore_d,
     of_infill,
+    rubber_of,
     with_fibres,
+    with_numbers,
 )
-from autophyx_tet.predictors.lookup.lookup import lookup_of
-from autophyx_tet.predictors.lookup.numbers import may_have, rubber_of, with_numbers
-from autophyx_tet.predictors.quantities.quantity import Blend, Quantity
+from autophyx_tet.predictors.text.clauses import bind
+from autophyx_tet.predictors.text.numerals import Blend, Quantity
+from autophyx_tet.predictors.text.reader import parse
 
 TABLE = load_table()
 OAK, NYLON, RUBBER, STEEL = map(TABLE.exact, ("oak", "nylon", "rubber", "steel"))

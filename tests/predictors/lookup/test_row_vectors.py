@@ -1,16 +1,16 @@
 """The kept embeddings of the table's rows: all of them, and those that the encoder gives."""
 
 import numpy as np
-from autophyx_tet.fem.scene.materials import load_table
+from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.lookup.row_vectors import kept_vectors, row_text
+from autophyx_tet.predictors.lookup.similarity import kept_vectors, row_text
 
 TABLE = load_table()
 
 
 def test_every_row_is_kept():
     missing = {row_text(row) for row in TABLE if not row.grade} - set(kept_vectors())
-    assert not missing, "run `python -m autophyx_tet.predictors.lookup.row_vectors`"
+    assert not missing, "run `python -m autophyx_tet.predictors.lookup.similarity`"
 
 
 def test_they_are_the_encoders_own():

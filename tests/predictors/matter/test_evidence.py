@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.film.frame import Frame
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.hearing.kinds import KINDS
-from autophyx_tet.predictors.hearing.parser import listen
-from autophyx_tet.predictors.matter.evidence import by_looks, matters, moved, told_values
-from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.film.inference import Frame
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.matter import by_looks, matters, moved, told_values
+from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.predictors.text.parser import listen
 
 from .test_looks import table
 

@@ -5,9 +5,15 @@ import json
 import numpy as np
 import pytest
 from autophyx_tet.fem.errors import InputError
-from autophyx_tet.predictors.hearing.kinds import KINDS
-from autophyx_tet.predictors.matter.kinds import SHIPPED, KindsByLooks, Regression
-from autophyx_tet.predictors.matter.looks import FEATURES, PLAIN, measure
+from autophyx_tet.predictors.matter import (
+    FEATURES,
+    PLAIN,
+    SHIPPED,
+    KindsByLooks,
+    Regression,
+    measure,
+)
+from autophyx_tet.predictors.text.hearing import KINDS
 
 from .test_looks import table
 

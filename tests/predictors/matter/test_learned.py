@@ -7,11 +7,10 @@ import pytest
 import trimesh
 from autophyx_tet.fem.errors import InputError
 from autophyx_tet.predictors.asset import Asset, Part
-from autophyx_tet.predictors.datasets.real import load_real, save_real, voxelise
-from autophyx_tet.predictors.hearing.kinds import KINDS
-from autophyx_tet.predictors.matter.kinds import KindsByLooks
-from autophyx_tet.predictors.matter.looks import FEATURES, lab
-from autophyx_tet.toolkit.learning import train
+from autophyx_tet.predictors.matter import FEATURES, KindsByLooks, lab
+from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.research.datasets.real import load_real, save_real, voxelise
+from autophyx_tet.research.learning import train
 
 RED, PANE = [200, 20, 30, 255], [230, 240, 240, 64]
 

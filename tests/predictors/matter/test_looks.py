@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.matter.looks import FEATURES, lab, measure
+from autophyx_tet.predictors.matter import FEATURES, lab, measure
 
 OPAQUE = [1.0, 0.0, 0.04, 0.6]
 

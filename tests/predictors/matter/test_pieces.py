@@ -1,7 +1,7 @@
 """Pieces of one look: what eyes would call one colour is one, a speck is none."""
 
 import numpy as np
-from autophyx_tet.predictors.matter.pieces import MOST, by_look
+from autophyx_tet.predictors.matter import MOST, by_look
 
 PLAIN = [1.0, 0.0, 0.04, 0.6]
 

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.assignment import predict_materials
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.appearance.features import Appearance
+from autophyx_tet.predictors.assign import predict_materials
 from autophyx_tet.predictors.film.predictor import FilmPredictor
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.appearance import Appearance
-from autophyx_tet.predictors.interpreter import read_sentence
-from autophyx_tet.predictors.voxels import PartVoxels
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.interpreter import read_sentence
 
 from .test_looks import table
 

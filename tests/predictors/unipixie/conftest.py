@@ -7,7 +7,7 @@ import pytest
 @pytest.fixture(scope="session")
 def ranges(tmp_path_factory):
     """Its file."""
-    from autophyx_tet.predictors.datasets.ranges import build_range_table
+    from autophyx_tet.research.datasets.ranges import build_range_table
 
     def random_vectors(texts):
         found = np.random.default_rng(0).normal(size=(len(texts), 384))
@@ -21,7 +21,7 @@ def ranges(tmp_path_factory):
 @pytest.fixture(scope="session")
 def names(ranges):
     """The same on the CPU."""
-    from autophyx_tet.predictors.datasets.ranges import RangeTable
-    from autophyx_tet.predictors.training.unipixie.names_on_device import Names
+    from autophyx_tet.research.datasets.ranges import RangeTable
+    from autophyx_tet.research.training.unipixie.names_on_device import Names
 
     return Names(RangeTable.load(ranges), "cpu")

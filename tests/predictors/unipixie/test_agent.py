@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.evaluation.paper.agent import Belief, correct_by_simulation
-from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.research.evaluation.paper.agent import Belief, correct_by_simulation
 
 LEVER = 100.0  # [m^2 / s^2] g L^2 of the rods
 

@@ -2,14 +2,14 @@
 
 import pytest
 import torch
-from autophyx_tet.predictors.training.unipixie.diffusion import (
+from autophyx_tet.predictors.unipixie.config import CPU
+from autophyx_tet.research.training.unipixie.diffusion import (
     EASE,
     NOISINGS,
     DiffusionUNet,
     kept,
     sample_diffusion,
 )
-from autophyx_tet.predictors.unipixie.config import CPU
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

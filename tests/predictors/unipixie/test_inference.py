@@ -3,21 +3,22 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.appearance import Appearance
-from autophyx_tet.predictors.normalisation import DEFAULT
+from autophyx_tet.predictors.appearance.features import Appearance
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.unipixie import inference
-from autophyx_tet.predictors.unipixie.checkpoint import (
+from autophyx_tet.predictors.unipixie.config import CPU
+from autophyx_tet.predictors.unipixie.inference import (
+    Cube,
+    Found,
+    Known,
     Loaded,
     RangeCalibration,
     load_unipixie,
     save_unipixie,
+    voxels_on,
 )
-from autophyx_tet.predictors.unipixie.config import CPU
-from autophyx_tet.predictors.unipixie.cube import Cube
-from autophyx_tet.predictors.unipixie.inference import Found, Known, voxels_on
 from autophyx_tet.predictors.unipixie.network import UniPixie
-from autophyx_tet.predictors.voxels import PartVoxels
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.predictors.unipixie.config import CPU, PAPER
-from autophyx_tet.predictors.unipixie.flow import integrate, on_the_way, velocity_towards
-from autophyx_tet.predictors.unipixie.layers import Attention, SteeredBlock
-from autophyx_tet.predictors.unipixie.network import HEADS, UniPixie, Voxels
+from autophyx_tet.predictors.unipixie.network import (
+    HEADS,
+    Attention,
+    SteeredBlock,
+    UniPixie,
+    Voxels,
+    integrate,
+    on_the_way,
+    velocity_towards,
+)
 
 
 def size_of(*heads):

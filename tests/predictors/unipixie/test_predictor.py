@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.scene.materials import load_table
-from autophyx_tet.predictors.grid import Grid
-from autophyx_tet.predictors.images.appearance import Appearance
-from autophyx_tet.predictors.language.reader import parse
+from autophyx_tet.fem.table import load_table
+from autophyx_tet.predictors.appearance.features import Appearance
+from autophyx_tet.predictors.grid import Grid, PartVoxels
+from autophyx_tet.predictors.text.reader import parse
 from autophyx_tet.predictors.unipixie.predictor import UniPixiePredictor
-from autophyx_tet.predictors.voxels import PartVoxels
 
 pytestmark = pytest.mark.slow  # network, encoder and reader are loaded
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.fem.mpm.classes import MaterialClass, class_of
-from autophyx_tet.fem.scene.materials import load_contents, load_table
-from autophyx_tet.predictors.datasets.ranges import RangeTable, build_range_table, name_things
-from autophyx_tet.predictors.hearing.part_names import part_kinds
-from autophyx_tet.predictors.normalisation import DEFAULT
-from autophyx_tet.predictors.training.unipixie.names_on_device import rgb_of_lab
+from autophyx_tet.fem.mpm.materials import MaterialClass, class_of
+from autophyx_tet.fem.table import load_contents, load_table
+from autophyx_tet.predictors.field import DEFAULT
+from autophyx_tet.predictors.text.hearing import part_kinds
+from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table, name_things
+from autophyx_tet.research.training.unipixie.names_on_device import rgb_of_lab
 
 
 @pytest.mark.parametrize(

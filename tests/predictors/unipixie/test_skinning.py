@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.datasets.objects import Objects
-from autophyx_tet.predictors.datasets.shapes import MAX_PARTS, Solid, pack
-from autophyx_tet.predictors.training.unipixie.skinning import (
+from autophyx_tet.predictors.unipixie.simplicits import FEATURES, HANDLES
+from autophyx_tet.research.datasets.objects import Objects
+from autophyx_tet.research.datasets.shapes import MAX_PARTS, Solid, pack
+from autophyx_tet.research.training.unipixie.skinning import (
     NU,
     CellBodies,
     cell_bodies,
     cell_stiffness,
     compliance_share,
 )
-from autophyx_tet.predictors.unipixie.simplicits import FEATURES, HANDLES
 
 CORNERS = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(-1, 3)
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.datasets.objects import make_objects
-from autophyx_tet.predictors.datasets.shapes import EMPTY
-from autophyx_tet.predictors.training.unipixie.batch import spread_parts, voxel_places
-from autophyx_tet.predictors.training.unipixie.config import CPU, EvidenceShares
-from autophyx_tet.predictors.training.unipixie.loss import MatterLoss, MatterOutput
-from autophyx_tet.predictors.training.unipixie.recipe import shapes_of, train_matter
-from autophyx_tet.predictors.training.unipixie.sampler import MatterSampler
-from autophyx_tet.predictors.unipixie.flow import NOISE
 from autophyx_tet.predictors.unipixie.inference import ANY
+from autophyx_tet.predictors.unipixie.network import NOISE
+from autophyx_tet.research.datasets.objects import make_objects
+from autophyx_tet.research.datasets.shapes import EMPTY
+from autophyx_tet.research.training.unipixie.batch import spread_parts, voxel_places
+from autophyx_tet.research.training.unipixie.config import CPU, EvidenceShares
+from autophyx_tet.research.training.unipixie.loss import MatterLoss, MatterOutput
+from autophyx_tet.research.training.unipixie.recipe import shapes_of, train_matter
+from autophyx_tet.research.training.unipixie.sampler import MatterSampler
 
 
 @pytest.fixture(scope="module")

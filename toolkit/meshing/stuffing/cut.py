@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cache
+from itertools import combinations, product
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....fem.scene.mesh import signed_volumes
+from ....fem.mesh import signed_volumes
 from ..quality import dihedral_angles
-from .junctions import junction_tets
-from .lattice import Lattice, edges_of, tets_around
-from .stencils import pattern_code, patterns, stencil
+from .lattice import EDGES, Lattice, edges_of, tets_around
 
 # A cut nearer than this share of an edge moves the node onto the surface. Labelle and Schewchuk,
 # table 1: safe for dihedral angles of 10.7 to 164.8 degrees; just below, as equality is not.
@@ -204,3 +204,195 @@ def _compact(
     free[: len(wild)] = ~wild
     tets = number[tets[inside]].astype(np.int32)
     return CutMesh(points[used], tets, region[inside], free[used])
+
+
+# Tets in which three or four regions meet: cones from a point in their middle.
+
+FACES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
+FACE_CENTRE, CENTRE = 10, 14  # after the corners and the cuts: points of the four faces and the tet
+
+
+class Junctions(NamedTuple):
+    """``tets`` (n, 4) with their ``region`` (n,) and orientation, on ``points`` (m, 3)."""
+
+    tets: np.ndarray
+    region: np.ndarray
+    mirrored: np.ndarray
+    points: np.ndarray
+
+
+@cache
+def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
+    """Tets with their region for at least three regions at A, B, C, D, -1 on a surface.
+
+    Each face is divided as its other tet divides it: where it has two regions by the rule of the
+    stencils, where three around its centre.
+    """
+    faces = [_face(face, regions, FACE_CENTRE + number) for number, face in enumerate(FACES)]
+    return tuple(((*triangle, CENTRE), region) for face in faces for triangle, region in face)
+
+
+def _face(
+    face: tuple[int, ...], regions: tuple[int, ...], centre: int
+) -> list[tuple[tuple[int, ...], int]]:
+    mine = [regions[i] for i in face]
+    if min(mine) < 0:
+        wild = face[mine.index(-1)]
+        a, b = (i for i in face if i != wild)
+        return [((end, CUT[a, b], wild), regions[end]) for end in (a, b)]
+    if len(set(mine)) == 3:
+        return [((i, CUT[i, j], centre), regions[i]) for i in face for j in face if i != j]
+    tip = next(i for i in face if mine.count(regions[i]) == 1)
+    a, b = (i for i in face if i != tip)
+    rest = [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
+    return [((tip, CUT[tip, a], CUT[tip, b]), regions[tip]), *rest]
+
+
+def junction_tets(
+    local: Int[np.ndarray, "tets 10"],
+    regions: Int[np.ndarray, "tets 4"],
+    points: Float[np.ndarray, "points 3"],
+) -> Junctions:
+    """Divide tets by their corners' ``regions``; ``local`` are their points, -1 where none is."""
+    local, points = _with_centres(local, regions, points)
+    rows, group = np.unique(regions, axis=0, return_inverse=True)
+    tets, region = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
+    for number, row in enumerate(rows.tolist()):
+        mine = local[group.reshape(-1) == number]
+        for tet, inside in cone(tuple(row)):
+            tets.append(mine[:, tet])
+            region.append(np.full(len(mine), inside))
+    found = np.concatenate(tets)
+    mirrored = signed_volumes(points, found) < 0
+    return Junctions(found, np.concatenate(region), mirrored, points)
+
+
+def _with_centres(
+    local: Int[np.ndarray, "tets 10"],
+    regions: Int[np.ndarray, "tets 4"],
+    points: Float[np.ndarray, "points 3"],
+) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "more 3"]]:
+    """Add a point in every face of three regions, one for both its tets, and one in every tet."""
+    faces = np.full((len(local), 4), -1)
+    corners = local[:, FACES]
+    mine = np.sort(regions[:, FACES], axis=-1)
+    three = (mine[..., 0] >= 0) & (np.diff(mine, axis=-1) > 0).all(axis=-1)
+    found, number = np.unique(np.sort(corners[three], axis=-1), axis=0, return_inverse=True)
+    faces[three] = len(points) + number.reshape(-1)
+    cuts = np.stack([local[:, [CUT[a, b], CUT[b, c], CUT[a, c]]] for a, b, c in FACES], axis=1)
+    middle = np.zeros((len(found), 3))
+    middle[number.reshape(-1)] = points[cuts[three]].mean(axis=1)
+    points = np.concatenate([points, middle])
+    centre = len(points) + np.arange(len(local))
+    on = np.concatenate([regions < 0, local[:, 4:] >= 0], axis=1)
+    weight = on / np.maximum(on.sum(axis=1), 1)[:, None]
+    inner = np.einsum("tk,tki->ti", weight, points[local])
+    return np.column_stack([local, faces, centre]), np.concatenate([points, inner])
+
+
+# How a tet is divided by the signs of its four corners: one table for all 81 patterns.
+#
+# A corner is inside (+), outside (-) or on the surface (0); where two corners have opposite signs
+# their edge is cut. Labelle and Shewchuk, "Isosurface stuffing" (SIGGRAPH 2007), section 3: where
+# a face has two cuts, the diagonal of what they leave goes through the cut of a long edge, and
+# where both are on short ones to the end of the long edge that the parity of the coordinates
+# names, so that both tets at a face choose the same.
+
+Pattern = tuple[int, ...]  # signs of A, B, C, D
+Tet = tuple[int, ...]  # four points: 0 to 3 are the corners, 4 to 9 the cuts of the edges
+
+CUT = {pair: 4 + k for k, edge in enumerate(EDGES) for pair in (edge, edge[::-1])}
+LONG = (CUT[0, 1], CUT[2, 3])
+# Of the faces at a long edge: its end that exceeds the tip in an even number of coordinates for
+# odd edges, in an odd number for even ones. (Even on all faces, or odd, is one-sided: the tets
+# inside and outside of a surface would choose other diagonals.)
+END = {(0, 1, 2): 0, (0, 1, 3): 1, (2, 3, 0): 2, (2, 3, 1): 3}
+# One tet of the lattice, A exceeding C in an even number of coordinates, positively oriented.
+CORNERS = np.array([[0.5, 0.5, -0.5], [0.5, 0.5, 0.5], [0, 0, 0], [1, 0, 0]])
+CORNERS = np.concatenate([CORNERS, [(CORNERS[i] + CORNERS[j]) / 2 for i, j in EDGES]])
+
+
+def patterns() -> Iterator[Pattern]:
+    """All 81 patterns of signs of A, B, C, D, in the order of their codes."""
+    yield from product((-1, 0, 1), repeat=4)
+
+
+def pattern_code(signs: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+    """Number of each pattern of -1, 0 and 1."""
+    return (signs + 1) @ np.array([27, 9, 3, 1])
+
+
+@cache
+def stencil(signs: Pattern) -> tuple[Tet, ...]:
+    """Positively oriented tets that fill the inside of a tet with these signs of A, B, C, D."""
+    inside, outside, surface = ([i for i in range(4) if signs[i] == s] for s in (1, -1, 0))
+    if not inside:
+        tets: list[Tet] = []
+    elif not outside:
+        tets = [(0, 1, 2, 3)]
+    elif len(inside) == 1:
+        tets = [(inside[0], *(CUT[inside[0], n] for n in outside), *surface)]
+    elif len(inside) == 2 and surface:
+        quad = cut_face(outside[0], inside[0], inside[1])
+        tets = [(*triangle, *surface) for triangle in quad]
+    elif len(inside) == 3:
+        tets = _prism(inside, [CUT[p, outside[0]] for p in inside], outside, inside)
+    else:
+        one, two = ([p, *(CUT[p, n] for n in outside)] for p in inside)
+        tets = _prism(one, two, outside, inside)
+    return tuple(positive(tet, CORNERS) for tet in tets)
+
+
+def face_diagonal(tip: int, first: int, second: int) -> set[int]:
+    """Diagonal of the quadrilateral that cuts of both edges at ``tip`` leave of a face."""
+    for end, other in ((first, second), (second, first)):
+        if CUT[tip, end] in LONG:
+            return {CUT[tip, end], other}
+    end = END[min(first, second), max(first, second), tip]
+    return {end, CUT[tip, second if end == first else first]}
+
+
+def cut_face(tip: int, first: int, second: int) -> list[Tet]:
+    """Return the two triangles of that quadrilateral."""
+    near, far = CUT[tip, first], CUT[tip, second]
+    if face_diagonal(tip, first, second) == {second, near}:
+        return [(first, second, near), (second, near, far)]
+    return [(first, second, far), (first, near, far)]
+
+
+def positive(tet: Tet, points: np.ndarray) -> Tet:
+    """Return the tet with positive volume."""
+    a, *others = points[list(tet)]
+    return tet if np.linalg.det(np.array(others) - a) > 0 else (*tet[:2], tet[3], tet[2])
+
+
+def _prism(
+    top: Sequence[int], bottom: Sequence[int], outside: Sequence[int], inside: Sequence[int]
+) -> list[Tet]:
+    """Three tets of a prism that keep the diagonals of its cut faces; the fattest way."""
+    fixed = [face_diagonal(tip, *ends) for tip in outside for ends in combinations(inside, 2)]
+    sides = [(k, (k + 1) % 3) for k in range(3)]
+    rims = [{s[i], s[j]} for s in (top, bottom) for i, j in sides]
+    rims += [{top[k], bottom[k]} for k in range(3)]
+    ways = []
+    for leaning in product((False, True), repeat=3):
+        diagonals = [
+            {top[j], bottom[i]} if lean else {top[i], bottom[j]}
+            for lean, (i, j) in zip(leaning, sides, strict=True)
+        ]
+        edges = [*rims, *diagonals]
+        tets = [
+            tet
+            for tet in combinations([*top, *bottom], 4)
+            if all(set(pair) in edges for pair in combinations(tet, 2))
+        ]
+        if len(tets) == 3 and all(diagonal in diagonals for diagonal in fixed):
+            ways.append((min(_fatness(tet) for tet in tets), tets))
+    return max(ways)[1]
+
+
+def _fatness(tet: Tet) -> float:
+    """Volume by the cube of the longest edge."""
+    a, *others = points = CORNERS[list(tet)]
+    longest = max(np.linalg.norm(p - q) for p, q in combinations(points, 2))
+    return abs(np.linalg.det(np.array(others) - a)) / longest**3

@@ -12,8 +12,8 @@ from functools import cached_property, partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...surfaces.solids import INSIDE, Shell, Solids
-from ...surfaces.triangles import ClosestTo, Triangles
+from ...asset.solids import INSIDE, Shell, Solids
+from ...asset.triangles import ClosestTo, Triangles
 
 # Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
 # that far from its faces it passes through a hole, and the winding number tells where.

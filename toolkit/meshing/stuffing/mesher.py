@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from ....fem.errors import UsageError
-from ....fem.scene.boundary import boundary_faces
-from ....fem.scene.mesh import signed_volumes
-from ...native.cache import Runner
-from ...surfaces.solids import Solids
-from ...surfaces.surface import TouchingPlaces, touching_places
-from ...surfaces.triangles import Triangles
-from ..engine_run import EngineTarget, Filling, LatticeFit, NoFilling
-from ..manifold import separate
-from .carve import carved, without_crumbs
+from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
+from ...asset.cache import Runner
+from ...asset.solids import INSIDE, Solids
+from ...asset.surface import TouchingPlaces, component_volumes, touching_places
+from ...asset.triangles import Inside, Triangles, closest, inside, winding_numbers
+from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
+from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
+from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
 from .cut import CutMesh, cut
-from .features import FeatureFinder, features_of, gathered_features
-from .field import NOWHERE, NodeField, SolidField
-from .fit import closed_shares, thin_shares
-from .lattice import MOST_NODES, lattice_around
-from .match import Matched, matched, wanted_volumes
-from .pieces import BodyTets, came_off, loose_contacts, parted_places
-from .ridges import filled_ridges
-from .snap import snapped
+from .field import NOWHERE, NodeField, ShellField, SolidField
+from .lattice import (
+    MOST_NODES,
+    FeatureFinder,
+    edges_of,
+    features_of,
+    gathered_features,
+    lattice_around,
+    shared_edges,
+)
+from .pieces import CRUMB_OF_BODY, BodyTets, came_off, loose_contacts, parted_places, pieces_of
 
 DEPTH = 0.05  # long edges: on both sides of a visible feature at this depth are two regions
 MOST_ADDED = 0.04  # of the volume: beads that leave the rest of its 5 % to the lattice
@@ -170,3 +173,562 @@ def _errors(field: SolidField, found: Matched) -> dict[int, float]:
         for part in shell.parts.tolist():
             out[part] = max(out.get(part, 0.0), float(error), key=abs)
     return out
+
+
+# Volumes: how much of each shell is wanted, and offsets of the surfaces that give it.
+#
+# Cutting loses volume where a body is thin or convex, up to all of a rod of one long edge. A
+# surface moved outward by the volume that lacks, over its area, gives it back. Lengths are in long
+# edges.
+
+SAMPLES = 32_000  # in the boxes of all shells; one of one volume in three is known to .5 %
+FEWEST = 2_000  # in the box of one shell of many
+HIDDEN = 0.01  # of its volume: a shell that keeps less beside smaller ones keeps but noise
+CLOSED = 0.05  # relative: a shell whose exact volume is that near to the sampled one is closed
+# Relative errors of volume with which the first passes and the later ones are content.
+PASSES, MOST_PASSES = 2, 9
+GOOD, GOOD_ENOUGH = 0.002, 0.009
+# The volume of a part much thinner than a long edge jumps: so many passes that misplace more than
+# this share of what the best one does are the last ones.
+PATIENCE, NO_LESS = 3, 0.9
+FARTHEST = 0.35  # largest offset: labels are known within a long edge of the surfaces
+STEEPEST = 3.0  # how many times more or less than its area a volume may grow with the offset
+SHORT = 0.02  # a shorter step tells of the neighbours' steps, not of a shell's own
+
+
+class Matched(NamedTuple):
+    """A mesh made with ``offsets``, its volume by shell and the one wanted: 0 where none is."""
+
+    mesh: CutMesh
+    offsets: np.ndarray
+    volumes: np.ndarray
+    wanted: np.ndarray
+
+    @property
+    def errors(self) -> Float[np.ndarray, "shells"]:
+        """Relative error of each shell's volume."""
+        matters = self.wanted > 0
+        return np.where(matters, self.volumes / np.where(matters, self.wanted, 1.0) - 1, 0.0)
+
+    @property
+    def error(self) -> float:
+        """Largest relative error of a shell's volume."""
+        return float(np.abs(self.errors).max())
+
+    @property
+    def misplaced(self) -> float:
+        """Share of the wanted volume that is too much or too little, of all shells."""
+        return float(np.abs(self.errors) @ self.wanted / self.wanted.sum())
+
+
+def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
+    """Volume of each shell without what smaller shells take of it; 0 where they take all."""
+    own = own_volumes(field.solids) / field.edge**3
+    return np.where(own > 0, own + field.added, 0.0)
+
+
+@lru_cache(maxsize=1)  # one body is filled by several lattices
+def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
+    """Volume [m^3] of each shell, largest first, without what smaller ones take; 0 if it is all."""
+    shells = [ShellField.of(one, solids.bounds[0], 1.0, 1) for one in solids.largest_first]
+    rng = np.random.default_rng(0)
+    count = max(SAMPLES // len(shells), FEWEST)
+    held = [_samples(shell, count, rng) for shell in shells]
+    whole = np.array([_volume(*pair) for pair in zip(shells, held, strict=True)])
+    own = whole.copy()
+    for rank, (where, _, cell, _) in enumerate(held):
+        taken = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
+        for higher in shells[rank + 1 :]:
+            free = ~higher.shell.contains(where)
+            where, taken = where[free], taken[free]
+        for lower in range(rank):
+            own[lower] -= taken[shells[lower].shell.contains(where)].sum()
+    return np.where(own > HIDDEN * whole, own, 0.0)
+
+
+def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
+    """Random points inside one shell; their labels tell how many more bodies share each."""
+
+    def label(where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        return shell.shell.depth(where) - 1
+
+    crisp = shell.shell.rimless
+    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count, crisp=crisp)
+
+
+def _volume(shell: ShellField, held: Inside) -> float:
+    """Exact volume of a closed shell without what its bodies share, else the sampled one."""
+    exact = shell.shell.volume - float(held.label @ held.cell)
+    near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
+    return exact if near else held.total
+
+
+def matched(
+    field: SolidField,
+    wanted: Float[np.ndarray, "shells"],
+    build: Callable[[Float[np.ndarray, "shells"]], CutMesh],
+    offsets: Float[np.ndarray, "shells"] | None = None,
+) -> Matched:
+    """Build a mesh, and again with other offsets until the volumes are those ``wanted``.
+
+    It begins with the ``offsets`` of a similar lattice, if there are some. The pass that misplaces
+    the least volume counts: a bolt that no lattice holds does not decide over the seat.
+    """
+    idle = 0
+    area = np.array([face_areas(*shell.triangles).sum() for shell in field.shells])
+    search, best = Search(area), None
+    offsets = np.zeros(len(area)) if offsets is None else offsets
+    for number in range(MOST_PASSES):
+        mesh = build(offsets)
+        found = Matched(mesh, offsets, _volumes(field, mesh), wanted)
+        if best is None or found.misplaced < NO_LESS * best.misplaced:
+            idle = 0
+        else:
+            idle += 1
+        if best is None or found.misplaced < best.misplaced:
+            best = found
+        if idle == PATIENCE or found.error < (GOOD if number < PASSES else GOOD_ENOUGH):
+            break
+        lacks = np.where(wanted > 0, wanted - found.volumes, 0.0)
+        offsets = search.next(offsets, lacks)
+    assert best is not None
+    return best
+
+
+class Search:
+    """Offsets at which several volumes lack nothing: secants within brackets, one for each."""
+
+    def __init__(self, area: Float[np.ndarray, "shells"]) -> None:
+        """Begin with volumes that grow with the offset as fast as their ``area``."""
+        self.area, self.slope = area, area
+        self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
+        self.halved = np.zeros(len(area), dtype=bool)
+
+    def next(
+        self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
+    ) -> Float[np.ndarray, "shells"]:
+        """Return offsets to try after these, which left volumes that lack so much."""
+        if self.last is not None:
+            step, grown = offsets - self.last[0], self.last[1] - lacks
+            told = np.abs(step) >= SHORT
+            steep = grown / np.where(told, step, 1.0)
+            steep = np.clip(steep, self.area / STEEPEST, self.area * STEEPEST)
+            self.slope = np.where(told, steep, self.slope)
+            # Half the way to a bound and lacking still, or bounds that meet beside what is sought:
+            # a neighbour's offset has moved the bound.
+            stale = (self.halved & (lacks * self.last[1] > 0)) | (self.high - self.low < SHORT)
+            self.low = np.where(stale & (lacks < 0), -FARTHEST, self.low)
+            self.high = np.where(stale & (lacks > 0), FARTHEST, self.high)
+        self.last = offsets, lacks
+        # The volume of something thin jumps: a bracket keeps the search from jumping back.
+        self.low = np.where(lacks > 0, np.maximum(self.low, offsets), self.low)
+        self.high = np.where(lacks < 0, np.minimum(self.high, offsets), self.high)
+        tried = offsets + lacks / self.slope
+        self.halved = ((tried <= self.low) | (tried >= self.high)) & (lacks != 0)
+        return np.where(self.halved, (self.low + self.high) / 2, tried)
+
+
+def _volumes(field: SolidField, mesh: CutMesh) -> Float[np.ndarray, "shells"]:
+    rank = field.rank[mesh.region]
+    total = np.bincount(rank, weights=mesh.volumes, minlength=len(field.shells))
+    return total.astype(np.float64)  # of no tets it is integers
+
+
+# Tets left out: crumbs, and those at a bare edge, which doubling of nodes cannot separate.
+#
+# Halving such an edge, the other way, makes two flat tets of each good one.
+
+CARVE_ROUNDS = 8  # what is left out may bare another edge; after them halving is left
+CRUMB = 1e-3  # of the volume: a smaller piece that is a crumb of its body is held by nothing
+MOST = 0.005  # of the volume: a body that would lose more is too thin for its lattice
+
+
+def carved(
+    tets: Int[np.ndarray, "tets 4"], volumes: Float[np.ndarray, "tets"]
+) -> Bool[np.ndarray, "tets"]:
+    """Which tets to keep, so that few edges with several groups of them are left."""
+    keep = np.ones(len(tets), dtype=bool)
+    for _ in range(CARVE_ROUNDS):
+        alive = np.flatnonzero(keep)
+        apart, _ = corner_nodes(tets[alive])
+        bare = bare_edges(apart)
+        if not len(bare):
+            break
+        out = alive[_lesser_groups(apart, bare, volumes[alive])]
+        if volumes[out].sum() + volumes[~keep].sum() > MOST * volumes.sum():
+            break
+        keep[out] = False
+    return keep
+
+
+def without_crumbs(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
+) -> Bool[np.ndarray, "tets"]:
+    """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
+    volumes = signed_volumes(points, tets)
+    pieces = pieces_of(tets)
+    size = np.bincount(pieces, weights=volumes)
+    kept = size >= CRUMB * size.sum()
+    if not kept.all():
+        surface = solids.surface
+        small, first = np.unique(pieces, return_index=True)
+        small, first = small[~kept], first[~kept]
+        face = closest(points[tets[first]].mean(axis=1), surface.points, surface.faces).face
+        body = np.abs(component_volumes(surface))[surface.component[face]]
+        kept[small] = size[small] >= CRUMB_OF_BODY * body
+    return kept[pieces]
+
+
+def _lesser_groups(
+    tets: Int[np.ndarray, "tets 4"],
+    bare: Int[np.ndarray, "edges 2"],
+    volumes: Float[np.ndarray, "tets"],
+) -> Int[np.ndarray, "out"]:
+    """Of the tets around each edge, those that do not hang together with the largest group."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    size = int(tets.max()) + 1
+    ends = np.zeros(size, dtype=bool)
+    ends[bare] = True
+    near = np.flatnonzero(ends[tets].sum(axis=1) >= 2)
+    edges, of_tet = edges_of(tets[near], size)
+    wanted = np.isin(edges @ np.array([size, 1]), bare @ np.array([size, 1]))
+    row, slot = np.nonzero(wanted[of_tet])
+    tet, edge = near[row], of_tet[row, slot]
+    # Two of them hang together where they share a face that has the edge.
+    faces = np.sort(tets[tet][:, FACES], axis=-1)
+    has = (faces[..., None] == edges[edge][:, None, None, :]).any(axis=2).all(axis=-1)
+    item, face = np.nonzero(has)
+    key = np.column_stack([edge[item], faces[item, face]])
+    order = np.lexsort(key.T[::-1])
+    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    links = item[order[:-1][same]], item[order[1:][same]]
+    graph = coo_matrix((np.ones(len(links[0])), links), shape=(len(tet), len(tet)))
+    _, group = connected_components(graph, directed=False)
+    weight = np.bincount(group, weights=volumes[tet])
+    best = np.zeros(len(edges))
+    np.maximum.at(best, edge, weight[group])
+    return np.unique(tet[weight[group] < best[edge]])
+
+
+# Chamfers along sharp edges, which snapping leaves between two nodes on an edge: filled by tets.
+#
+# Where a chamfer has nodes p, r on the sharp edge and the mesh has an edge qs across, the tet p,
+# q, r, s is all that it lacks. Where no node came near, one is added on the sharp edge above qs,
+# with a tet on either face at qs.
+FLAT = 1e-3  # cubes of a long edge: a tet with less volume is flat
+NEAR = 1.0  # long edges: farther from sharp edges no chamfer has an end
+REACH = 0.7  # long edges: how far above an edge of the mesh a node is added
+
+RegionAt = Callable[[Float[np.ndarray, "n 3"]], np.ndarray]
+
+
+class Ridge(NamedTuple):
+    """Edges (n, 2) of the boundary: the ``faces`` (n, 2, 3) at each, their ``tips``, the region."""
+
+    edges: np.ndarray
+    faces: np.ndarray
+    tips: np.ndarray
+    region: np.ndarray
+
+
+def filled_ridges(
+    mesh: CutMesh,
+    on_edge: Bool[np.ndarray, "points"],
+    features: FeatureFinder,
+    region: RegionAt,
+) -> CutMesh:
+    """Add the tets that chamfers lack, where they are good and lie in the ``region`` beside them.
+
+    ``on_edge`` tells the points that lie on sharp edges.
+    """
+    near = np.flatnonzero(~mesh.free)
+    near = near[np.isfinite(features.on_edges(mesh.points[near], NEAR).distance)]
+    for _ in range(ROUNDS):
+        before = len(mesh.tets)
+        mesh = _added(mesh, *_between(mesh, _ridges(mesh, near), on_edge), region)
+        mesh = _added(*_above(mesh, _ridges(mesh, near), on_edge, features), region)
+        on_edge = np.r_[on_edge, np.ones(len(mesh.points) - len(on_edge), dtype=bool)]
+        near = np.unique(mesh.tets[before:])  # what was refused elsewhere is refused again
+        if not len(near):
+            break
+    return mesh
+
+
+def _ridges(mesh: CutMesh, near: Int[np.ndarray, "near"]) -> Ridge:
+    """Edges of the boundary between two faces of one region, at the points ``near``."""
+    at = np.zeros(len(mesh.points), dtype=bool)
+    at[near] = True
+    some = np.flatnonzero(at[mesh.tets].any(axis=1))
+    faces, owner = boundary_faces(mesh.tets[some])
+    true = at[faces].any(axis=1)  # others only bound the chosen tets
+    faces, owner = faces[true], some[owner[true]]
+    edges, left, right = shared_edges(faces)
+    same = at[edges].any(axis=1) & (mesh.region[owner[left]] == mesh.region[owner[right]])
+    edges, sides = edges[same], np.stack([left[same], right[same]], axis=1)
+    tips = faces[sides].sum(axis=-1) - edges.sum(axis=1, keepdims=True)
+    return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]])
+
+
+def _between(
+    mesh: CutMesh, ridge: Ridge, on_edge: Bool[np.ndarray, "points"]
+) -> tuple[Int[np.ndarray, "n 1 4"], Int[np.ndarray, "n"]]:
+    """Tets on edges that run across between two points on a sharp edge which are not linked."""
+    key = np.array([len(mesh.points), 1])
+    new = np.flatnonzero(on_edge[ridge.tips].all(axis=1))
+    along = mesh.tets[on_edge[mesh.tets].sum(axis=1) > 1]
+    known = edges_of(along, len(mesh.points))[0]
+    new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
+    tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
+    return tets[:, None], ridge.region[new]
+
+
+def _above(
+    mesh: CutMesh, ridge: Ridge, on_edge: Bool[np.ndarray, "points"], features: FeatureFinder
+) -> tuple[CutMesh, Int[np.ndarray, "n 2 4"], Int[np.ndarray, "n"]]:
+    """Pairs of tets from edges that run across to new points on the sharp edge above them."""
+    middle = mesh.points[ridge.edges].mean(axis=1)
+    across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
+    found = features.on_edges(middle[across], REACH)
+    near = np.isfinite(found.distance)
+    across, where = across[near], found.point[near]
+    number = len(mesh.points) + np.arange(len(across))
+    faces = ridge.faces[across]
+    tets = np.concatenate([faces, np.repeat(number[:, None, None], 2, axis=1)], axis=-1)
+    grown = mesh._replace(
+        points=np.concatenate([mesh.points, where]),
+        free=np.concatenate([mesh.free, np.zeros(len(where), dtype=bool)]),
+    )
+    return grown, tets, ridge.region[across]
+
+
+def _added(
+    mesh: CutMesh,
+    groups: Int[np.ndarray, "n k 4"],
+    regions: Int[np.ndarray, "n"],
+    region: RegionAt,
+) -> CutMesh:
+    """Add the groups of tets that are good all together, the fattest of those in each other's way.
+
+    A face of the boundary that comes first gives positive volume where the fourth point is above.
+    """
+    count, size = groups.shape[:2]
+    tets = groups.reshape(-1, 4)
+    solid = (signed_volumes(mesh.points, tets) > FLAT).reshape(count, size).all(axis=1)
+    groups, regions = groups[solid], regions[solid]
+    angles = dihedral_angles(mesh.points, groups.reshape(-1, 4)).reshape(len(groups), 6 * size)
+    good = (angles.min(axis=1) >= SHARPEST) & (angles.max(axis=1) <= BLUNTEST)
+    groups, regions, fatness = groups[good], regions[good], angles[good].min(axis=1)
+    middle = mesh.points[groups.reshape(-1, 4)].mean(axis=1)
+    inside = (region(middle).reshape(-1, size) == regions[:, None]).all(axis=1)
+    groups, regions = groups[inside], regions[inside]
+    kept = _ridges_apart(groups, fatness[inside])
+    return _without_unused(
+        mesh._replace(
+            tets=np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)]),
+            region=np.concatenate([mesh.region, np.repeat(regions[kept], size)]),
+        )
+    )
+
+
+def _ridges_apart(groups: Int[np.ndarray, "n k 4"], fatness: Float[np.ndarray, "n"]) -> list[int]:
+    """Of groups of tets that share a face, the fattest."""
+    taken: set[tuple[int, ...]] = set()
+    kept = []
+    for number in np.argsort(-fatness, kind="stable").tolist():
+        faces: set[tuple[int, ...]] = set()
+        for a, b, c, d in np.sort(groups[number], axis=1).tolist():
+            faces |= {(a, b, c), (a, b, d), (a, c, d), (b, c, d)}
+        if not faces & taken:
+            taken |= faces
+            kept.append(number)
+    return kept
+
+
+def _without_unused(mesh: CutMesh) -> CutMesh:
+    """Drop the points that no tet has."""
+    used = np.zeros(len(mesh.points), dtype=bool)
+    used[mesh.tets] = True
+    if used.all():
+        return mesh
+    number = (np.cumsum(used) - 1).astype(np.int32)
+    return mesh._replace(points=mesh.points[used], tets=number[mesh.tets], free=mesh.free[used])
+
+
+# Nodes moved onto sharp edges and corners, as far as the tets around them stay good.
+
+CORNER_REACH, CORNER_NODES = 0.9, 12  # long edges; how many nodes are tried for a corner
+EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
+
+
+def snapped(mesh: CutMesh, features: FeatureFinder) -> tuple[CutMesh, Bool[np.ndarray, "points"]]:
+    """Move nodes of the surfaces to ``features``; also which points lie on these then."""
+    guard = Guard(mesh)
+    taken = mesh.free.copy()
+    _to_corners(guard, taken, features.corners)
+    for reach in EDGE_REACHES:
+        nodes = np.flatnonzero(~taken)
+        found = features.on_edges(guard.points[nodes], reach)
+        near = np.isfinite(found.distance)
+        taken[guard.move(nodes[near], found.point[near])] = True
+    return mesh._replace(points=guard.points), taken & ~mesh.free
+
+
+def _to_corners(
+    guard: Guard, taken: Bool[np.ndarray, "points"], corners: Float[np.ndarray, "corners 3"]
+) -> None:
+    """For each corner try the nearest nodes one after the other, until one may move there."""
+    from scipy.spatial import KDTree
+
+    nodes = np.flatnonzero(~taken)
+    count = min(CORNER_NODES, len(nodes))
+    if not (len(corners) and count):
+        return
+    ranks: Any = np.arange(1, count + 1)  # an array keeps the shape where there is one; stubs lag
+    distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
+    open_ = np.ones(len(corners), dtype=bool)
+    for distances, tried in zip(distance.T, nodes[index.T], strict=True):
+        ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
+        ask = ask[np.unique(tried[ask], return_index=True)[1]]
+        moved = guard.move(tried[ask], corners[ask])
+        taken[moved] = True
+        open_[ask[np.isin(tried[ask], moved)]] = False
+
+
+class Guard:
+    """Points of a mesh that move only as far as no tet around them becomes bad."""
+
+    def __init__(self, mesh: CutMesh) -> None:
+        self.points = mesh.points.copy()
+        self.tets = mesh.tets[~mesh.free[mesh.tets].all(axis=1)]
+        _, sharp, blunt = _shape(self.points, self.tets)
+        # Where a tet is worse than that already, it must not become worse still.
+        self.sharpest = np.maximum(sharp, np.cos(np.radians(SHARPEST)))
+        self.blunt = np.minimum(blunt, np.cos(np.radians(BLUNTEST)))
+
+    def move(
+        self, nodes: Int[np.ndarray, "n"], targets: Float[np.ndarray, "n 3"]
+    ) -> Int[np.ndarray, "moved"]:
+        """Move ``nodes`` to their ``targets``, and undo the longest move of each bad tet.
+
+        Returns the nodes that stay moved.
+        """
+        there = self.points.copy()
+        there[nodes] = targets
+        length = np.zeros(len(there))
+        length[nodes] = np.linalg.norm(targets - self.points[nodes], axis=1)
+        on = np.zeros(len(there), dtype=bool)
+        on[nodes] = True
+        touched = asked = np.flatnonzero(on[self.tets].any(axis=1))
+        while asked.size:
+            tets = self.tets[asked]
+            bad = self._bad(there, asked) & on[tets].any(axis=1)
+            worst = tets[bad]
+            moves = np.where(on[worst], length[worst], -1.0)
+            undone = np.unique(worst[np.arange(len(worst)), moves.argmax(axis=1)])
+            on[undone] = False
+            there[undone] = self.points[undone]
+            changed = np.zeros(len(there), dtype=bool)
+            changed[undone] = True
+            asked = touched[changed[self.tets[touched]].any(axis=1)]
+        self.points = there
+        return nodes[on[nodes]]
+
+    def _bad(
+        self, points: Float[np.ndarray, "points 3"], asked: Int[np.ndarray, "asked"]
+    ) -> Bool[np.ndarray, "asked"]:
+        volume, sharp, blunt = _shape(points, self.tets[asked])
+        return (volume <= 0) | (sharp > self.sharpest[asked]) | (blunt < self.blunt[asked])
+
+
+def _shape(
+    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Volume, and the cosines of the sharpest and the bluntest dihedral angle, of every tet."""
+    cosine = dihedral_cosines(points, tets)
+    return signed_volumes(points, tets), cosine.max(axis=0), cosine.min(axis=0)
+
+
+# How a lattice fits: parts that are thinner than its edge, and gaps that are narrower.
+
+RAYS = 4000  # from the surfaces inward: shares to a few per cent
+OUT = 0.05  # of the edge: how far beyond both walls it is asked whether the part has ended
+CONTACT = 0.02  # of the edge: walls nearer than that touch
+ACROSS = (0.5, 0.1, 0.9)  # where on the way over a gap it is asked for tets
+# Of the edge: a plate of 1 keeps its shape in the lattice, of .7 it is holes for the most part.
+RESOLVED = 0.75
+THIN_SHARE = 0.05  # of the surface that may be thinner: rims and ornaments that carry little
+
+
+class RaysThrough(NamedTuple):
+    """Rays through parts: the ``part`` of each, and its ``thickness`` [m] there if below an edge.
+
+    Where it is thicker, or the wall opposite is one inside the part, that is infinite.
+    """
+
+    part: np.ndarray
+    thickness: np.ndarray
+
+
+def thin_walls(solids: Solids, edge: float) -> RaysThrough:
+    """Thickness of the parts where their walls are nearer than ``edge`` [m].
+
+    A ray from a wall finds the wall opposite; beyond both must be another part or air, else it is
+    a wall inside.
+    """
+    rng = np.random.default_rng(0)
+    start, end, thickness = thicknesses(solids.clean_triangles(), edge=edge, rng=rng, count=RAYS)
+    part = solids.label((start + end) / 2)
+    thin = np.flatnonzero((part >= 0) & (thickness < edge))
+    along = (end - start)[thin] / np.maximum(thickness[thin], np.finfo(float).tiny)[:, None]
+    beyond = np.concatenate([start[thin] - OUT * edge * along, end[thin] + OUT * edge * along])
+    before, after = np.split(solids.label(beyond), 2)
+    thin = thin[(before != part[thin]) & (after != part[thin])]
+    found = np.full(len(part), np.inf)
+    found[thin] = thickness[thin]
+    return RaysThrough(part[part >= 0], found[part >= 0])
+
+
+def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
+    """Share of the surface of each part where its walls are nearer than ``edge`` [m]."""
+    part, thickness = thin_walls(solids, edge)
+    total = np.bincount(part)
+    found = np.bincount(part[thickness < edge], minlength=len(total))
+    return {int(p): float(found[p] / total[p]) for p in np.flatnonzero(found)}
+
+
+def resolving(solids: Solids, target: EngineTarget, *, most: int) -> EngineTarget:
+    """Return the target with tets enough for what is thin, ``most`` at most.
+
+    All but ``THIN_SHARE`` of the surface is then at least ``RESOLVED`` edges thick.
+    """
+    edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
+    thickness = np.sort(thin_walls(solids, RESOLVED * edge).thickness)
+    if not len(thickness):
+        return target
+    wanted = thickness[int(THIN_SHARE * len(thickness))] / RESOLVED
+    more = (edge / wanted) ** 3 if wanted > 0 else np.inf
+    return replace(target, tets=int(np.clip(more * target.tets, target.tets, most)))
+
+
+def closed_shares(solids: Solids, edge: float, boundary: Triangles) -> dict[int, float]:
+    """Share of the surface of each part from which tets reach over a gap to another wall.
+
+    A ray from a wall outward finds the wall opposite, nearer than ``edge`` [m], and the air between
+    is all inside the mesh's ``boundary`` [m]: what is apart there has become one body.
+    """
+    points, faces = solids.clean_triangles()
+    outward = Triangles(points, faces[:, ::-1])
+    rng = np.random.default_rng(0)
+    start, end, width = thicknesses(outward, edge=edge, rng=rng, count=RAYS)
+    narrow = np.flatnonzero((width > CONTACT * edge) & (width < edge))
+    start, way = start[narrow], (end - start)[narrow]
+    part = solids.label(start - OUT * way)
+    gap = (part >= 0) & (solids.label(start + way / 2) < 0)
+    for share in ACROSS:
+        winding = winding_numbers(*boundary, (start + share * way)[gap])
+        gap[gap] = np.abs(winding) > INSIDE
+    found = np.bincount(part[gap])
+    return {int(p): float(found[p] / RAYS) for p in np.flatnonzero(found)}

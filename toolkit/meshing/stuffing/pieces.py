@@ -8,12 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....fem.scene.boundary import boundary_faces
-from ....fem.scene.mesh import signed_volumes
-from ...surfaces.samples import facets, sample
-from ...surfaces.solids import INSIDE, Solids
-from ...surfaces.surface import Surface, TouchingPlaces, open_components
-from ...surfaces.triangles import ClosestTo, Triangles, closest, winding_numbers
+from ....fem.mesh import boundary_faces, signed_volumes
+from ...asset.solids import INSIDE, Solids
+from ...asset.surface import Surface, TouchingPlaces, open_components
+from ...asset.triangles import ClosestTo, Triangles, closest, facets, sample, winding_numbers
 from .field import BEAD, NOWHERE
 
 CRUMB_OF_BODY = 0.02  # a smaller piece of a body of the input may be a crumb of a thin rim

@@ -1,0 +1,248 @@
+""".ksplat splats (version 0.1): sections of rows, positions counted from bucket centres."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+
+from ...fem.errors import InputError
+from ..files import reading
+from ..registry import Format, Keeps
+from .gaussians import SH_C0, standard_columns
+from .table import PointTable
+
+WANTED = "a .ksplat file of version 0.1"
+_FILE_HEADER, _SECTION_HEADER = 4096, 1024
+_HARMONICS = (0, 9, 24, 45)
+_SH_RANGE = 1.5  # of 8-bit harmonics where the header says nothing
+_QUANTA = (1, 32767, 32767)  # of a bucket's half size, by level, where the section says nothing
+_LEVELS = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))
+
+
+class _Section(NamedTuple):
+    """Layout of a section: splats, rows of space, buckets and where its bytes start."""
+
+    splats: int
+    rows: int
+    capacity: int
+    buckets: int
+    size: float
+    bucket_bytes: int
+    quanta: int
+    full: int
+    partial: int
+    degree: int
+    start: int
+
+    def dtype(self, level: int) -> np.dtype:
+        """Type of a row at a level of compression."""
+        position, other, harmonic = _LEVELS[level]
+        return np.dtype(
+            [("p", position, 3), ("s", other, 3), ("q", other, 4), ("rgba", "u1", 4),
+             ("sh", harmonic, _HARMONICS[self.degree])]
+        )  # fmt: skip
+
+    @property
+    def bucket_space(self) -> int:
+        """Bytes of bucket sizes and centres before the rows."""
+        return 4 * self.partial + self.bucket_bytes * self.buckets
+
+
+def read_ksplat(path: str | os.PathLike) -> PointTable:
+    """Read .ksplat at any of its three levels as the columns of the common PLY."""
+    with reading(path, WANTED) as source:
+        content = source.read_bytes()
+        if len(content) < _FILE_HEADER or content[0] != 0 or content[1] < 1:
+            raise InputError(f"{path} is no .ksplat of version 0.1; wanted {WANTED}")
+        (sections,) = struct.unpack_from("<I", content, 4)
+        (level,) = struct.unpack_from("<H", content, 20)
+        low, high = struct.unpack_from("<ff", content, 36)
+        span = (low or -_SH_RANGE, high or _SH_RANGE)
+        if level >= len(_LEVELS) or sections > len(content) // _SECTION_HEADER:
+            raise InputError(f"{path}: level {level}, {sections} sections; wanted {WANTED}")
+        parts, start = [], _FILE_HEADER + sections * _SECTION_HEADER
+        for i in range(sections):
+            section = _section(content, _FILE_HEADER + i * _SECTION_HEADER, start, level)
+            if section.splats:
+                parts.append(_splats(content, section, level, span))
+            start += section.bucket_space + section.rows * section.dtype(level).itemsize
+        if not parts:
+            raise InputError(f"{path} holds no splats; wanted {WANTED}")
+        return PointTable(
+            {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        )
+
+
+KSPLAT = Format("bucketed splats", (".ksplat",), read_ksplat, keeps=frozenset({Keeps.HARMONICS}))
+
+
+def _section(content: bytes, at: int, start: int, level: int) -> _Section:
+    splats, rows, capacity, buckets = struct.unpack_from("<IIII", content, at)
+    (size,) = struct.unpack_from("<f", content, at + 16)
+    (bucket_bytes,) = struct.unpack_from("<H", content, at + 20)
+    (quanta,) = struct.unpack_from("<I", content, at + 24)
+    full, partial = struct.unpack_from("<II", content, at + 32)
+    (degree,) = struct.unpack_from("<H", content, at + 40)
+    if degree >= len(_HARMONICS):
+        raise InputError(f"section of harmonic degree {degree}; wanted at most 3")
+    return _Section(
+        splats, rows, capacity, buckets, size, bucket_bytes, quanta or _QUANTA[level], full,
+        partial, degree, start,
+    )  # fmt: skip
+
+
+def _splats(content: bytes, section: _Section, level: int, span) -> dict[str, np.ndarray]:
+    dtype = section.dtype(level)
+    rows_at = section.start + section.bucket_space
+    if rows_at + section.splats * dtype.itemsize > len(content):
+        raise InputError(f"section of {section.splats} splats ends after the file does")
+    rows = np.frombuffer(content, dtype, section.splats, rows_at)
+    means = rows["p"].astype(np.float64)
+    if level:
+        sizes = np.frombuffer(content, "<u4", section.partial, section.start)
+        centres = np.frombuffer(
+            content, "<f4", 3 * section.buckets, section.start + 4 * section.partial
+        ).reshape(-1, 3)
+        filled = np.concatenate([np.full(section.full, section.capacity), sizes])
+        ends = np.cumsum(filled.astype(np.int64))
+        bucket = np.searchsorted(ends, np.arange(section.splats), side="right")
+        if bucket.max() >= len(centres):
+            raise InputError(f"{section.splats} splats do not fit {section.buckets} buckets")
+        means = (means - section.quanta) * section.size / 2 / section.quanta + centres[bucket]
+    with np.errstate(divide="ignore"):  # a flat splat has scale 0: its log is -inf
+        log_scales = np.log(rows["s"].astype(np.float64))
+    rest = rows["sh"].astype(np.float64)
+    if level == 2:
+        rest = span[0] + rest / 255 * (span[1] - span[0])
+    colour = (rows["rgba"][:, :3] / 255 - 0.5) / SH_C0
+    alpha = rows["rgba"][:, 3] / 255
+    return standard_columns(
+        means, log_scales, rows["q"].astype(np.float64), alpha, colour,
+        _by_channel(rest) if section.degree else None,
+    )  # fmt: skip
+
+
+def _by_channel(rest: np.ndarray) -> np.ndarray:
+    """Harmonics stored band by band, each (3, band), as (n, 3, all bands)."""
+    bands, at = [], 0
+    for width in (3, 5, 7):
+        if at < rest.shape[1]:
+            bands.append(rest[:, at : at + 3 * width].reshape(len(rest), 3, width))
+            at += 3 * width
+    return np.concatenate(bands, axis=2)
+
+
+# Niantic's .spz splats, versions 1 to 4: compressed planes of fixed-point values.
+#
+# The file's axes are kept: the format's own are right-up-back, but not every writer turns to them.
+
+SPZ_WANTED = "an .spz splat file of version 1 to 4"
+_MAGIC, _HEADER = b"NGSP", 16
+_COEFFICIENTS = (0, 3, 8, 15, 24)
+_COLOUR = 0.15  # the format's own range of the constant harmonic, wider than SH_C0
+_MAX_BYTES = 1 << 32  # unpacked; about 66 million splats
+
+
+def read_spz(path: str | os.PathLike) -> PointTable:
+    """Read .spz as the columns of the common PLY, in the file's own axes."""
+    with reading(path, SPZ_WANTED) as source:
+        content = _plain(source.read_bytes())
+        if len(content) < _HEADER or content[:4] != _MAGIC:
+            raise InputError(f"{path} holds no NGSP header; wanted {SPZ_WANTED}")
+        version, n, degree, bits = struct.unpack_from("<IIBB", content, 4)
+        if version not in (1, 2, 3, 4) or degree >= len(_COEFFICIENTS):
+            raise InputError(f"{path} is version {version}, degree {degree}; wanted {SPZ_WANTED}")
+        k = _COEFFICIENTS[degree]
+        widths = [6 if version == 1 else 9, 1, 3, 3, 4 if version > 2 else 3, 3 * k]
+        streams = _compressed if version == 4 else _plain_planes
+        planes = [
+            np.frombuffer(raw, np.uint8).reshape(n, width)
+            for raw, width in zip(streams(content, n, widths), widths, strict=False)
+        ]
+        position, alpha, colour, scale, rotation = planes[:5]
+        return PointTable(
+            standard_columns(
+                _positions(position, version, bits),
+                scale / 16.0 - 10,
+                _rotations(rotation),
+                alpha[:, 0] / 255.0,
+                (colour / 255.0 - 0.5) / _COLOUR,
+                (planes[5].reshape(n, k, 3).transpose(0, 2, 1) - 128.0) / 128 if k else None,
+            )
+        )
+
+
+SPZ = Format("Niantic splats", (".spz",), read_spz, keeps=frozenset({Keeps.HARMONICS}))
+
+
+def _plain_planes(content: bytes, n: int, widths: list[int]) -> list[bytes]:
+    """Planes one after the other behind the header (versions 1 to 3)."""
+    ends = _HEADER + n * np.cumsum(widths)
+    if len(content) < ends[-1]:
+        raise InputError(
+            f"{n} splats of {sum(widths)} bytes announced, {len(content) - _HEADER} there"
+        )
+    starts = [_HEADER, *ends[:-1]]
+    return [content[start:end] for start, end in zip(starts, ends, strict=True)]
+
+
+def _compressed(content: bytes, n: int, widths: list[int]) -> list[bytes]:
+    """Planes as Zstandard streams, listed with both sizes in a table of contents (version 4)."""
+    try:
+        import zstandard
+    except ImportError as error:
+        raise InputError(".spz 4 needs zstandard: pip install 'autophyx-tet[splats]'") from error
+    count, (toc,) = content[15], struct.unpack_from("<I", content, 16)
+    if count != sum(width > 0 for width in widths):
+        raise InputError(f"{count} streams announced, {sum(w > 0 for w in widths)} wanted")
+    sizes = [struct.unpack_from("<QQ", content, toc + 16 * i) for i in range(count)]
+    planes, at = [], toc + 16 * count
+    for (packed, size), width in zip(sizes, widths, strict=False):
+        if size != n * width or at + packed > len(content):
+            raise InputError(f"a stream of {size} bytes announced, {n * width} wanted")
+        raw = content[at : at + packed]
+        planes.append(zstandard.ZstdDecompressor().decompress(raw, max_output_size=size))
+        at += packed
+    return planes
+
+
+def _plain(content: bytes) -> bytes:
+    """Undo gzip, within bounds."""
+    if content[:2] != b"\x1f\x8b":
+        return content
+    stream = zlib.decompressobj(16 + zlib.MAX_WBITS)
+    plain = stream.decompress(content, _MAX_BYTES)
+    if not stream.eof:
+        raise InputError(f"the gzip stream is cut short or unpacks to more than {_MAX_BYTES} bytes")
+    return plain
+
+
+def _positions(raw: np.ndarray, version: int, bits: int) -> np.ndarray:
+    """Positions (n, 3) from half floats (version 1) or 24-bit fixed point."""
+    if version == 1:
+        return raw.copy().view("<f2").astype(np.float64)
+    low, middle, high = (raw.reshape(len(raw), 3, 3)[:, :, i].astype(np.int64) for i in range(3))
+    value = low | middle << 8 | high << 16
+    return np.where(value >= 1 << 23, value - (1 << 24), value) / 2.0**bits
+
+
+def _rotations(raw: np.ndarray) -> np.ndarray:
+    """Quaternions wxyz from the first three components, or from all but the largest."""
+    if raw.shape[1] == 3:
+        xyz = raw / 127.5 - 1
+        w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(axis=1)))
+        return np.column_stack([w, xyz])
+    packed = raw.copy().view("<u4")[:, 0]
+    largest = (packed >> 30).astype(np.int64)
+    others = np.array([[j for j in range(4) if j != i] for i in range(4)])[largest]
+    fields = np.stack([packed >> shift & 1023 for shift in (20, 10, 0)], axis=1).astype(np.int64)
+    three = np.where(fields & 512, -1, 1) * (fields & 511) / 511 * 0.5**0.5
+    xyzw = np.empty((len(raw), 4))
+    np.put_along_axis(xyzw, others, three, axis=1)
+    rest = np.sqrt(np.maximum(0, 1 - (three**2).sum(axis=1)))
+    np.put_along_axis(xyzw, largest[:, None], rest[:, None], axis=1)
+    return xyzw[:, [3, 0, 1, 2]]

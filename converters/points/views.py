@@ -1,0 +1,294 @@
+"""Pictures of Gaussian splats on a CPU: projected ellipses (EWA), sorted by depth, blended.
+
+After Zwicker et al. 2001 and Kerbl et al. 2023, whose rasterisers want CUDA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.device import start_warp
+from ...fem.errors import NoVolumeError
+from ...predictors.appearance.views import Camera, ring
+from ...predictors.asset import UpAxis
+from ...predictors.grid import Grid
+from ..grids import PAD, shell_surface
+from .gaussians import BANDS, COUNTS, SH_C0, Gaussians, band_values, gaussians, matrices_of
+from .table import PointTable
+
+if TYPE_CHECKING:
+    import trimesh
+    from scipy.spatial import KDTree
+
+
+# Every ellipse is widened by this variance [px^2], so that none falls between the pixels.
+WIDENED = 0.3
+# Splats nearer than this share of the camera's distance from the origin of depths are left out.
+NEAREST = 0.01
+# Standard deviations to which an ellipse is drawn: fainter than 1/255 beyond, if it is opaque.
+DEVIATIONS = 3.33
+
+
+class Ellipses(NamedTuple):
+    """Splats in a picture, the nearest first.
+
+    ``rows`` of the table, ``centre`` [px] (n, 2), ``conic`` (n, 3) the entries xx, xy, yy of the
+    inverse covariance [1/px^2], ``reach`` (n, 2) half sides of the box [px].
+    """
+
+    rows: np.ndarray
+    centre: np.ndarray
+    conic: np.ndarray
+    reach: np.ndarray
+
+
+def splat_view(
+    table: PointTable, camera: Camera, *, background: float = 1.0
+) -> Float[np.ndarray, "height width 3"]:
+    """Picture of splats with values in [0, 1] on a grey ``background``, as the camera sees them.
+
+    ``InputError`` where the table has no splats.
+    """
+    from ...fem.device import start_warp
+
+    wp = start_warp()
+    from ..kernels import blend
+
+    found = gaussians(table)
+    roots = matrices_of(found.rotations) * found.sigmas[:, None, :]
+    drawn = _ellipses(found.means, roots, camera)
+    image = np.zeros((*camera.size, 4), dtype=np.float32)
+    image[..., 3] = 1.0
+    canvas = wp.array(image, dtype=wp.vec4, device="cpu")
+    if len(drawn.rows):
+        colours = _colours(table, found.means, camera)
+        given = [
+            wp.array(np.ascontiguousarray(values, dtype=np.float32), dtype=kind, device="cpu")
+            for values, kind in (
+                (drawn.centre, wp.vec2),
+                (drawn.conic, wp.vec3),
+                (drawn.reach, wp.vec2),
+                (found.opacity[drawn.rows], float),
+                (colours[drawn.rows], wp.vec3),
+            )
+        ]
+        wp.launch(blend, 1, [*given, canvas], device="cpu")
+    seen = canvas.numpy().astype(np.float64)
+    return np.clip(seen[..., :3] + background * seen[..., 3:], 0.0, 1.0)
+
+
+def _ellipses(
+    means: Float[np.ndarray, "n 3"], roots: Float[np.ndarray, "n 3 3"], camera: Camera
+) -> Ellipses:
+    """Project: J W Sigma W^T J^T of the camera's axes W and of the perspective's derivative J.
+
+    ``roots`` are A of Sigma = A A^T.
+    """
+    seen = camera.project(means)
+    depth = seen[:, 2]
+    finite = np.isfinite(seen).all(axis=1) & np.isfinite(roots).all(axis=(1, 2))
+    ahead = depth > NEAREST * np.median(np.abs(depth[finite])) if finite.any() else finite
+    rows = np.flatnonzero(finite & ahead)
+    rows = rows[np.argsort(depth[rows], kind="stable")]
+    turned = camera.pose[:3, :3].T @ roots.transpose(1, 2, 0).reshape(3, -1)
+    right, above, behind = turned.reshape(3, 3, -1)  # by column of a root, and splat
+    (fx, fy), (middle_x, middle_y) = camera.focal, camera.center
+    with np.errstate(all="ignore"):  # of what is not in ``rows``
+        across = (fx * right + (seen[:, 0] - middle_x) * behind) / depth
+        up = ((seen[:, 1] - middle_y) * behind - fy * above) / depth
+        a, c = (across**2).sum(axis=0) + WIDENED, (up**2).sum(axis=0) + WIDENED
+        b = (across * up).sum(axis=0)
+        conic = np.stack([c, -b, a]) / (a * c - b * b)
+        reach = DEVIATIONS * np.sqrt(np.stack([a, c]))
+    return Ellipses(rows, seen[rows, :2], conic[:, rows].T, reach[:, rows].T)
+
+
+def _colours(
+    table: PointTable, means: Float[np.ndarray, "n 3"], camera: Camera
+) -> Float[np.ndarray, "n 3"]:
+    """Colours in [0, 1] of splats as seen from the camera; grey where the table has none."""
+    if "f_dc_0" not in table.columns:
+        return np.full((len(means), 3), 0.5)
+    base = np.stack([np.float64(table.columns[f"f_dc_{i}"]) for i in range(3)], axis=1)
+    colours = 0.5 + SH_C0 * base
+    count = sum(name.startswith("f_rest_") for name in table.columns) // 3
+    if count in COUNTS:
+        rest = np.stack([table.columns[f"f_rest_{i}"] for i in range(3 * count)], axis=1)
+        rest = rest.reshape(len(means), 3, count)
+        away = means - camera.position
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        start = 0
+        for degree, width in enumerate(BANDS[: COUNTS.index(count) + 1], 1):
+            values = band_values(degree, away)
+            colours += np.einsum("nck,nk->nc", rest[:, :, start : start + width], values)
+            start += width
+    return np.clip(colours, 0.0, 1.0)
+
+
+# A film of moving splats: one camera that holds the whole motion, from where it is seen best.
+
+# Frames of a film, its side [px], and the share of that left free on each side.
+SHOWN, PIXELS, RIM = 24, 384, 0.06
+# Splats that a camera is chosen by, cameras that are tried, and the side [px] of what they see.
+FEW, TRIED, SMALL = 8_000, 8, 96
+# Splats beyond these quantiles are strays, and may leave the picture.
+EDGES = (0.005, 0.995)
+
+
+def thinned(table: PointTable) -> PointTable:
+    """At most ``FEW`` splats of a table, evenly taken, to choose a camera by."""
+    step = max(1, len(table) // FEW)
+    return PointTable({name: np.asarray(v)[::step] for name, v in table.columns.items()})
+
+
+def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
+    """The camera around moving splats that sees them move farthest, and in contrast."""
+    places = np.stack([_inner(table.positions) for table in frames])
+    all_places = places.reshape(-1, 3)
+    bounds = np.stack([all_places.min(axis=0), all_places.max(axis=0)])
+    around = ring(bounds, count=TRIED, up=up, pixels=SMALL)
+    cameras = [camera.framing(all_places, rim=RIM) for camera in around]
+
+    def seen(camera: Camera) -> float:
+        pixels = camera.project(all_places)[:, :2].reshape(*places.shape[:2], 2)
+        moved = np.linalg.norm(pixels - pixels[0], axis=2).mean(axis=1).max()
+        return float(moved * splat_view(frames[0], camera).std())
+
+    return max(cameras, key=seen).resized(PIXELS, PIXELS)
+
+
+def _inner(places: np.ndarray) -> np.ndarray:
+    """Places with strays, and what has none, moved in."""
+    low, high = np.nanquantile(np.where(np.isfinite(places), places, np.nan), EDGES, axis=0)
+    return np.clip(np.where(np.isfinite(places), places, low), low, high)
+
+
+class SplatFilm:
+    """A GIF of about ``SHOWN`` of ``frames`` frames, seen by one ``camera``."""
+
+    def __init__(self, camera: Camera, frames: int) -> None:
+        self.camera = camera
+        self.stride = stride(frames)
+        self.sheets: list[Any] = []
+
+    def show(self, number: int, table: PointTable) -> None:
+        """Draw a frame, if it is one of those that are shown."""
+        from PIL import Image
+
+        if number % self.stride == 0:
+            drawn = splat_view(table, self.camera)
+            self.sheets.append(Image.fromarray((255 * drawn).round().astype(np.uint8)))
+
+    def save(self, path: Path) -> Path:
+        """Write what was shown, two seconds of it, endlessly repeated."""
+        each = round(2000 / len(self.sheets))
+        self.sheets[0].save(
+            path, "GIF", save_all=True, append_images=self.sheets[1:], duration=each, loop=0
+        )
+        return path
+
+
+def stride(frames: int) -> int:
+    """From a shown frame to the next."""
+    return -(-frames // SHOWN)
+
+
+# Splats as a body: their summed opacity on a grid, and the closed surface through them.
+
+REACH = 3.0  # standard deviations at which a Gaussian ends: opacity 1 % of its peak
+MAX_REACH = 8  # cells that a Gaussian covers at most on either side: bad fits are clamped
+_FAINT = 0.1  # opacity below which a splat is no part of a surface
+_CUT = 0.2  # of the density at the splats' own centres: low, since a shell has thin places
+_FINE = 0.75  # of what a splat covers: cells so large see a rod as thick as that
+_FEWEST, _MOST = 96, 192  # cells along the longest side
+_NEIGHBOURS, _ASKED = 4, 2_000  # the fourth nearest splat, of so many, tells how far they lie apart
+
+
+def splat_surface(table: PointTable, *, cells: int | None = None) -> trimesh.Trimesh:
+    """Closed surface [m] through the centres of the opaque splats, its inside solid.
+
+    The opacity grid of a shell of splats is a ridge. It is cut on its outer side, its inside
+    filled, and the cut moved in to where the splats lie below it: their own places, since in a
+    thin body the ridges of both sides are one. By default cells are as large as what a splat
+    covers.
+    """
+    from scipy.spatial import KDTree
+
+    splats = gaussians(table)
+    keep = (splats.opacity > _FAINT) & np.isfinite(splats.means).all(axis=1)
+    if not keep.any():
+        raise NoVolumeError(f"none of {len(table)} splats has an opacity above {_FAINT}")
+    splats = Gaussians(*(values[keep] for values in splats))
+    tree = KDTree(splats.means)
+    bounds = np.stack([splats.means.min(axis=0), splats.means.max(axis=0)])
+    grid = Grid.around(bounds, cells=cells or _cells(splats, tree), pad=PAD)
+    density = opacity_grid(splats, grid)
+    here = density[tuple(grid.cell_of(splats.means).T)]
+
+    def depth(outer: trimesh.Trimesh) -> float:
+        """Median depth [m] below the outer surface at which the nearest splat lies."""
+        vertices, normals = np.asarray(outer.vertices), np.asarray(outer.vertex_normals)
+        below = vertices - splats.means[tree.query(vertices)[1]]
+        return float(np.median(np.einsum("ni,ni->n", below, normals)))
+
+    return shell_surface(density, grid, level=_CUT * float(np.median(here)), depth=depth)
+
+
+def _cells(splats: Gaussians, tree: KDTree) -> int:
+    """Cells along the longest side that are no smaller than splats, nor than the gaps between."""
+    some = splats.means[:: max(1, len(splats.means) // _ASKED)]
+    nearest = min(_NEIGHBOURS, len(splats.means) - 1)
+    apart = float(np.median(tree.query(some, k=nearest + 1)[0][:, -1]))
+    covered = max(apart, float(np.median(splats.sigmas.max(axis=1))))
+    longest = float(np.ptp(splats.means, axis=0).max())
+    return int(np.clip(longest / (_FINE * covered), _FEWEST, _MOST)) if covered else _FEWEST
+
+
+def opacity_grid(splats: Gaussians, grid: Grid) -> Float[np.ndarray, "nx ny nz"]:
+    """Summed opacity at the centre of every cell: sum of opacity exp(-d^T S^-1 d / 2).
+
+    Each Gaussian is widened by half a cell, so that none falls between centres, and ends at three
+    standard deviations or ``MAX_REACH`` cells.
+    """
+    from ..kernels import add_gaussians
+
+    warp = start_warp()
+    sigmas = np.clip(np.hypot(splats.sigmas / grid.h, 0.5), None, MAX_REACH / REACH)  # in cells
+    axes = _rotation_matrices(splats.rotations)
+    means = grid.to_index(splats.means)
+    reach = REACH * np.sqrt(np.einsum("nij,nj->ni", axes**2, sigmas**2))  # of the box around each
+    lower = np.clip(np.ceil(means - reach), 0, grid.shape)
+    upper = np.clip(np.floor(means + reach), -1, np.array(grid.shape) - 1)
+    whiten = axes.transpose(0, 2, 1) / sigmas[:, :, None]
+    density = warp.zeros(grid.shape, dtype=warp.float64, device="cpu")
+    warp.launch(
+        add_gaussians,
+        len(means),
+        [
+            warp.array(means, dtype=warp.vec3d, device="cpu"),
+            warp.array(whiten, dtype=warp.mat33d, device="cpu"),
+            warp.array(splats.opacity, dtype=warp.float64, device="cpu"),
+            warp.array(lower.astype(np.int32), dtype=warp.vec3i, device="cpu"),
+            warp.array(upper.astype(np.int32), dtype=warp.vec3i, device="cpu"),
+            warp.float64(REACH),
+        ],
+        [density],
+        device="cpu",
+    )
+    return density.numpy()
+
+
+def _rotation_matrices(q: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) of unit quaternions wxyz; columns are the axes."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,413 @@
+"""Where else a material field comes from: tets, labelled points, output of VoMP or Pixie."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..fem.errors import InputError
+from ..fem.material import ElementMaterial
+from ..fem.mesh import TetMesh
+from ..fem.mpm.materials import Substance
+from ..fem.mpm.particles import JELLY, Particles
+from ..predictors.field import ANY_PART, MaterialField, sample_field
+from ..predictors.grid import Grid, PartVoxels
+from .points.table import PointTable, read_points
+
+# What other programs call the three values and the label, ours first.
+ALIASES: Mapping[str, tuple[str, ...]] = {
+    "E": ("E", "youngs_modulus", "young_modulus"),
+    "nu": ("nu", "poisson_ratio", "poissons_ratio"),
+    "rho": ("rho", "density"),
+    "part": ("part", "part_label", "segment"),
+}
+_POSITIONS = ("points", "xyz", "coords", "voxel_coords_world", "positions")
+NU_MAX = 0.495  # predictors may say 0.5; an elastic solid stays below it
+
+
+def field_from_tets(mesh: TetMesh, *, cells: int = 64) -> MaterialField:
+    """Field of per-tet E, nu, rho: each voxel takes the values of the tet around its centre.
+
+    Regions become parts; one too thin to hold a centre gets a voxel with its mean values.
+    """
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    voxels = voxelize(mesh, cells=cells)
+    owner = containing_tets(mesh, voxels.grid)
+    stamped = voxels.occupied & (mesh.region[owner] != voxels.part)
+    for region in np.unique(voxels.part[stamped]):
+        inside = np.flatnonzero(mesh.region == region)
+        owner[stamped & (voxels.part == region)] = inside[np.argmax(mesh.volumes[inside])]
+    return MaterialField(
+        voxels.grid,
+        voxels.occupied,
+        *(getattr(mesh.material, name)[owner] for name in ("E", "nu", "rho")),
+        part=voxels.part,
+        part_names=voxels.part_names,
+    )
+
+
+def field_from_points(
+    table: PointTable,
+    *,
+    cells: int = 64,
+    spacing: float | None = None,
+    fill: bool = True,
+    part_names: tuple[str, ...] = (),
+) -> MaterialField:
+    """Field of points with E [Pa], nu, rho [kg/m^3] and, where known, part.
+
+    A voxel takes the mean of its points in (log10 E, nu, log10 rho), of the commonest part alone.
+    ``spacing`` [m] is the voxel where the points lie on a grid of their own, else ``cells`` go
+    along the longest side; ``fill`` closes the inside of a shell with the nearest voxel.
+    """
+    values = {name: _column(table, name) for name in ("E", "nu", "rho")}
+    positions = table.positions
+    good = np.isfinite(positions).all(axis=1)
+    good &= np.all([np.isfinite(v) for v in values.values()], axis=0)
+    if not good.any():
+        raise InputError("no point has finite x, y, z, E, nu, rho")
+    positions = positions[good]
+    bounds = np.stack([positions.min(axis=0), positions.max(axis=0)])
+    if spacing is None:
+        grid = Grid.around(bounds, cells=cells)
+    else:
+        grid = _grid_of(bounds, spacing)
+    cell = np.asarray(np.ravel_multi_index(tuple(grid.cell_of(positions).T), grid.shape))
+    E, nu, rho = (v[good] for v in values.values())
+    scaled = np.stack([np.log10(E), np.minimum(nu, NU_MAX), np.log10(rho)], axis=1)
+    name = _name(table, "part")
+    raw = np.zeros(len(cell)) if name is None else np.asarray(table.columns[name])[good]
+    ids, label = np.unique(raw.astype(np.int64), return_inverse=True)
+    found = _gather(grid.shape, cell, scaled, label)
+    if fill:
+        found = _filled(found)
+    names = tuple(part_names[i] if 0 <= i < len(part_names) else f"part {i}" for i in ids)
+    return MaterialField(
+        grid,
+        found.occupied,
+        10**found.logE,
+        found.nu,
+        10**found.logrho,
+        part=None if name is None else found.part,
+        part_names=() if name is None else names,
+    )
+
+
+def read_field_points(
+    path: str | os.PathLike, *, cells: int = 64, spacing: float | None = None
+) -> MaterialField:
+    """Field from a file of another predictor: VoMP's .npz, Pixie's .ply, or any labelled cloud."""
+    return field_from_points(read_points(path), cells=cells, spacing=spacing)
+
+
+class _Cells(NamedTuple):
+    """Means of the points of each cell: occupied, log10 E, nu, log10 rho, and the label or -1."""
+
+    occupied: np.ndarray
+    logE: np.ndarray
+    nu: np.ndarray
+    logrho: np.ndarray
+    part: np.ndarray
+
+
+def _gather(
+    shape: tuple[int, int, int], cell: np.ndarray, values: np.ndarray, label: np.ndarray
+) -> _Cells:
+    """Mean of ``values`` (n, 3) over the points of each cell, of its commonest label alone."""
+    size, labels = int(np.prod(shape)), int(label.max()) + 1
+    pairs, counts = np.unique(cell * labels + label, return_counts=True)
+    order = np.argsort(counts, kind="stable")  # the commonest label of a cell is written last
+    part = np.full(size, -1)
+    part[pairs[order] // labels] = pairs[order] % labels
+    own = label == part[cell]
+    count = np.bincount(cell[own], minlength=size)
+    means = [np.bincount(cell[own], v[own], size) / np.maximum(count, 1) for v in values.T]
+    return _Cells(*(array.reshape(shape) for array in (count > 0, *means, part)))
+
+
+def _filled(cells: _Cells) -> _Cells:
+    """Holes closed, each inner cell a copy of the nearest one that is known."""
+    from scipy.ndimage import binary_fill_holes, distance_transform_edt
+
+    nearest = np.asarray(
+        distance_transform_edt(~cells.occupied, return_distances=False, return_indices=True)
+    )
+    solid = np.asarray(binary_fill_holes(cells.occupied))
+    near = [array[tuple(nearest)] for array in cells]
+    return _Cells(solid, near[1], near[2], near[3], np.where(solid, near[4], -1))
+
+
+def _grid_of(bounds: np.ndarray, spacing: float) -> Grid:
+    """Grid whose cell centres are the points that span ``bounds``, one empty cell around."""
+    shape = np.rint((bounds[1] - bounds[0]) / spacing).astype(int) + 3
+    return Grid(bounds[0] - 1.5 * spacing, spacing, (int(shape[0]), int(shape[1]), int(shape[2])))
+
+
+def _name(table: PointTable, quantity: str) -> str | None:
+    return next((name for name in ALIASES[quantity] if name in table.columns), None)
+
+
+def _column(table: PointTable, quantity: str) -> np.ndarray:
+    name = _name(table, quantity)
+    if name is None:
+        raise InputError(
+            f"points have no {quantity} (also {ALIASES[quantity][1:]}), got {list(table.columns)}"
+        )
+    return np.asarray(table.columns[name], dtype=np.float64).ravel()
+
+
+# A field sampled at every tet of a mesh.
+
+Mode = Literal["centroid", "quadrature"]
+
+# Four-point rule of degree 2 on a tet: barycentric coordinates (5 -+ sqrt 5) / 20.
+_NEAR, _FAR = (5 + 3 * 5**0.5) / 20, (5 - 5**0.5) / 20
+_QUADRATURE = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
+
+
+class SampledMesh(NamedTuple):
+    """A mesh with its material, and how it was sampled.
+
+    ``n_fallback`` samples found no voxel of their part around them, the nearest was at most
+    ``max_fallback_distance`` [m] away; ``unmatched`` regions have no part of their name in the
+    field and took the nearest part.
+    """
+
+    mesh: TetMesh
+    n_fallback: int
+    max_fallback_distance: float
+    unmatched: tuple[str, ...]
+
+
+def sample_material(mesh: TetMesh, field: MaterialField, *, mode: Mode = "centroid") -> SampledMesh:
+    """Give every tet E [Pa], nu, rho [kg/m^3] of the field.
+
+    A region samples only the part of its own name.
+
+    ``centroid`` takes one sample a tet; ``quadrature`` the mean of four in (log10 E, nu,
+    log10 rho), for tets larger than a voxel.
+    """
+    part, unmatched = _parts(mesh, field)
+    at = np.full((1, 4), 0.25) if mode == "centroid" else _QUADRATURE
+    points = np.einsum("qv,tvi->tqi", at, mesh.points[mesh.tets]).reshape(-1, 3)
+    sample = sample_field(field, points, part=np.repeat(part, len(at)))
+    logE, nu, logrho = (
+        values.reshape(-1, len(at)).mean(axis=1)
+        for values in (np.log10(sample.E), sample.nu, np.log10(sample.rho))
+    )
+    return SampledMesh(
+        mesh.with_material(ElementMaterial(10**logE, nu, 10**logrho)),
+        sample.n_fallback,
+        sample.max_fallback_distance,
+        unmatched,
+    )
+
+
+def _parts(mesh: TetMesh, field: MaterialField) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Part label of every tet by the name of its region, and the names without a part."""
+    if field.part is None:
+        return np.full(len(mesh.tets), ANY_PART), ()
+    held = set(np.unique(field.part[field.occupied]))
+    label = {name: i for i, name in enumerate(field.part_names) if i in held}
+    of_region = np.array([label.get(name, ANY_PART) for name in mesh.region_names])
+    used = [mesh.region_names[i] for i in np.unique(mesh.region)]
+    return of_region[mesh.region], tuple(name for name in used if name not in label)
+
+
+# A material field as a body: particles straight from its voxels, or tets that carry them.
+
+
+def particles_of_field(
+    field: MaterialField, *, along: int = 2, substances: Mapping[str, Substance] | None = None
+) -> Particles:
+    """Fill every occupied voxel with ``along``^3 particles of its values, all at rest.
+
+    ``substances`` are class and yield by name of part; jelly where none is named. A grid of the
+    field's own spacing suits them.
+    """
+    cells, h = np.argwhere(field.occupied), field.grid.h
+    offsets = (np.array(list(np.ndindex((along,) * 3))) + 0.5) / along - 0.5
+    x = field.grid.to_world(cells[:, None] + offsets).reshape(-1, 3)
+    part, names = _particles_parts(field)
+    of = np.repeat(np.arange(len(cells)), along**3)
+    values = (getattr(field, name)[field.occupied][of] for name in ("E", "nu", "rho"))
+    E, nu, rho = values
+    return Particles(
+        x=x, volume=np.full(len(x), (h / along) ** 3), E=E, nu=nu, rho=rho, part=part[of],
+        parts=names, substance=part[of].copy(), velocity=np.zeros_like(x),
+        substances=tuple((substances or {}).get(name, JELLY) for name in names),
+        rigid=np.full(len(x), -1, dtype=np.int64),
+    )  # fmt: skip
+
+
+def tets_of_field(field: MaterialField) -> TetMesh:
+    """Six tets (Kuhn) in every occupied voxel, with its values: what a scene holds and loads.
+
+    Its surface is that of the voxels, in steps: fit for particles, not for stresses.
+    """
+    cells = np.argwhere(field.occupied)
+    corners = np.array(list(np.ndindex(2, 2, 2)))
+    nodes, ids = np.unique((cells[:, None] + corners).reshape(-1, 3), axis=0, return_inverse=True)
+    ids = ids.reshape(-1, 8)
+    step = np.array([4, 2, 1])  # from a corner to its neighbour along x, y, z
+    paths = [
+        np.concatenate([[0], np.cumsum(step[list(order)])])
+        for order in itertools.permutations(range(3))
+    ]
+    part, names = _particles_parts(field)
+    of = np.repeat(np.arange(len(cells)), len(paths))
+    mesh = TetMesh.oriented(
+        field.grid.to_world(nodes - 0.5), ids[:, paths].reshape(-1, 4), part[of].astype(np.int32),
+        region_names=names,
+    )  # fmt: skip
+    values = (getattr(field, name)[field.occupied][of] for name in ("E", "nu", "rho"))
+    return mesh.with_material(ElementMaterial(*values))
+
+
+def _particles_parts(field: MaterialField) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Index into the names of the parts of every occupied voxel; names that none has are left."""
+    if field.part is None:
+        return np.zeros(int(field.occupied.sum()), dtype=np.int64), ("body",)
+    used, part = np.unique(field.part[field.occupied], return_inverse=True)
+    return part, tuple(field.part_names[i] for i in used)
+
+
+# Tets as labelled voxels, and the regions of tets by voxels that were divided further.
+
+_PAIRS = 1 << 19  # pairs of a tet and a column at a time: about 100 MB of temporaries
+# Regions are one shape where volume and radii differ by less than this share: a leg of 5 cm of a
+# table of 1.2 m, meshed four times, differs by .6 %; a bar with the radii of a rod has 4.7 % more.
+SAME_SHAPE = 0.02
+_ON_FACE = 1e-9  # of a barycentric coordinate: a cell centre on a face counts as inside
+
+
+def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
+    """Voxels whose centre lies in a tet, labelled by region, ``cells`` along the longest side.
+
+    A region too thin to hold a centre gets the free voxel nearest to its largest tet.
+    """
+    grid = Grid.around(mesh.bounds, cells=cells)
+    part = _stamp_missing(mesh, grid, _rasterised(mesh, grid))
+    return PartVoxels(grid, part, mesh.region_names, shapes=congruent_regions(mesh))
+
+
+def congruent_regions(mesh: TetMesh) -> tuple[int, ...]:
+    """For each region the first one that it is, moved, turned or mirrored; itself if none.
+
+    Compared are volume and principal radii of gyration, which no rigid motion changes.
+    """
+    found = np.array([_invariants(mesh, mesh.region == i) for i in range(len(mesh.region_names))])
+    gap = np.abs(found[:, None] - found)
+    same = np.all(gap <= SAME_SHAPE * np.minimum(found[:, None], found), axis=2)
+    return tuple((same | np.eye(len(found), dtype=bool)).argmax(axis=1).tolist())
+
+
+def _invariants(mesh: TetMesh, tets: Bool[np.ndarray, "tets"]) -> Float[np.ndarray, "4"]:
+    """Principal radii of gyration [m], the longest last, and the volume [m^3]."""
+    volumes, corners = mesh.volumes[tets], mesh.points[mesh.tets[tets]]
+    volume = volumes.sum()
+    if not volume:
+        return np.full(4, np.nan)  # like no other
+    corners = corners - np.average(corners.mean(axis=1), axis=0, weights=volumes)
+    sums = corners.sum(axis=1)
+    # The exact second moment of a tet: V / 20 (sum of x x' over corners + (sum of x) (sum of x)').
+    moment = np.einsum("t,tai,taj->ij", volumes, corners, corners)
+    moment = (moment + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / (20 * volume)
+    radii = np.sqrt(np.linalg.eigvalsh(moment).clip(min=0))
+    return np.array([*radii, volume])
+
+
+def divided_by_voxels(mesh: TetMesh, parts: PartVoxels, parents: Sequence[int]) -> TetMesh:
+    """Return the mesh with its regions divided as their voxels were.
+
+    ``parents`` (pieces,) is the region that each of ``parts`` is a piece of; a tet goes to the
+    piece of its region whose voxel is nearest to its centroid.
+    """
+    from scipy.spatial import KDTree
+
+    of_piece = np.asarray(parents)
+    region = np.empty_like(mesh.region)
+    for parent in np.unique(mesh.region):
+        tets = mesh.region == parent
+        cells = np.argwhere(parts.occupied & (of_piece[parts.part] == parent))
+        _, nearest = KDTree(cells).query(parts.grid.to_index(mesh.centroids[tets]))
+        region[tets] = parts.part[tuple(cells[nearest].T)]
+    return TetMesh(mesh.points, mesh.tets, region, parts.part_names)
+
+
+def containing_tets(mesh: TetMesh, grid: Grid) -> Int[np.ndarray, "nx ny nz"]:
+    """Tet around each cell centre (the first, on a common face), -1 outside, shape of the grid."""
+    corners = grid.to_index(mesh.points[mesh.tets])  # in cells, so that centres are integers
+    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    # The barycentric coordinates are gradient @ x + offset.
+    gradient = np.concatenate([inverse, -inverse.sum(axis=1, keepdims=True)], axis=1)
+    offset = -np.einsum("tij,tj->ti", gradient, corners[:, 0]) + [0.0, 0.0, 0.0, 1.0]
+    owner = np.full(grid.shape, len(mesh.tets), dtype=np.int64)
+    lower, upper = corners.min(axis=1) - _ON_FACE, corners.max(axis=1) + _ON_FACE
+    for tet, x, y in _columns(lower[:, :2], upper[:, :2], grid.shape[:2]):
+        height = gradient[tet, :, 2]
+        rest = np.einsum("nij,nj->ni", gradient[tet, :, :2], np.stack([x, y], axis=1))
+        rest += offset[tet] + _ON_FACE  # inside where height * z >= -rest, of every face
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -rest / height
+        bottom = np.where(height > 0, crossing, lower[tet, 2:]).max(axis=1)
+        top = np.where(height < 0, crossing, upper[tet, 2:]).min(axis=1)
+        first = np.ceil(bottom).clip(0, grid.shape[2]).astype(np.int64)
+        last = np.floor(top).clip(-1, grid.shape[2] - 1).astype(np.int64)
+        count = np.maximum(last - first + 1, 0) * ((height != 0) | (rest >= 0)).all(axis=1)
+        pair, above = _unrolled(count)
+        cells = x[pair], y[pair], first[pair] + above
+        np.minimum.at(owner, cells, tet[pair])
+    return np.where(owner < len(mesh.tets), owner, -1)
+
+
+def _rasterised(mesh: TetMesh, grid: Grid) -> np.ndarray:
+    """Region of the tet around each cell centre, -1 outside, shape of the grid."""
+    owner = containing_tets(mesh, grid)
+    return np.where(owner >= 0, mesh.region[owner], -1)
+
+
+def _columns(
+    lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int]
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Pairs of a box and a column (x, y) of cells through it, in bounded portions.
+
+    ``lower`` and ``upper`` (n, 2) are fractional cell indices, centres are whole numbers; columns
+    outside the grid of ``shape`` are left out.
+    """
+    lo = np.maximum(np.ceil(lower), 0).astype(np.int64)
+    hi = np.minimum(np.floor(upper), np.array(shape) - 1).astype(np.int64)
+    counts = np.maximum(hi - lo + 1, 0)
+    sizes = counts.prod(axis=1)
+    portion = np.cumsum(sizes) // _PAIRS  # a box stays whole
+    for boxes in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(portion)) + 1):
+        pair, at = _unrolled(sizes[boxes])
+        box = boxes[pair]
+        yield box, lo[box, 0] + at // counts[box, 1], lo[box, 1] + at % counts[box, 1]
+
+
+def _unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _stamp_missing(mesh: TetMesh, grid: Grid, label: np.ndarray) -> np.ndarray:
+    """Give each region without a voxel the nearest one that is no other region's last."""
+    count = np.bincount(label[label >= 0], minlength=len(mesh.region_names))
+    volumes = mesh.volumes
+    for region in np.setdiff1d(mesh.region, np.flatnonzero(count)):
+        largest = np.argmax(np.where(mesh.region == region, volumes, 0))
+        distance = np.linalg.norm(grid.centers() - mesh.centroids[largest], axis=-1)
+        free = (label < 0) | (count[label] > 1)
+        cell = np.unravel_index(np.argmin(np.where(free, distance, np.inf)), grid.shape)
+        if label[cell] >= 0:
+            count[label[cell]] -= 1
+        label[cell], count[region] = region, 1
+    return label

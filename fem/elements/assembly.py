@@ -1,0 +1,279 @@
+"""A mesh on a device: its space and matrix pattern; the stiffness assembled on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import Recorder, start_warp
+from ..laws.law import LAWS, Law
+from ..material import ElementMaterial
+from ..mesh import TetMesh
+from .space import Space, element_points, make_space
+
+
+class Pattern(NamedTuple):
+    """Which node couples with which, in block rows; device arrays of warp.
+
+    ``rows`` (nodes + 1) and ``columns`` (blocks) as in CSR with sorted columns, ``slots``
+    (tets, k * k) the position of every pair of an element's nodes in ``columns``.
+    """
+
+    rows: Any
+    columns: Any
+    slots: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """The space of a mesh and its arrays on one device."""
+
+    space: Space
+    device: str
+    points: Any
+    elements: Any
+    quadrature: Any
+    pattern: Pattern
+    _constants: list[tuple[np.ndarray, Any]] = field(default_factory=list, repr=False)
+
+    def constant(self, values: Float[np.ndarray, "tets"]) -> Any:
+        """Array on the device of numbers that are only read; of a material's it is kept.
+
+        What may be written to is copied anew, for nobody would tell.
+        """
+        for known, there in self._constants:
+            if known is values:
+                return there
+        made = self.array(values)
+        if not values.flags.writeable:
+            self._constants.insert(0, (values, made))
+            del self._constants[_CONSTANTS:]
+        return made
+
+    def array(self, values: Any) -> Any:
+        """Array on the device of numbers (n,) or vectors (n, 3); one that is there as it is."""
+        if not isinstance(values, np.ndarray):
+            return values.array
+        wp = start_warp()
+        dtype = wp.vec3d if values.ndim == 2 else wp.float64
+        return wp.array(values, dtype=dtype, device=self.device)
+
+
+# Discretisations of the last meshes, by the identity of their arrays: materials come and go on the
+# same tets, while a solve of each order on two meshes is all that alternates in practice.
+_RECENT: list[tuple[np.ndarray, np.ndarray, Discretisation]] = []
+_KEPT = 4
+_CONSTANTS = 4  # lam, mu and rho of one material, and one more
+
+
+def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation:
+    """Space, pattern and device arrays of ``mesh``, kept for the next call with the same tets."""
+    for points, tets, grid in _RECENT:
+        same = points is mesh.points and tets is mesh.tets
+        if same and grid.space.order == order and grid.device == device:
+            return grid
+    grid = _discretise(mesh, order, device)
+    _RECENT.insert(0, (mesh.points, mesh.tets, grid))
+    del _RECENT[_KEPT:]
+    return grid
+
+
+def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
+    wp = start_warp()
+    space = make_space(mesh, order)
+    pattern = make_pattern(space, device)
+    return Discretisation(
+        space,
+        device,
+        wp.array(space.nodes, dtype=wp.vec3d, device=device),
+        wp.array(space.elements, dtype=wp.int32, device=device),
+        wp.array(element_points(order), dtype=wp.vec4d, device=device),
+        pattern,
+    )
+
+
+def make_pattern(space: Space, device: str = "cpu") -> Pattern:
+    """Pattern of the stiffness of ``space``; made on the CPU, then moved to ``device``."""
+    from scipy.sparse import csr_array
+
+    from . import kernels_field as k
+
+    wp = start_warp()
+    elements, count = space.elements, len(space.nodes)
+    tets, size = elements.shape
+    ones = np.ones(elements.size, dtype=np.int8)
+    owner = csr_array((ones, elements.ravel(), np.arange(tets + 1) * size), shape=(tets, count))
+    owner = owner.tocsc()  # counting sort: the elements around every node
+    start = wp.array(owner.indptr, dtype=wp.int32, device="cpu")
+    incident = wp.array(owner.indices, dtype=wp.int32, device="cpu")
+    nodes = wp.array(elements, dtype=wp.int32, device="cpu")
+    scratch = wp.empty(size * elements.size + count, dtype=wp.int32, device="cpu")
+    lengths = wp.empty(count, dtype=wp.int32, device="cpu")
+    wp.launch(k.sorted_rows, count, inputs=[start, incident, nodes, scratch, lengths], device="cpu")
+    rows = wp.array(np.concatenate([[0], np.cumsum(lengths.numpy())]), dtype=wp.int32, device="cpu")
+    columns = wp.empty(int(rows.numpy()[-1]), dtype=wp.int32, device="cpu")
+    wp.launch(k.copy_rows, count, inputs=[start, size, scratch, rows, columns], device="cpu")
+    slots = wp.empty((tets, size * size), dtype=wp.int32, device="cpu")
+    wp.launch(k.element_slots, tets, inputs=[nodes, rows, columns, slots], device="cpu")
+    return Pattern(rows.to(device), columns.to(device), slots.to(device))
+
+
+def linear_stiffness(grid: Discretisation, material: ElementMaterial) -> BlockMatrix:
+    """Stiffness matrix [N/m] of linear elasticity, along the grain where there is one."""
+    if material.tensor is None:
+        return stiffness(grid, *material.lame)
+    from . import kernels_elastic as k
+
+    wp = start_warp()
+    device, pattern = grid.device, grid.pattern
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
+    tensor = wp.array(material.tensor, dtype=k.mat66d, device=device)
+    inputs = [grid.points, grid.elements, grid.quadrature, tensor, pattern.slots, values]
+    wp.launch(k.anisotropic_stiffness, len(material.tensor), inputs=inputs, device=device)
+    return BlockMatrix(pattern.rows, pattern.columns, values)
+
+
+def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMatrix:
+    """Stiffness matrix [N/m] of linear elasticity with Lame parameters (tets,) [Pa]."""
+    wp = start_warp()
+    from .kernels_elastic import elastic_kernels
+
+    device, pattern = grid.device, grid.pattern
+    kernels = elastic_kernels(LAWS[Law.LINEAR])
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=device)
+    moduli = [grid.constant(m) for m in (lam, mu)]
+    kernel, arrays = kernels.stiffness_p1, [grid.points, grid.elements, *moduli]
+    if grid.space.order == 2:
+        kernel, arrays = kernels.stiffness_p2, [*arrays[:2], grid.quadrature, *moduli]
+    wp.launch(kernel, len(lam), inputs=[*arrays, pattern.slots], outputs=[values], device=device)
+    return BlockMatrix(pattern.rows, pattern.columns, values)
+
+
+# Square sparse matrices of 3 x 3 blocks.
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """Square sparse matrix of 3 x 3 blocks [N/m] on a device: CSR of blocks."""
+
+    rows: Any
+    columns: Any
+    values: Any
+
+    @property
+    def nodes(self) -> int:
+        """Number of block rows."""
+        return self.rows.shape[0] - 1
+
+    def product(self, x: Any, out: Any) -> Any:
+        """Launch command that writes A x to ``out``, both warp arrays of vec3d (nodes,)."""
+        from . import kernels_field as k
+
+        wp, device, pattern = start_warp(), out.device, [self.rows, self.columns]
+        if not device.is_cuda:
+            return Recorder(self.nodes, device)(k.multiply, [*pattern, self.values, x, out])
+        flat = [v.view(wp.float64).flatten() for v in (self.values, x, out)]
+        return Recorder(3 * self.nodes, device)(k.multiply_scalars, [*pattern, *flat])
+
+    def multiply(self, x: Any, out: Any) -> None:
+        """Write A x to ``out``, both warp arrays of vec3d (nodes,)."""
+        self.product(x, out).launch()
+
+    def times(self, x: np.ndarray) -> np.ndarray:
+        """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
+        wp = start_warp()
+        given = wp.array(x, dtype=wp.vec3d, device=self.values.device)
+        out = wp.empty_like(given)
+        self.multiply(given, out)
+        return out.numpy()
+
+    def to(self, device: str) -> BlockMatrix:
+        """Return the same matrix on ``device``: itself, if it is there."""
+        if str(self.values.device) == device:
+            return self
+        arrays = (self.rows, self.columns, self.values)
+        return BlockMatrix(*(array.to(device) for array in arrays))
+
+    def to_scipy(self) -> Any:
+        """Return the same matrix as ``scipy.sparse.bsr_array``."""
+        from scipy.sparse import bsr_array
+
+        arrays = (self.values.numpy(), self.columns.numpy(), self.rows.numpy())
+        return bsr_array(arrays, shape=(3 * self.nodes, 3 * self.nodes))
+
+
+def add_blocks(matrix: BlockMatrix, i: np.ndarray, j: np.ndarray, blocks: np.ndarray) -> None:
+    """Add 3 x 3 ``blocks`` (n, 3, 3) [N/m] of nodes ``i`` and ``j`` (n,) that share a tet."""
+    from . import kernels_field as k
+
+    wp = start_warp()
+    device = matrix.values.device
+    pairs = [wp.array(ids, dtype=wp.int32, device=device) for ids in (i, j)]
+    added = wp.array(blocks, dtype=wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, *pairs, added, matrix.values]
+    wp.launch(k.add_pairs, len(blocks), inputs=inputs, device=device)
+
+
+def add_diagonal(matrix: BlockMatrix, added: Any) -> None:
+    """Add 3 x 3 blocks (nodes, 3, 3) [N/m], or their diagonals (nodes, 3), in place.
+
+    Diagonals may be an array of vec3d that is on the device already.
+    """
+    from . import kernels_field as k
+
+    wp = start_warp()
+    device, given, alone = matrix.values.device, added, True
+    if isinstance(added, np.ndarray):
+        alone = added.ndim == 2
+        given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, given, matrix.values]
+    kernel = k.add_diagonal_numbers if alone else k.add_diagonal
+    wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)
+
+
+class GrownPattern:
+    """Pattern of a matrix with room for blocks of nodes that share no tet.
+
+    Pairs once given room keep it, so that the pattern is the same array from one matrix to the
+    next while no new ones come.
+    """
+
+    def __init__(self) -> None:
+        self._base: Any = None
+        self._pairs = np.zeros(0, dtype=np.int64)
+        self._grown: tuple[Any, Any, np.ndarray] | None = None  # rows, columns, slots of the old
+
+    def room(self, matrix: BlockMatrix, i: np.ndarray, j: np.ndarray) -> BlockMatrix:
+        """``matrix``, or a copy where the pairs of nodes ``i`` and ``j`` (n,) have a place."""
+        pairs = np.unique(np.asarray(i, dtype=np.int64) * matrix.nodes + j)
+        if matrix.columns is not self._base:
+            self._base, self._pairs = matrix.columns, pairs
+            self._grow(matrix)
+        elif not np.isin(pairs, self._pairs).all():
+            self._pairs = np.union1d(self._pairs, pairs)
+            self._grow(matrix)
+        if self._grown is None:
+            return matrix
+        rows, columns, slots = self._grown
+        values = np.zeros((columns.shape[0], 3, 3))
+        values[slots] = matrix.values.numpy()
+        dtype, device = start_warp().mat33d, matrix.values.device
+        return BlockMatrix(rows, columns, start_warp().array(values, dtype=dtype, device=device))
+
+    def _grow(self, matrix: BlockMatrix) -> None:
+        wp, count, device = start_warp(), matrix.nodes, matrix.values.device
+        rows, columns = matrix.rows.numpy(), matrix.columns.numpy()
+        known = np.repeat(np.arange(count, dtype=np.int64), np.diff(rows)) * count + columns
+        at = np.minimum(np.searchsorted(known, self._pairs), len(known) - 1)
+        new = self._pairs[known[at] != self._pairs]
+        if not new.size:
+            self._grown = None
+            return
+        keys = np.insert(known, np.searchsorted(known, new), new)
+        start = rows + np.searchsorted(new, np.arange(count + 1, dtype=np.int64) * count)
+        slots = np.arange(len(known)) + np.searchsorted(new, known)
+        arrays = (wp.array(a, dtype=wp.int32, device=device) for a in (start, keys % count))
+        self._grown = (*arrays, slots)

@@ -1,0 +1,226 @@
+"""Energy, force and tangent of an elastic law on a discretised body."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import start_warp
+from ..laws.law import LAWS, Law
+from ..material import (
+    ElementMaterial,
+    LameParameters,
+    isotropic_part,
+    isotropic_tensor,
+    mandel_tensor,
+    mandel_vector,
+)
+from .assembly import BlockMatrix, Discretisation
+
+
+class Response(NamedTuple):
+    """Elastic ``energy`` W [J] and its gradient, the ``force`` [N] (nodes, 3) of resistance."""
+
+    energy: float
+    force: np.ndarray
+
+
+class ElasticBody:
+    """Elastic energy W(u) of a body, its gradient and its second derivative.
+
+    A grain adds its own to a finite law: what its stiffness tensor has beyond an isotropic one
+    below it acts on Green's strain, so that small strains see the tensor and turns cost nothing.
+
+    Parameters
+    ----------
+    grid
+        The discretised mesh.
+    material
+        E, nu, rho of every tet, and its stiffness tensor where it has a grain.
+    law
+        Name of the elastic law, one of ``LAWS``.
+    """
+
+    def __init__(self, grid: Discretisation, material: ElementMaterial, law: str) -> None:
+        start_warp()
+        from .kernels_elastic import elastic_kernels
+
+        self.grid, self.law = grid, law
+        self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
+        self._tensor, lame = self._split(material)
+        moduli = [grid.constant(m) for m in lame]
+        self._p1_arrays = [grid.points, grid.elements, *moduli]
+        self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
+
+    def _split(self, material: ElementMaterial) -> tuple[Any, LameParameters]:
+        """Tensors on the device of what the law does not know, and the Lame parameters it takes."""
+        if material.tensor is None:
+            return None, material.lame
+        from .kernels_elastic import mat66d
+
+        base = isotropic_part(material) if self._law.finite else np.zeros((2, len(material.E)))
+        beyond = material.tensor - isotropic_tensor(*base)
+        tensor = start_warp().array(beyond, dtype=mat66d, device=self.grid.device)
+        return tensor, LameParameters(*base)
+
+    def _launch(self, kernel: Any, inputs: list) -> None:
+        tets = len(self.grid.space.elements)
+        start_warp().launch(kernel, tets, inputs=inputs, device=self.grid.device)
+
+    def response(self, u: Float[np.ndarray, "nodes 3"]) -> Response:
+        """Energy and force at the displacement ``u`` [m]."""
+        energy, force = self.responses(u)
+        # On a GPU the sum is made there: one number comes back.
+        on_gpu = energy.device.is_cuda
+        total = start_warp().utils.array_sum(energy) if on_gpu else energy.numpy().sum()
+        return Response(float(total), force.numpy())
+
+    def energies(self, u: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "tets"]:
+        """Energy [J] of every tet at the displacement ``u`` [m]."""
+        return self.responses(u)[0].numpy()
+
+    def responses(self, u: Any) -> tuple[Any, Any]:
+        """Device arrays of the energy of every tet and of the force on every node."""
+        wp = start_warp()
+        field = self.grid.array(u)
+        energy = wp.zeros(len(self.grid.space.elements), dtype=wp.float64, device=self.grid.device)
+        force = wp.zeros_like(field)
+        if self._tensor is None or self._law.finite:
+            self._launch(self._kernels.energy_and_force, [*self._arrays, field, energy, force])
+        if self._tensor is not None:
+            from . import kernels_elastic as k
+
+            inputs = [*self._arrays[:3], self._tensor, self._law.finite, field, energy, force]
+            self._launch(k.grain_response, inputs)
+        return energy, force
+
+    def tangent(self, u: Any, *, projected: bool = False) -> BlockMatrix:
+        """Second derivative of W [N/m] at ``u`` [m], (nodes, 3) or a ``DeviceVector``.
+
+        ``projected``: no tet has a negative part. Where the law offers one of the two only, that is
+        what it gives.
+        """
+        wp = start_warp()
+        pattern = self.grid.pattern
+        values = wp.zeros(pattern.columns.shape[0], dtype=wp.mat33d, device=self.grid.device)
+        if self._tensor is not None:
+            from . import kernels_elastic as k
+
+            inputs = [*self._arrays[:3], self._tensor]
+            if not self._law.finite:
+                self._launch(k.anisotropic_stiffness, [*inputs, pattern.slots, values])
+                return BlockMatrix(pattern.rows, pattern.columns, values)
+            field = self.grid.array(u)
+            self._launch(k.grain_tangent, [*inputs, field, projected, pattern.slots, values])
+        kernel, inputs = self._second_derivative(u, projected)
+        self._launch(kernel, [*inputs, pattern.slots, values])
+        return BlockMatrix(pattern.rows, pattern.columns, values)
+
+    def _second_derivative(self, u: Any, projected: bool) -> tuple[Any, list]:
+        """Kernel of the second derivative and its inputs but the matrix."""
+        kernels, p1 = self._kernels, self.grid.space.order == 1
+        if kernels.stiffness_p1:
+            kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
+            return kernel, self._p1_arrays if p1 else self._arrays
+        field = self.grid.array(u)
+        if kernels.projected and (projected or not kernels.exact):
+            return kernels.projected, [*self._arrays, field]
+        if self._law.tangent_p1 and p1:
+            return self._law.tangent_p1, [*self._p1_arrays, field]
+        return kernels.exact, [*self._arrays, field]
+
+
+# Strain and stress of a displacement on the host, tensor by tensor.
+
+
+class StrainAndStress(NamedTuple):
+    """Strain [1] and Cauchy stress [Pa], each (tets, 3, 3)."""
+
+    strain: np.ndarray
+    stress: np.ndarray
+
+
+def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+    """Von Mises stress sqrt(3/2 s : s) [Pa] with s the deviator of ``stress`` [Pa]."""
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 3
+    s = stress - mean[..., None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))
+
+
+def first_piola(
+    law: str, H: Float[np.ndarray, "*n 3 3"], lame: LameParameters
+) -> Float[np.ndarray, "*n 3 3"]:
+    """First Piola stress [Pa] of the displacement gradient ``H``; it is linear in ``lame`` [Pa].
+
+    The Lame parameters broadcast against the leading axes of ``H``. Evaluated on the CPU by the
+    functions that the kernels of elements are made of.
+    """
+    wp = start_warp()
+    from .kernels_elastic import elastic_kernels
+
+    leading = H.shape[:-2]
+    moduli = [np.broadcast_to(m, leading).astype(float).ravel() for m in lame]
+    given = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
+    W, P = wp.empty(len(given), dtype=wp.float64, device="cpu"), wp.empty_like(given)
+    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
+    wp.launch(elastic_kernels(LAWS[law]).stress, len(given), inputs=inputs, device="cpu")
+    return P.numpy().reshape(H.shape)
+
+
+def linear_stress(
+    H: Float[np.ndarray, "tets n 3 3"], material: ElementMaterial
+) -> Float[np.ndarray, "tets n 3 3"]:
+    """Stress [Pa] of Hooke's law of displacement gradients, along the grain where there is one."""
+    if material.tensor is None:
+        return first_piola(Law.LINEAR, H, LameParameters(*(m[:, None] for m in material.lame)))
+    strain = mandel_vector((H + H.swapaxes(-1, -2)) / 2)
+    return mandel_tensor(np.einsum("tij,tnj->tni", material.tensor, strain))
+
+
+def strain_and_stress(
+    law: str, H: Float[np.ndarray, "tets 3 3"], material: ElementMaterial
+) -> StrainAndStress:
+    """Strain and stress of the displacement gradient ``H`` under the law of that name.
+
+    Small strain under a law of small strains, Green's strain (F^T F - I) / 2 under a finite one.
+    """
+    small = (H + H.transpose(0, 2, 1)) / 2
+    if not LAWS[law].finite:
+        return StrainAndStress(small, linear_stress(H[:, None], material)[:, 0])
+    F = H + np.eye(3)
+    green = small + H.transpose(0, 2, 1) @ H / 2
+    base = isotropic_part(material)
+    P = first_piola(law, H, base)
+    if material.tensor is not None:  # what the grain adds, as ``ElasticBody`` has it
+        beyond = material.tensor - isotropic_tensor(*base)
+        P = P + F @ mandel_tensor(np.einsum("tij,tj->ti", beyond, mandel_vector(green)))
+    stress = P @ F.transpose(0, 2, 1) / np.linalg.det(F)[:, None, None]
+    return StrainAndStress(green, stress)
+
+
+@lru_cache(maxsize=8)
+def barycentric_array(device: str, key: bytes) -> Any:
+    """Device array of barycentric points given as float64 bytes (points, 4)."""
+    wp = start_warp()
+    return wp.array(np.frombuffer(key).reshape(-1, 4), dtype=wp.vec4d, device=device)
+
+
+def displacement_gradients(
+    grid: Discretisation,
+    u: Float[np.ndarray, "nodes 3"],
+    barycentric: Float[np.ndarray, "points 4"],
+) -> Float[np.ndarray, "tets points 3 3"]:
+    """Gradient H = du_i/dx_j [1] of the displacement ``u`` [m] at points of every tet."""
+    from . import kernels_field as k
+
+    wp = start_warp()
+    tets, device = len(grid.space.elements), grid.device
+    where = barycentric_array(device, np.ascontiguousarray(barycentric, dtype=float).tobytes())
+    out = wp.empty((tets, len(barycentric)), dtype=wp.mat33d, device=device)
+    field = wp.array(u, dtype=wp.vec3d, device=device)
+    arrays = [grid.points, grid.elements, where, field]
+    wp.launch(k.displacement_gradient, tets, inputs=arrays, outputs=[out], device=device)
+    return out.numpy()

@@ -1,0 +1,219 @@
+"""Loads on a body as nodal forces: gravity, body force, surface traction; areas of nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..device import start_warp
+from ..errors import InputError
+from ..mesh import TetMesh, face_areas, material_of
+from ..scene.loads import Traction
+from ..validation import checked_rows, checked_vector
+from .assembly import Discretisation
+from .space import TET_POINTS, Space, duffy_rule, extend_linear, shape_functions
+
+
+def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.ndarray, "nodes 3"]:
+    """Sum ``local(i)`` (tets, 3) of the i-th node of every tet; little memory on large meshes."""
+    total = np.zeros((len(space.nodes), 3))
+    for i, ids in enumerate(space.elements.T):
+        part = local(i)
+        for k in range(3):
+            total[:, k] += np.bincount(ids, part[:, k], minlength=len(total))
+    return total
+
+
+def gravity_force(
+    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity_vector: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of ``gravity_vector`` [m/s^2] on tets of density ``rho`` [kg/m^3]."""
+    from . import kernels_field as k
+
+    wp = start_warp()
+    share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+    share = wp.array(share, dtype=wp.float64, device=grid.device)
+    mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, grid.constant(rho), share, mass]
+    wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
+    each, force = mass.numpy(), np.zeros((len(mass), 3))
+    for axis in np.flatnonzero(gravity_vector):  # a few times faster than all at once
+        force[:, axis] = each * gravity_vector[axis]
+    return force
+
+
+def body_force(
+    mesh: TetMesh, grid: Discretisation, density: np.ndarray | Callable[[np.ndarray], np.ndarray]
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
+    space = grid.space
+    N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
+    if callable(density):
+        x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
+        f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
+        local = np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N)
+        return sum_at_nodes(space, lambda i: local[:, i])
+    from . import kernels_field as k
+
+    wp = start_warp()
+    each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
+    each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
+    share = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
+    force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
+    inputs = [grid.points, grid.elements, each, share, force]
+    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device=grid.device)
+    return force.numpy()
+
+
+def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of a surface traction, constant on every face."""
+    faces = np.asarray(load.faces)
+    if np.ndim(load.value) == 0:
+        raise InputError(f"traction {load.value} Pa: wanted x, y, z, or `pressure` for a scalar")
+    total = np.broadcast_to(load.value, faces.shape) * face_areas(mesh.points, faces)[:, None]
+    if space.order == 2:  # all weight sits at the middles of the edges, a third each
+        faces = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])
+    force = np.zeros((len(space.nodes), 3))
+    for k in range(3):
+        np.add.at(force, faces[:, k], total / 3)
+    return force
+
+
+def edge_nodes(space: Space, ends: Int[np.ndarray, "*n 2"]) -> Int[np.ndarray, "*n"]:
+    """Node of the quadratic ``space`` between every two points; ``InputError`` where none is."""
+    count = space.points
+    key = space.edges[:, 0] * count + space.edges[:, 1]  # sorted, by construction
+    ends = np.sort(ends.astype(np.int64), axis=-1)
+    wanted = ends[..., 0] * count + ends[..., 1]
+    index = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+    if (key[index] != wanted).any():
+        raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
+    return count + index
+
+
+def load_vector(
+    mesh: TetMesh,
+    grid: Discretisation,
+    *,
+    gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    body: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    traction: Traction | Sequence[Traction] = (),
+    forces: np.ndarray | None = None,
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces [N] of all loads together.
+
+    ``gravity_vector`` [m/s^2] (3,), ``body`` force [N/m^3] as in ``body_force``, ``traction`` [Pa],
+    nodal ``forces`` [N] of the points or of all nodes, (points, 3) or (nodes, 3).
+    """
+    space = grid.space
+    gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
+    if gravity.any():
+        total = gravity_force(grid, material_of(mesh).rho, gravity)
+    else:
+        total = np.zeros((len(space.nodes), 3))
+    if body is not None:
+        total += body_force(mesh, grid, body)
+    for load in [traction] if isinstance(traction, Traction) else traction:
+        total += traction_force(mesh, space, load)
+    if forces is not None:
+        rows = checked_rows("forces", forces, node_counts(space), "N")
+        total[: len(rows)] += rows
+    if not np.isfinite(total).all():
+        raise InputError("a load is not finite: wanted numbers in SI units")
+    return total
+
+
+def node_counts(space: Space) -> dict[int, str]:
+    """What an array may have a row for: every node of the space, or every point of the mesh."""
+    return {len(space.nodes): f"nodes of order {space.order}", space.points: "points of the mesh"}
+
+
+def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
+    """Velocity [m/s] of every node from one for all, (3,), for every point, or for every node."""
+    if np.ndim(given) < 2:
+        vector = checked_vector("velocity", given, "m/s")
+        return np.broadcast_to(vector, (len(space.nodes), 3))
+    rows = checked_rows("velocity", given, node_counts(space), "m/s")
+    return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
+
+
+def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
+    """Share of the surface [m^2] of every node, zero inside.
+
+    P1: a third of the faces around it; P2: corners get a twelfth and edges a quarter of a face, so
+    that none is without weight.
+    """
+    faces = mesh.boundary.faces
+    one = np.broadcast_to([1.0, 0.0, 0.0], faces.shape)
+    spread = traction_force(mesh, space, Traction(faces, one))[:, 0]
+    if space.order == 1:
+        return spread
+    corners = np.zeros(len(space.nodes))
+    area = face_areas(mesh.points, faces)
+    for k in range(3):
+        np.add.at(corners, faces[:, k], area / 12)
+    return 0.75 * spread + corners
+
+
+# Mass of the nodes: lumped for dynamics, consistent for modes.
+
+# Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
+# the tet: Hinton, Rock & Zienkiewicz (1976).
+_HRZ = np.array([6.0] * 4 + [32.0] * 6) / 216
+
+
+def mass_shares(order: int) -> Float[np.ndarray, "_"]:
+    """Share of the mass of a tet that every one of its nodes carries."""
+    return np.full(4, 0.25) if order == 1 else _HRZ
+
+
+def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
+    """Mass [kg] of every node, from the density of every tet."""
+    share = mass_shares(space.order)
+    mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
+    return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
+
+
+def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:
+    """Consistent mass matrix [kg] of one component, ``scipy.sparse.csr_array`` (nodes, nodes).
+
+    Its entries are those of the stiffness of ``grid``, block by block.
+    """
+    from scipy.sparse import csr_array
+
+    local = _local_mass(grid.space.order).ravel()
+    values = (material_of(mesh).rho * mesh.volumes)[:, None] * local
+    rows, columns, slots = (a.numpy() for a in grid.pattern)
+    data = np.bincount(slots.ravel(), values.ravel(), minlength=len(columns))
+    count = len(grid.space.nodes)
+    return csr_array((data, columns, rows), shape=(count, count))
+
+
+def squared_masses(
+    mesh: TetMesh, space: Space, x: Float[np.ndarray, "nodes 3"]
+) -> Float[np.ndarray, "tets"]:
+    """Share of every tet in x . M x, with the consistent mass M [kg]."""
+    local = x[space.elements]
+    each = np.einsum("tic,tic->t", local, _local_mass(space.order) @ local)
+    return material_of(mesh).rho * mesh.volumes * each
+
+
+def _local_mass(order: int) -> Float[np.ndarray, "k k"]:
+    """Consistent mass of a tet of mass one."""
+    where, weight = duffy_rule()
+    N = shape_functions(order, where)
+    return np.einsum("q,qi,qj->ij", weight, N, N)
+
+
+def diagonal_mass(mesh: TetMesh, grid: Discretisation) -> Any:
+    """Lumped mass matrix [kg] of one component, in the form of ``consistent_mass``."""
+    from scipy.sparse import csr_array
+
+    rows, columns = (a.numpy() for a in grid.pattern[:2])
+    count = len(grid.space.nodes)
+    on_diagonal = columns == np.repeat(np.arange(count), np.diff(rows))
+    data = np.where(on_diagonal, lumped_mass(mesh, grid.space)[columns], 0.0)
+    return csr_array((data, columns, rows), shape=(count, count))

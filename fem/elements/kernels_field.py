@@ -1,0 +1,486 @@
+# type: ignore  (warp code: its types are warp's, not Python's)
+"""Warp kernels of loads on the nodes of tets, of displacement gradients, and of steps in time."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+
+
+@wp.kernel
+def spread(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    density: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.float64),
+    total: wp.array(dtype=wp.float64),
+):
+    """Add the integral of a density, constant on every tet: every node takes its ``share``."""
+    t = wp.tid()
+    amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+    for a in range(elements.shape[1]):
+        wp.atomic_add(total, elements[t, a], share[a] * amount)
+
+
+@wp.kernel
+def body_force(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    density: wp.array(dtype=wp.vec3d),
+    share: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+):
+    """Add the force of a density, constant on every tet: every node takes its ``share``."""
+    t = wp.tid()
+    total = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+    for a in range(elements.shape[1]):
+        wp.atomic_add(force, elements[t, a], share[a] * total)
+
+
+@wp.kernel
+def displacement_gradient(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    quadrature: wp.array(dtype=wp.vec4d),
+    u: wp.array(dtype=wp.vec3d),
+    grad: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+):
+    """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
+    t = wp.tid()
+    s = wp.float64(1.0) / six_volumes(points, elements, t)
+    g = gradients(points, elements, t) * s
+    for q in range(quadrature.shape[0]):
+        total = wp.mat33d()
+        if elements.shape[1] == 4:
+            for a in range(4):
+                total += wp.outer(u[elements[t, a]], row3(g, a))
+        else:
+            d = gradients_p2(g, quadrature[q])
+            for a in range(10):
+                total += wp.outer(u[elements[t, a]], row10(d, a))
+        grad[t, q] = total
+
+
+@wp.kernel
+def geometric_stiffness(
+    points: wp.array(dtype=wp.vec3d),
+    elements: wp.array2d(dtype=wp.int32),
+    quadrature: wp.array(dtype=wp.vec4d),
+    stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+    slots: wp.array2d(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+):
+    """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
+    t = wp.tid()
+    six = six_volumes(points, elements, t)
+    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
+    w = six / wp.float64(6 * quadrature.shape[0])
+    size = elements.shape[1]
+    for q in range(quadrature.shape[0]):
+        s = w * stress[t, q]
+        if size == 4:
+            for a in range(4):
+                p = s * row3(g, a)
+                for b in range(4):
+                    wp.atomic_add(values, slots[t, 4 * a + b], wp.dot(p, row3(g, b)))
+        else:
+            d = gradients_p2(g, quadrature[q])
+            for a in range(10):
+                p = s * row10(d, a)
+                for b in range(10):
+                    wp.atomic_add(values, slots[t, 10 * a + b], wp.dot(p, row10(d, b)))
+
+
+@wp.kernel
+def foresee(
+    old: wp.array(dtype=wp.vec3d),
+    target: wp.array(dtype=wp.vec3d),
+    free: wp.array(dtype=wp.vec3d),
+    differences: wp.array2d(dtype=wp.vec3d),
+    terms: wp.int32,
+    share: wp.float64,
+    aim: wp.array(dtype=wp.vec3d),
+    start: wp.array(dtype=wp.vec3d),
+):
+    """``target`` of a step where a component is free, and with the acceleration to expect."""
+    i = wp.tid()
+    ahead = target[i] - old[i]
+    aim[i] = old[i] + wp.cw_mul(free[i], ahead)
+    for k in range(terms):
+        ahead += share * differences[k, i]
+    start[i] = old[i] + wp.cw_mul(free[i], ahead)
+
+
+@wp.kernel
+def incremental(
+    u: wp.array(dtype=wp.vec3d),
+    target: wp.array(dtype=wp.vec3d),
+    factor: wp.float64,
+    mass: wp.array(dtype=wp.float64),
+    rigidity: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+    load: wp.array(dtype=wp.vec3d),
+    springs: wp.array(dtype=wp.vec3d),
+    free: wp.array(dtype=wp.vec3d),
+    gradient: wp.array(dtype=wp.vec3d),
+    sums: wp.array(dtype=wp.float64),
+):
+    """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
+
+    So do the squares of the inertia, of the gradient, and of what inertia and elasticity would make
+    of the target; the last block of threads may reach past the end.
+    """
+    i = wp.tid()
+    energy = wp.float64(0.0)
+    pushed = wp.float64(0.0)
+    left = wp.float64(0.0)
+    known = wp.float64(0.0)
+    if i < u.shape[0]:
+        inertia = factor * mass[i]
+        away = u[i] - target[i]
+        push = inertia * away
+        spring = wp.cw_mul(springs[i], u[i])
+        g = wp.cw_mul(free[i], force[i] + push - load[i] + spring)
+        gradient[i] = g
+        half = wp.float64(0.5)
+        energy = half * (wp.dot(push, away) + wp.dot(spring, u[i])) - wp.dot(load[i], u[i])
+        pushed = wp.dot(push, push)
+        left = wp.dot(g, g)
+        known = wp.length_sq((inertia + rigidity[i]) * target[i])
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(energy)), offset=0)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(pushed)), offset=1)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(left)), offset=2)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(known)), offset=3)
+
+
+@wp.kernel
+def end_of_step(
+    u: wp.array(dtype=wp.vec3d),
+    v: wp.array(dtype=wp.vec3d),
+    by_v: wp.float64,
+    a: wp.array(dtype=wp.vec3d),
+    by_a: wp.float64,
+    free: wp.array(dtype=wp.vec3d),
+    mass: wp.array(dtype=wp.float64),
+    load: wp.array(dtype=wp.vec3d),
+    springs: wp.array(dtype=wp.vec3d),
+    count: wp.int32,
+    motion: wp.array2d(dtype=wp.vec3d),
+    differences: wp.array2d(dtype=wp.vec3d),
+    sums: wp.array(dtype=wp.float64),
+):
+    """Motion at the end of a step, ``v`` and ``a`` times their factors, and what ``sums`` takes.
+
+    That is kinetic energy, that of springs, and of the load; then the squares of the backward
+    differences of ``a``, of which there are ``count`` now. The last block may reach past the end.
+    """
+    i = wp.tid()
+    kinetic = wp.float64(0.0)
+    sprung = wp.float64(0.0)
+    lifted = wp.float64(0.0)
+    new = wp.vec3d()
+    inside = i < u.shape[0]
+    if inside:
+        speed = wp.cw_mul(free[i], by_v * v[i])
+        new = wp.cw_mul(free[i], by_a * a[i])
+        motion[0, i] = u[i]
+        motion[1, i] = speed
+        motion[2, i] = new
+        half = wp.float64(0.5)
+        kinetic = half * mass[i] * wp.dot(speed, speed)
+        sprung = half * wp.dot(wp.cw_mul(springs[i], u[i]), u[i])
+        lifted = -wp.dot(load[i], u[i])
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(kinetic)), offset=0)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(sprung)), offset=1)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(lifted)), offset=2)
+    for k in range(count):
+        square = wp.dot(new, new)
+        wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(square)), offset=3 + k)
+        if inside:
+            old = differences[k, i]
+            differences[k, i] = new
+            new = new - old
+
+
+# Warp functions of one tet: volume, gradients of its shape functions, of a displacement.
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+
+# Barycentric gradients of a tet: row k is d lambda_k / dx.
+mat43d = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
+mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
+
+
+@wp.func
+def gradients(
+    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
+) -> mat43d:
+    """Gradients of the barycentric coordinates, times six volumes."""
+    a = points[elements[t, 0]]
+    x = points[elements[t, 1]] - a
+    y = points[elements[t, 2]] - a
+    z = points[elements[t, 3]] - a
+    gx = wp.cross(y, z)
+    gy = wp.cross(z, x)
+    gz = wp.cross(x, y)
+    g0 = -(gx + gy + gz)
+    return mat43d(
+        g0[0], g0[1], g0[2], gx[0], gx[1], gx[2], gy[0], gy[1], gy[2], gz[0], gz[1], gz[2]
+    )
+
+
+@wp.func
+def six_volumes(
+    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
+) -> wp.float64:
+    a = points[elements[t, 0]]
+    x = points[elements[t, 1]] - a
+    y = points[elements[t, 2]] - a
+    z = points[elements[t, 3]] - a
+    return wp.dot(x, wp.cross(y, z))
+
+
+@wp.func
+def row3(g: mat43d, k: int) -> wp.vec3d:
+    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
+
+
+@wp.func
+def edge_ends(k: int):
+    """Corners of edge k, in the order of VTK's quadratic tetrahedron."""
+    i = 0
+    j = 1
+    if k == 1:
+        i = 1
+        j = 2
+    elif k == 2:
+        j = 2
+    elif k == 3:
+        j = 3
+    elif k == 4:
+        i = 1
+        j = 3
+    elif k == 5:
+        i = 2
+        j = 3
+    return i, j
+
+
+@wp.func
+def gradients_p2(g: mat43d, q: wp.vec4d) -> mat103d:
+    """Gradients of the ten shape functions at barycentric coordinates q."""
+    d = mat103d()
+    for a in range(4):
+        s = wp.float64(4.0) * q[a] - wp.float64(1.0)
+        for c in range(3):
+            d[a, c] = s * g[a, c]
+    for k in range(6):
+        i, j = edge_ends(k)
+        for c in range(3):
+            d[4 + k, c] = wp.float64(4.0) * (q[i] * g[j, c] + q[j] * g[i, c])
+    return d
+
+
+@wp.func
+def row10(g: mat103d, k: int) -> wp.vec3d:
+    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
+
+
+# Warp kernels of block matrices: pattern, where an element's blocks go, products, supports.
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+
+
+@wp.kernel
+def sorted_rows(
+    start: wp.array(dtype=wp.int32),  # (nodes + 1), into `incident`
+    incident: wp.array(dtype=wp.int32),  # elements around every node
+    elements: wp.array2d(dtype=wp.int32),
+    scratch: wp.array(dtype=wp.int32),  # room for all neighbours, with repetitions
+    count: wp.array(dtype=wp.int32),
+):
+    """Sorted distinct neighbours of every node, by insertion."""
+    i = wp.tid()
+    size = elements.shape[1]
+    base = start[i] * size + i
+    n = int(1)  # noqa: RUF046, UP018 (a plain 1 is a constant to warp)
+    scratch[base] = i  # the diagonal exists even for a node of no element
+    for s in range(start[i], start[i + 1]):
+        e = incident[s]
+        for k in range(size):
+            j = elements[e, k]
+            p = n
+            while p > 0 and scratch[base + p - 1] > j:
+                p -= 1
+            if p == 0 or scratch[base + p - 1] != j:
+                q = n
+                while q > p:
+                    scratch[base + q] = scratch[base + q - 1]
+                    q -= 1
+                scratch[base + p] = j
+                n += 1
+    count[i] = n
+
+
+@wp.kernel
+def copy_rows(
+    start: wp.array(dtype=wp.int32),
+    size: wp.int32,
+    scratch: wp.array(dtype=wp.int32),
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+):
+    i = wp.tid()
+    for k in range(rows[i + 1] - rows[i]):
+        columns[rows[i] + k] = scratch[start[i] * size + i + k]
+
+
+@wp.func
+def find_slot(rows: wp.array(dtype=wp.int32), columns: wp.array(dtype=wp.int32), i: int, j: int):
+    """Position of column j in the sorted row i."""
+    lo = rows[i]
+    hi = rows[i + 1] - 1
+    while lo < hi:
+        mid = (lo + hi) // 2
+        if columns[mid] < j:
+            lo = mid + 1
+        else:
+            hi = mid
+    return lo
+
+
+@wp.kernel
+def element_slots(
+    elements: wp.array2d(dtype=wp.int32),
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    slots: wp.array2d(dtype=wp.int32),  # (tets, size * size)
+):
+    t = wp.tid()
+    size = elements.shape[1]
+    for a in range(size):
+        for b in range(size):
+            slots[t, a * size + b] = find_slot(rows, columns, elements[t, a], elements[t, b])
+
+
+@wp.kernel
+def add_diagonal(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    blocks: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    i = wp.tid()
+    s = find_slot(rows, columns, i, i)
+    values[s] = values[s] + blocks[i]
+
+
+@wp.kernel
+def add_diagonal_numbers(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.vec3d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    i = wp.tid()
+    s = find_slot(rows, columns, i, i)
+    values[s] = values[s] + wp.diag(numbers[i])
+
+
+@wp.kernel
+def add_pairs(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    i: wp.array(dtype=wp.int32),
+    j: wp.array(dtype=wp.int32),
+    blocks: wp.array(dtype=wp.mat33d),
+    values: wp.array(dtype=wp.mat33d),
+):
+    n = wp.tid()
+    wp.atomic_add(values, find_slot(rows, columns, i[n], j[n]), blocks[n])
+
+
+@wp.kernel
+def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: wp.array(dtype=wp.float64)):
+    i = wp.tid()
+    free[i] = wp.float64(1.0) - wp.float64(fixed[i])
+
+
+@wp.kernel
+def fix_rows(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    free: wp.array(dtype=wp.vec3d),  # 1 where free, 0 where prescribed
+    values: wp.array(dtype=wp.mat33d),
+):
+    """Drop prescribed rows and columns; their own diagonal entry stays, to keep the scale.
+
+    A node of no element has a zero row: it gets a 1, and stays where it is.
+    """
+    i = wp.tid()
+    all = wp.float64(3.0)
+    mine = wp.length_sq(free[i])
+    for s in range(rows[i], rows[i + 1]):
+        j = columns[s]
+        if i == j or mine < all or wp.length_sq(free[j]) < all:
+            block = values[s]
+            for a in range(3):
+                for b in range(3):
+                    if i != j or a != b:
+                        block[a, b] = block[a, b] * free[i][a] * free[j][b]
+                if i == j and block[a, a] == wp.float64(0.0):
+                    block[a, a] = wp.float64(1.0)
+            values[s] = block
+
+
+@wp.func
+def row_times(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=wp.vec3d),
+    i: int,
+) -> wp.vec3d:
+    """Row i of A x, two blocks at a time: on a GPU their loads overlap."""
+    end = rows[i + 1]
+    s = rows[i]
+    even = wp.vec3d()
+    odd = wp.vec3d()
+    while s + 1 < end:
+        even += values[s] * x[columns[s]]
+        odd += values[s + 1] * x[columns[s + 1]]
+        s += 2
+    if s < end:
+        even += values[s] * x[columns[s]]
+    return even + odd
+
+
+@wp.kernel
+def multiply_scalars(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    y: wp.array(dtype=wp.float64),
+):
+    """Product y = A x, a thread a scalar: threads of a GPU then read what lies together."""
+    i = wp.tid()
+    node = i // 3
+    c = 3 * (i - 3 * node)
+    total = wp.float64(0.0)
+    for s in range(rows[node], rows[node + 1]):
+        j = 3 * columns[s]
+        k = 9 * s + c
+        total += values[k] * x[j] + values[k + 1] * x[j + 1] + values[k + 2] * x[j + 2]
+    y[i] = total
+
+
+@wp.kernel
+def multiply(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=wp.vec3d),
+    y: wp.array(dtype=wp.vec3d),
+):
+    i = wp.tid()
+    y[i] = row_times(rows, columns, values, x, i)

@@ -1,0 +1,480 @@
+# type: ignore  (warp code: its types are warp's, not Python's)
+"""Warp kernels that make the coarse space: rigid motions, smoothing, Galerkin product."""
+
+import warp as wp
+
+from .kernels_krylov import mat36d, single_row_times, vec6d
+
+# Loops over six motions are unrolled: their blocks then live in registers.
+wp.set_module_options({"enable_backward": False, "max_unroll": 6})
+
+mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
+# Part of a motion's own size that must be left once the motions before it are taken out: less is
+# round-off of a dependent motion (one node, a line of nodes, all fixed).
+RANK = wp.constant(wp.float64(1e-12))
+
+
+@wp.kernel
+def couplings(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    label: wp.array(dtype=wp.int32),
+    free: wp.array(dtype=wp.vec3d),
+    limit: wp.float64,
+    strength: wp.array(dtype=wp.float64),
+    weak: wp.array(dtype=wp.int32),
+):
+    """Strength |A_ij| of every coupling, 1 to a node that is held; count the weak ones in a box."""
+    i = wp.tid()
+    zero = wp.float64(0.0)
+    count = int(0)  # noqa: RUF046, UP018 (a plain 0 is a constant to warp)
+    for s in range(rows[i], rows[i + 1]):
+        j = columns[s]
+        size = wp.float64(1.0)
+        if wp.length_sq(free[i]) > zero and wp.length_sq(free[j]) > zero:
+            size = wp.sqrt(wp.ddot(values[s], values[s]) / wp.float64(3.0))
+        strength[s] = size
+        if size < limit and label[i] == label[j]:
+            count += 1
+    if count > 0:
+        wp.atomic_add(weak, 0, count)
+
+
+@wp.kernel
+def rigid_motions(
+    points: wp.array(dtype=wp.vec3d),
+    label: wp.array(dtype=wp.int32),
+    centre: wp.array(dtype=wp.vec3d),
+    extent: wp.array(dtype=wp.float64),
+    lower: wp.array(dtype=wp.mat33d),
+    free: wp.array(dtype=wp.vec3d),
+    motion: wp.array(dtype=mat36d),
+    gram: wp.array(dtype=mat66d),
+):
+    """Rigid motions of every node's aggregate in scaled unknowns, and their inner products."""
+    i = wp.tid()
+    a = label[i]
+    p = (points[i] - centre[a]) / extent[a]
+    one = wp.float64(1.0)
+    z = wp.float64(0.0)
+    m = mat36d(
+        one, z, z, z, p[2], -p[1],
+        z, one, z, -p[2], z, p[0],
+        z, z, one, p[1], -p[0], z,
+    )  # fmt: skip
+    m = wp.transpose(lower[i]) * wp.diag(free[i]) * m
+    motion[i] = m
+    wp.atomic_add(gram, a, wp.transpose(m) * m)
+
+
+@wp.func
+def orthonormal(gram: mat66d) -> mat66d:
+    """Combinations of six vectors that are orthonormal: W^T gram W = 1, zero where dependent."""
+    W = mat66d()
+    for k in range(6):
+        w = vec6d()
+        w[k] = wp.float64(1.0)
+        for j in range(k):
+            c = wp.float64(0.0)
+            for a in range(6):
+                c += W[a, j] * gram[a, k]
+            for a in range(6):
+                w[a] = w[a] - c * W[a, j]
+        square = wp.dot(w, gram * w)
+        if square > RANK * gram[k, k]:
+            for a in range(6):
+                W[a, k] = w[a] / wp.sqrt(square)
+    return W
+
+
+@wp.kernel
+def orthonormalise(gram: wp.array(dtype=mat66d), weight: wp.array(dtype=mat66d)):
+    a = wp.tid()
+    weight[a] = orthonormal(gram[a])
+
+
+@wp.kernel
+def weigh(
+    label: wp.array(dtype=wp.int32), weight: wp.array(dtype=mat66d), motion: wp.array(dtype=mat36d)
+):
+    """Turn motions into orthonormal ones, in place."""
+    i = wp.tid()
+    motion[i] = motion[i] * weight[label[i]]
+
+
+@wp.func
+def next_label(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    label: wp.array(dtype=wp.int32),
+    i: int,
+    last: int,
+) -> int:
+    """Smallest label above ``last`` in row i, or -1."""
+    found = int(-1)  # noqa: RUF046, UP018
+    for s in range(rows[i], rows[i + 1]):
+        a = label[columns[s]]
+        if a > last and (found < 0 or a < found):
+            found = a
+    return found
+
+
+@wp.kernel
+def count_labels(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    label: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+):
+    """Distinct aggregates among the neighbours of every node, which is its own neighbour."""
+    i = wp.tid()
+    n = int(0)  # noqa: RUF046, UP018
+    a = next_label(rows, columns, label, i, -1)
+    while a >= 0:
+        n += 1
+        a = next_label(rows, columns, label, i, a)
+    count[i] = n
+
+
+@wp.kernel
+def smooth(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    label: wp.array(dtype=wp.int32),
+    motion: wp.array(dtype=mat36d),
+    omega: wp.float64,
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+):
+    """Rows of P = (1 - omega A) ``motion``."""
+    i = wp.tid()
+    a = next_label(rows, columns, label, i, -1)
+    slot = start[i]
+    while a >= 0:
+        total = mat36d()
+        for s in range(rows[i], rows[i + 1]):
+            if label[columns[s]] == a:
+                total += values[s] * motion[columns[s]]
+        total = -omega * total
+        if label[i] == a:
+            total += motion[i]
+        aggregates[slot] = a
+        transfer[slot] = total
+        slot += 1
+        a = next_label(rows, columns, label, i, a)
+
+
+@wp.kernel
+def count_members(aggregates: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)):
+    """Entries of P in the columns of every aggregate."""
+    wp.atomic_add(count, aggregates[wp.tid()], 1)
+
+
+@wp.kernel
+def list_members(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+):
+    """Entries of P and their rows, by aggregate; ``place`` is where the next one of each goes."""
+    i = wp.tid()
+    for s in range(start[i], start[i + 1]):
+        m = wp.atomic_add(place, aggregates[s], 1)
+        member[m] = s
+        owner[m] = i
+
+
+@wp.kernel
+def galerkin(
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.mat33d),
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=mat36d),
+    matrix: wp.array2d(dtype=wp.float64),
+):
+    """Add the blocks on and above the diagonal of P^T A P, dense, to ``matrix``.
+
+    The row of A P is made one aggregate b after the other, from its own first one on.
+    """
+    i = wp.tid()
+    last = wp.int32(2147483647)
+    b = aggregates[start[i]]
+    while b < last:
+        following = last
+        total = mat36d()
+        for s in range(rows[i], rows[i + 1]):
+            j = columns[s]
+            for t in range(start[j], start[j + 1]):
+                a = aggregates[t]
+                if a == b:
+                    total += values[s] * transfer[t]
+                if a > b:
+                    following = wp.min(following, a)
+                    break  # the aggregates of a node ascend
+        for t in range(start[i], start[i + 1]):
+            if aggregates[t] <= b:
+                block = wp.transpose(transfer[t]) * total
+                for c in range(6):
+                    for d in range(6):
+                        wp.atomic_add(matrix, 6 * aggregates[t] + c, 6 * b + d, block[c, d])
+        b = following
+
+
+@wp.kernel
+def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
+    """Copy the upper triangle down; the diagonal is 1 where a motion does not exist.
+
+    Elsewhere it is raised by ``share``.
+    """
+    i, j = wp.tid()
+    if i > j:
+        matrix[i, j] = matrix[j, i]
+    if i == j:
+        d = matrix[i, i]
+        matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
+
+
+# Warp kernels of the V-cycle as a GPU runs it: in single precision, a thread a scalar.
+#
+# The cycle only shapes a search direction of CG, whose residual stays double: half the bytes, and
+# as many iterations. Vectors and blocks are flat: 9 numbers a block of A, 18 of P. The coarse
+# matrix is inverted, in double precision.
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 6})
+
+
+@wp.kernel
+def narrow(given: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
+    i = wp.tid()
+    out[i] = wp.float32(given[i])
+
+
+@wp.kernel
+def single_start(
+    b: wp.array(dtype=wp.float64),
+    scale: wp.float32,
+    r: wp.array(dtype=wp.float32),
+    d: wp.array(dtype=wp.float32),
+    x: wp.array(dtype=wp.float32),
+):
+    """First Chebyshev step from x = 0."""
+    i = wp.tid()
+    here = wp.float32(b[i])
+    r[i] = here
+    d[i] = scale * here
+    x[i] = scale * here
+
+
+@wp.kernel
+def single_restart(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float32),
+    b: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float32),
+    scale: wp.float32,
+    r: wp.array(dtype=wp.float32),
+    d: wp.array(dtype=wp.float32),
+):
+    """First Chebyshev step from a given x, which takes it in with the next: others read it now."""
+    i = wp.tid()
+    res = wp.float32(b[i]) - single_row_times(base, columns, values, x, i)
+    r[i] = res
+    d[i] = scale * res
+
+
+@wp.kernel
+def single_step(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float32),
+    old: wp.array(dtype=wp.float32),
+    keep: wp.float32,
+    scale: wp.float32,
+    owed: wp.float32,
+    r: wp.array(dtype=wp.float32),
+    d: wp.array(dtype=wp.float32),
+    x: wp.array(dtype=wp.float32),
+    z: wp.array(dtype=wp.float64),
+):
+    """Chebyshev step: r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
+    i = wp.tid()
+    res = r[i] - single_row_times(base, columns, values, old, i)
+    r[i] = res
+    change = keep * old[i] + scale * res
+    d[i] = change
+    here = x[i] + owed * old[i] + change
+    x[i] = here
+    z[i] = wp.float64(here)
+
+
+@wp.kernel
+def single_subtract(
+    base: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.float32),
+    d: wp.array(dtype=wp.float32),
+    r: wp.array(dtype=wp.float32),
+):
+    """Update r -= A d."""
+    i = wp.tid()
+    r[i] = r[i] - single_row_times(base, columns, values, d, i)
+
+
+@wp.kernel
+def single_restrict(
+    first: wp.array(dtype=wp.int32),
+    member: wp.array(dtype=wp.int32),
+    owner: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=wp.float32),
+    r: wp.array(dtype=wp.float32),
+    coarse: wp.array(dtype=wp.float64),
+):
+    """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
+    a, lane = wp.tid()
+    total = vec6d()
+    for m in range(first[a] + lane, first[a + 1], wp.block_dim()):
+        i = 3 * owner[m]
+        t = 18 * member[m]
+        for c in range(6):
+            part = transfer[t + c] * r[i] + transfer[t + 6 + c] * r[i + 1]
+            total[c] = total[c] + wp.float64(part + transfer[t + 12 + c] * r[i + 2])
+    for c in range(6):
+        wp.tile_store(coarse, wp.tile_sum(wp.tile(total[c])), offset=6 * a + c)
+
+
+@wp.kernel
+def single_prolong(
+    start: wp.array(dtype=wp.int32),
+    aggregates: wp.array(dtype=wp.int32),
+    transfer: wp.array(dtype=wp.float32),
+    coarse: wp.array(dtype=wp.float64),
+    x: wp.array(dtype=wp.float32),
+):
+    """Add P ``coarse`` to ``x``."""
+    i = wp.tid()
+    node = i // 3
+    c = i - 3 * node
+    total = x[i]
+    for s in range(start[node], start[node + 1]):
+        a = 6 * aggregates[s]
+        t = 18 * s + 6 * c
+        for k in range(6):
+            total += transfer[t + k] * wp.float32(coarse[a + k])
+    x[i] = total
+
+
+@wp.kernel
+def dense_multiply(
+    matrix: wp.array2d(dtype=wp.float64),
+    x: wp.array(dtype=wp.float64),
+    y: wp.array(dtype=wp.float64),
+):
+    """Product y = matrix x, one block of threads a row."""
+    i, lane = wp.tid()
+    total = wp.float64(0.0)
+    for k in range(lane, x.shape[0], wp.block_dim()):
+        total += matrix[i, k] * x[k]
+    wp.tile_store(y, wp.tile_sum(wp.tile(total)), offset=i)
+
+
+# Inverse, by sweeps, of a symmetric block within the threads of a block: zero where a row depends
+# on those above. Then row ``a`` of what it takes the rows of the matrix to, column ``c``.
+_PIVOT = """
+#if defined(__CUDA_ARCH__)
+    __shared__ double S[2][16][16];
+    __shared__ double least[16];
+    const int me = threadIdx.x, all = blockDim.x;
+    #define MEET __syncthreads()
+#else
+    double S[2][16][16], least[16];
+    const int me = 0, all = 1;
+    #define MEET
+#endif
+    const int n = matrix.shape[0], now = width & 1;
+    const double* A = matrix.data + first * size_t(n);
+    for (int e = me; e < width * width; e += all) {
+        const double value = A[(e / width) * size_t(n) + first + e % width];
+        S[0][e / width][e % width] = value;
+        if (e / width == e % width) least[e / width] = rank * value;
+    }
+    MEET;
+    for (int k = 0; k < width; ++k) {
+        const double (*old)[16] = S[k & 1];
+        const double pivot = old[k][k], inverse = pivot > least[k] ? 1.0 / pivot : 0.0;
+        for (int e = me; e < width * width; e += all) {
+            const int i = e / width, j = e % width;
+            double value = old[i][j] * inverse;
+            if (i == k && j == k) value = -inverse;
+            if (i != k && j != k) value = old[i][j] - old[i][k] * old[k][j] * inverse;
+            S[(k + 1) & 1][i][j] = value;
+        }
+        MEET;
+    }
+    const int a = index / n, c = index - a * n;
+    if (a < width) {
+        double total = 0.0;
+        if (c >= first && c < first + width) total = -S[now][a][c - first];
+        else for (int b = 0; b < width; ++b) total -= S[now][a][b] * A[b * size_t(n) + c];
+        row.data[a * size_t(n) + c] = total;
+        column.data[16 * c + a] = matrix.data[c * size_t(n) + first + a];
+    }
+    #undef MEET
+"""
+# Rows that Gauss-Jordan eliminates at once: their inverse has one entry a thread of a block.
+PIVOT = 16
+
+
+@wp.func_native(_PIVOT)
+def pivot_entry(
+    matrix: wp.array2d(dtype=wp.float64),
+    first: int,
+    width: int,
+    rank: wp.float64,
+    row: wp.array2d(dtype=wp.float64),
+    column: wp.array2d(dtype=wp.float64),
+    index: int,
+): ...
+
+
+@wp.kernel
+def take_pivot(
+    matrix: wp.array2d(dtype=wp.float64),
+    first: wp.int32,
+    width: wp.int32,
+    row: wp.array2d(dtype=wp.float64),
+    column: wp.array2d(dtype=wp.float64),
+):
+    """Block Gauss-Jordan: ``row`` = pivot^-1 times rows of the matrix, ``column`` its columns.
+
+    The pivot has ``width`` rows from ``first`` on. To be launched in whole blocks of threads.
+    """
+    pivot_entry(matrix, first, width, RANK, row, column, wp.tid())
+
+
+@wp.kernel
+def eliminate(
+    row: wp.array2d(dtype=wp.float64),
+    column: wp.array2d(dtype=wp.float64),
+    first: wp.int32,
+    width: wp.int32,
+    matrix: wp.array2d(dtype=wp.float64),
+):
+    """Block Gauss-Jordan: one step towards the inverse of ``matrix``, in place."""
+    i, j = wp.tid()
+    if i >= first and i < first + width:
+        matrix[i, j] = row[i - first, j]
+        return
+    total = matrix[i, j]
+    if j >= first and j < first + width:
+        total = wp.float64(0.0)
+    for a in range(width):
+        total -= column[i, a] * row[a, j]
+    matrix[i, j] = total

@@ -1,0 +1,357 @@
+"""What holds, grips, twists or stops particles on the nodes of the grid, and what pushes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..errors import InputError
+from ..mesh import TetMesh, face_normals
+from ..scene.obstacles import Box, Distance, Obstacle, Plane
+from ..scene.scene import Scene
+from ..scene.supports import Supports
+from ..scene.up import up_index
+from .particles import Particles
+
+# How far held faces hold nodes inside the body [spacings]: on average over all places of a face
+# between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
+DEPTH = 0.66
+# Room around the body [shares of its longest side] in which particles may move.
+ROOM = 0.5
+# And beside a held face, and around a held point.
+SIDE, AROUND = 0.75, 0.6
+
+
+class Touch(IntEnum):
+    """What a wall does: it lets slide, holds altogether, or lets go and brakes by friction."""
+
+    SLIP = 0
+    STICKY = 1
+    SEPARATE = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wall:
+    """A rigid thing in the grid: nodes inside its ``shape`` follow it.
+
+    Parameters
+    ----------
+    shape
+        Plane, box, ball, capsule or another ``Obstacle``; it moves at its own velocity.
+    touch
+        What it does to matter: a grip is sticky, a slide slips, the ground separates.
+    friction
+        Coefficient of Coulomb friction [1] where it separates.
+    start, end
+        When it is there [s]: a release is an end.
+    axis
+        The only axis along which it holds or slides; None: by the normals of the shape.
+    spin, axis_point
+        Turn [rad/s] of a grip, shape (3,), about an axis through the point [m].
+    """
+
+    shape: Obstacle
+    touch: Touch = Touch.SEPARATE
+    friction: float = 0.0
+    start: float = 0.0
+    end: float = np.inf
+    axis: int | None = None
+    spin: Sequence[float] = (0.0, 0.0, 0.0)
+    axis_point: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        numbers = [self.friction, *self.spin, *self.axis_point, *self.shape.velocity]
+        if not (np.isfinite(numbers).all() and self.friction >= 0):
+            raise InputError(f"wall {self}: wanted finite numbers, friction >= 0")
+
+    @property
+    def moves(self) -> bool:
+        """Whether other nodes lie in it later."""
+        turns = np.any(self.spin) and self.touch != Touch.STICKY
+        return bool(np.any(self.shape.velocity) or turns)
+
+    def at(
+        self, lattice: BackgroundGrid, nodes: Int[np.ndarray, "nodes"], time: float
+    ) -> WallNodes:
+        """Nodes of ``nodes`` in the wall at ``time`` [s]."""
+        if not self.start <= time < self.end:
+            nodes = nodes[:0]
+        x = lattice.positions(nodes)
+        velocity = np.asarray(self.shape.velocity, dtype=float)
+        # A node on the surface is in the wall, whatever the last digit of its place.
+        found = self.shape.distance(x - velocity * (time - self.start if self.moves else 0.0))
+        inside = found.gap <= 1e-9 * lattice.spacing
+        normals = found.normal[inside]
+        if self.axis is not None:
+            normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
+        arm = x[inside] - self.axis_point
+        return WallNodes(nodes[inside], normals, velocity + np.cross(self.spin, arm))
+
+
+@dataclass(frozen=True, eq=False)
+class WallNodes:
+    """Numbers of nodes, outward normals of the wall there, and its velocities [m/s]."""
+
+    nodes: Int[np.ndarray, "nodes"]
+    normals: Float[np.ndarray, "nodes 3"]
+    velocities: Float[np.ndarray, "nodes 3"]
+
+
+def room_walls(
+    low: Sequence[float], high: Sequence[float], touch: Touch = Touch.SLIP
+) -> tuple[Wall, ...]:
+    """Six planes that close the room from ``low`` to ``high`` [m]."""
+    inward = np.eye(3)
+    return tuple(
+        Wall(shape=Plane(tuple(corner), tuple(sign * inward[axis])), touch=touch)
+        for corner, sign in ((low, 1.0), (high, -1.0))
+        for axis in range(3)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Impulse:
+    """A push of ``momentum`` (3,) [N s] on all mass within a ``box`` at ``time`` [s].
+
+    It is shared by mass: the change of velocity depends neither on sampling nor on steps.
+    """
+
+    momentum: Sequence[float]
+    box: Box | None = None
+    time: float = 0.0
+
+    def change(
+        self, x: Float[np.ndarray, "n 3"], mass: Float[np.ndarray, "n"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Change of the velocities [m/s] of particles of these places [m] and masses [kg]."""
+        hit = np.ones(len(x), dtype=bool) if self.box is None else self.box.distance(x).gap <= 0
+        if not hit.any():
+            raise InputError(f"an impulse of {self.momentum} N s meets no particle: move its box")
+        return hit[:, None] * np.asarray(self.momentum, dtype=float) / mass[hit].sum()
+
+
+class StillNodes(NamedTuple):
+    """Numbers of the nodes that stationary particles reach, and their mass [kg] there."""
+
+    nodes: Int[np.ndarray, "nodes"]
+    mass: Float[np.ndarray, "nodes"]
+
+
+def still_nodes(held: Particles | None, lattice: BackgroundGrid) -> StillNodes:
+    """Stationary mass on the nodes of the grid, by the weights of the particles."""
+    total = np.zeros(lattice.count)
+    if held is not None:
+        first = lattice.first_nodes(held.x)
+        room = ((first >= 0) & (first < np.array(lattice.shape) - 2)).all(axis=1)
+        first, x, mass = first[room], held.x[room], held.mass[room]
+        f = (x - lattice.origin) / lattice.spacing - first
+        w = np.stack([0.5 * (1.5 - f) ** 2, 0.75 - (f - 1) ** 2, 0.5 * (f - 0.5) ** 2])
+        for a, b, c in np.ndindex(3, 3, 3):
+            share = mass * w[a, :, 0] * w[b, :, 1] * w[c, :, 2]
+            total += np.bincount(lattice.flat(first + np.array([a, b, c])), share, lattice.count)
+    nodes = np.flatnonzero(total)
+    return StillNodes(nodes, total[nodes])
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPlaces:
+    """Where a body is held: outside of its held faces, and around its held points.
+
+    Parameters
+    ----------
+    samples, normals
+        Places [m] on held faces and their outward normals, shape (m, 3).
+    points
+        Held points [m] that are of no held face, shape (k, 3).
+    spacing
+        Spacing [m] of the grid.
+    velocity
+        Velocity [m/s] of what holds, shape (3,).
+    """
+
+    samples: Float[np.ndarray, "m 3"]
+    normals: Float[np.ndarray, "m 3"]
+    points: Float[np.ndarray, "k 3"]
+    spacing: float
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def distance(self, x: Float[np.ndarray, "n 3"]) -> Distance:
+        """Distance from the held room: nodes in it down to ``DEPTH`` spacings inside the body."""
+        from scipy.spatial import KDTree
+
+        gap, normal = np.full(len(x), np.inf), np.zeros_like(x)
+        if len(self.samples):
+            row = KDTree(self.samples).query(x)[1]
+            way, normal = x - self.samples[row], -self.normals[row]
+            along = -(way * normal).sum(axis=1)
+            side = np.linalg.norm(way + along[:, None] * normal, axis=1)
+            gap = np.maximum(-(along + DEPTH * self.spacing), side - SIDE * self.spacing)
+        if len(self.points):
+            gap = np.minimum(gap, KDTree(self.points).query(x)[0] - AROUND * self.spacing)
+        return Distance(gap, normal)
+
+
+def scene_room(scene: Scene, spacing: float) -> BackgroundGrid:
+    """Grid around the body and where it may move: down to planes that it falls on."""
+    low, high = scene.mesh.bounds
+    side = ROOM * float((high - low).max())
+    reach = [low - side, high + side]
+    for wall in (*scene.obstacles, *([scene.ground] if scene.ground else [])):
+        if isinstance(wall, Plane):
+            normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
+            corner = np.where(normal < 0, high, low)
+            foot = corner + normal * min(0.0, float((np.asarray(wall.point) - corner) @ normal))
+            reach.append(foot)
+    lows, highs = np.min(reach, axis=0), np.max(reach, axis=0)
+    first = next(iter(scene.obstacles), None)
+    if isinstance(first, Plane) and abs(first.normal[up_index(scene.up)]) > 1 - 1e-9:
+        level = {up_index(scene.up): float(first.point[up_index(scene.up)])}
+        return grid_around(lows, highs, spacing, planes=level)
+    return grid_around(lows, highs, spacing)
+
+
+def support_walls(
+    mesh: TetMesh, supports: Supports, spacing: float, duration: float
+) -> tuple[Wall, ...]:
+    """Walls of the supports of a mesh; prescribed displacements are reached after ``duration`` [s].
+
+    ``InputError`` where there are springs.
+    """
+    if supports.springs.any():
+        raise InputError("springs: the material point method knows none; hold the places instead")
+    rows = np.concatenate([supports.fixed, supports.values * supports.fixed], axis=1)
+    kinds, which = np.unique(rows, axis=0, return_inverse=True)
+    walls = []
+    for k, row in enumerate(kinds):
+        axes, velocity = np.flatnonzero(row[:3]), tuple((row[3:] / duration).tolist())
+        if not len(axes):
+            continue
+        held = which.reshape(-1) == k
+        place = _held_places(mesh, held, spacing, velocity)
+        if len(axes) == 3:
+            walls.append(Wall(shape=place, touch=Touch.STICKY))
+        for axis in axes if len(axes) < 3 else ():
+            walls.append(Wall(shape=place, touch=Touch.SLIP, axis=int(axis)))
+    return tuple(walls)
+
+
+def _held_places(
+    mesh: TetMesh, held: Bool[np.ndarray, "points"], spacing: float, velocity: tuple[float, ...]
+) -> HeldPlaces:
+    faces = mesh.boundary.faces
+    own = faces[held[faces].all(axis=1)]
+    samples, of = _face_samples(mesh.points, own, spacing / 2)
+    normals = face_normals(mesh.points, own)[of]
+    inner = held.copy()
+    inner[own] = False
+    return HeldPlaces(samples, normals, mesh.points[inner], spacing, velocity)
+
+
+def _face_samples(
+    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"], step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places on faces that are at most ``step`` [m] apart, and the face of each."""
+    corners = points[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    parts = np.maximum(np.ceil(edges / step), 1).astype(np.int64)
+    places, owners = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for n in np.unique(parts):
+        own = np.flatnonzero(parts == n)
+        a, b = (g.ravel() for g in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+        share = np.stack([a, b, n - a - b], axis=1)[a + b <= n] / n
+        places.append(np.einsum("sk,fki->fsi", share, corners[own]).reshape(-1, 3))
+        owners.append(np.repeat(own, len(share)))
+    return np.concatenate(places), np.concatenate(owners)
+
+
+# The background grid: where it lies, how fine it is, which of its nodes are near particles.
+
+# Held nodes of a plane clamp lie this share of a spacing inside the body: at the clamp itself they
+# make it longer by 0.15 spacings (hanging bars of 8 to 32 cells).
+CLAMP_OFFSET = 0.16
+# Nodes around the room of the particles: their own weights, and a spacing of drift.
+MARGIN = 4
+# Nodes of a grid: 32 bytes each, two grids with two threads.
+MOST_NODES = 30_000_000
+
+
+class BackgroundGrid(NamedTuple):
+    """Nodes ``spacing`` [m] apart from ``origin`` (3,) [m] on, ``shape`` (3,) of them."""
+
+    origin: np.ndarray
+    spacing: float
+    shape: tuple[int, int, int]
+
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return int(np.prod(self.shape))
+
+    def first_nodes(self, x: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n 3"]:
+        """Lowest of the 27 nodes around every position [m]."""
+        return np.floor((x - self.origin) / self.spacing - 0.5).astype(np.int64)
+
+    def flat(self, nodes: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+        """Number of every node."""
+        return (nodes[:, 0] * self.shape[1] + nodes[:, 1]) * self.shape[2] + nodes[:, 2]
+
+    def positions(self, numbers: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+        """Positions [m] of nodes by number."""
+        found = np.stack(np.unravel_index(numbers, self.shape), axis=1)
+        return self.origin + self.spacing * found
+
+    def near(self, x: Float[np.ndarray, "n 3"], *, drift: int = 1) -> Int[np.ndarray, "nodes"]:
+        """Numbers of the nodes that particles reach while they drift up to ``drift`` spacings."""
+        mark = np.zeros(self.shape, dtype=bool)
+        first = self.first_nodes(x)
+        room = ((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1)
+        mark.ravel()[self.flat(first[room])] = True
+        for axis in range(3):
+            mark = _widened(mark, axis, -drift, 2 + drift)
+        return np.flatnonzero(mark)
+
+
+def _widened(mark: Bool[np.ndarray, "x y z"], axis: int, low: int, high: int) -> np.ndarray:
+    """Mark what lies ``low`` to ``high`` nodes further along an axis, too."""
+    along = np.moveaxis(mark, axis, 0)
+    wide = np.zeros_like(along)
+    size = len(along)
+    for shift in range(low, high + 1):
+        wide[max(shift, 0) : size + min(shift, 0)] |= along[max(-shift, 0) : size - max(shift, 0)]
+    return np.moveaxis(wide, 0, axis)
+
+
+def grid_around(
+    low: Sequence[float] | np.ndarray,
+    high: Sequence[float] | np.ndarray,
+    spacing: float,
+    *,
+    planes: dict[int, float] | None = None,
+) -> BackgroundGrid:
+    """Grid around the room from ``low`` to ``high`` [m] in which particles may move.
+
+    ``planes`` are positions [m] by axis that a layer of nodes shall lie at.
+
+    Raises
+    ------
+    InputError
+        Where the room is not finite, or the grid would not fit into memory.
+    """
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    if not (np.isfinite([*low, *high]).all() and (high >= low).all() and spacing > 0):
+        raise InputError(f"grid from {low} to {high} every {spacing:g} m: wanted finite, growing")
+    origin = low - MARGIN * spacing
+    for axis, at in (planes or {}).items():
+        origin[axis] = at - np.ceil((at - origin[axis]) / spacing - 1e-9) * spacing
+    shape = np.ceil((high - origin) / spacing - 1e-9).astype(np.int64) + MARGIN + 1
+    if np.prod(shape.astype(float)) > MOST_NODES:
+        raise InputError(
+            f"a grid of {'x'.join(map(str, shape))} nodes: wanted at most {MOST_NODES:,}; take a "
+            "coarser grid, or a smaller room"
+        )
+    return BackgroundGrid(origin, float(spacing), (int(shape[0]), int(shape[1]), int(shape[2])))

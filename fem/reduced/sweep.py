@@ -1,0 +1,363 @@
+"""What if: one body under many loads and moduli, by its reduced model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..device import single_threaded
+from ..elements.assembly import discretise, linear_stiffness, stiffness
+from ..elements.constraints import apply_supports, node_supports
+from ..elements.forces import lumped_mass
+from ..errors import ConvergenceError, InputError
+from ..laws.law import Law
+from ..linalg.cholesky import CholeskyFactor, planned_elimination
+from ..material import ElementMaterial, isotropic_tensor, lame_parameters
+from ..mesh import TetMesh, material_of
+from ..scene.supports import Supports
+from ..solve.modal import natural_modes
+from ..solve.nonlinear import solve_nonlinear
+from .basis import orthonormal_fields, relative_error
+from .elasticity import ReducedElasticity, reduced_frequencies, reduced_rest
+from .model import ReducedModel
+
+# Where a load is too much for Newton's method at once it comes on in so many steps.
+LOAD_STEPS = 4
+
+
+class WhatIf(NamedTuple):
+    """Answers of every run.
+
+    ``coordinates`` (runs, dofs) [m sqrt(kg)] at rest, ``largest`` (runs,) displacement of a point
+    [m], ``frequency`` (runs,) the first one about the unloaded body [Hz]. NaN: no rest was found.
+    """
+
+    coordinates: np.ndarray
+    largest: np.ndarray
+    frequency: np.ndarray
+
+
+class WhatIfError(NamedTuple):
+    """Reduced runs beside the full body's, for those ``runs`` that were solved in full too.
+
+    Relative errors [1] of the displacement at ``rest``, in the norm of mass, and of the first
+    ``frequency``, each (runs,).
+    """
+
+    runs: np.ndarray
+    rest: np.ndarray
+    frequency: np.ndarray
+
+
+@single_threaded
+def what_if(
+    model: ReducedModel,
+    *,
+    scales: Float[np.ndarray, "runs parts"],
+    loads: Float[np.ndarray, "runs dofs"],
+    law: str = Law.NEO_HOOKEAN,
+) -> WhatIf:
+    """Rest and first frequency of a body in many runs.
+
+    Parameters
+    ----------
+    model
+        Reduced model of the body as it is held.
+    scales
+        Factor [1] to E of every part, in the order of ``model.region_names``.
+    loads
+        Dead forces on the coordinates [N/sqrt(kg)]; see ``ReducedModel.weight`` and ``pull_back``.
+    law
+        Name of the elastic law.
+    """
+    wanted = f"wanted a positive number for each of {len(model.region_names)} part(s)"
+    if scales.shape != (len(loads), len(model.region_names)):
+        raise InputError(f"scales {scales.shape} of {len(loads)} runs: {wanted}")
+    if (wrong := np.argwhere(~(scales > 0))).size:
+        run, part = wrong[0]
+        raise InputError(
+            f"run {run + 1}: factor {scales[run, part]:g} of {model.region_names[part]!r}: {wanted}"
+        )
+    elasticity = ReducedElasticity(model, law)
+    found = np.full(loads.shape, np.nan)
+    frequency = np.empty(len(loads))
+    for run, (scale, load) in enumerate(zip(scales, loads, strict=True)):
+        elasticity.set_moduli(model.E * scale[model.region], model.nu)
+        frequency[run] = reduced_frequencies(elasticity)[0]
+        try:
+            found[run] = _rest_in_steps(elasticity, load)
+        except ConvergenceError:
+            continue
+    largest = np.array([np.linalg.norm(model.displacement(q), axis=1).max() for q in found])
+    return WhatIf(found, largest, frequency)
+
+
+def _rest_in_steps(elasticity: ReducedElasticity, load: np.ndarray) -> np.ndarray:
+    try:
+        return reduced_rest(elasticity, load, tolerance=1e-6).u
+    except ConvergenceError:
+        q = np.zeros_like(load)
+        for share in np.arange(1, LOAD_STEPS + 1) / LOAD_STEPS:
+            q = reduced_rest(elasticity, share * load, start=q, tolerance=1e-6).u
+        return q
+
+
+def what_if_error(
+    model: ReducedModel,
+    found: WhatIf,
+    mesh: TetMesh,
+    supports: Supports,
+    *,
+    scales: Float[np.ndarray, "runs parts"],
+    forces: Callable[[int], Float[np.ndarray, "nodes 3"]],
+    count: int = 4,
+    order: int = 1,
+    seed: int = 0,
+    law: str = Law.NEO_HOOKEAN,
+) -> WhatIfError:
+    """Solve ``count`` runs, the one that moves farthest among them, by the full body too.
+
+    It has elements of ``order``, at least the model's: with 2 what linear ones lock is in the
+    error. ``forces`` gives what the load of a run was pulled back from: [N] at the model's nodes.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no run has a rest, or the full body finds none.
+    """
+    if not np.isfinite(found.largest).any():
+        raise ConvergenceError(f"none of {len(found.largest)} runs has a rest: wanted less load")
+    farthest = int(np.nanargmax(found.largest))
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(found.largest)), [farthest])
+    drawn = np.random.default_rng(seed).permutation(others)[: count - 1]
+    runs = np.array([farthest, *drawn])
+    rest, frequency = np.empty(len(runs)), np.empty(len(runs))
+    for i, run in enumerate(runs):
+        material = material_of(mesh)
+        moduli = type(material)(material.E * scales[run][mesh.region], material.nu, material.rho)
+        body = mesh.with_material(moduli)
+        known = {"forces": forces(int(run)), "law": law, "order": order}
+        full = solve_nonlinear(body, supports, **known).node_displacement[: len(model.points)]
+        rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
+        modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
+        frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
+    return WhatIfError(runs, rest, frequency)
+
+
+# One linear body with many moduli and densities: a basis that can follow all of them.
+#
+# Stiffness and mass are sums over groups of tets, each times numbers of its E, nu and rho: pulled
+# back once, a member of the family costs small dense matrices. The basis holds what the full body
+# does at the ends of every range and where it was still wrong (reduced basis method, Rozza, Huynh
+# & Patera 2008): responses to the loads, and one inverse iteration of the vibrations.
+
+# Numbers of a factor above which a family takes more than some seconds: a dozen are made.
+MOST_ENTRIES = 10_000_000
+# Snapshots that add less than this to the others are left out.
+DEPENDENT = 1e-4
+# Displacement fields that are made at a time.
+AT_ONCE = 64
+
+
+class Member(NamedTuple):
+    """One body of a family, a value a group: factors to ``E`` and ``rho`` [1], and ``nu`` [1]."""
+
+    E: Float[np.ndarray, "groups"]
+    nu: Float[np.ndarray, "groups"]
+    rho: Float[np.ndarray, "groups"]
+
+
+class LinearFamily:
+    """Members of a family of held bodies in few coordinates.
+
+    Parameters
+    ----------
+    mesh, supports
+        The body; what holds it must not be moved.
+    groups
+        Tets whose material varies together, shape (groups, tets).
+    grained
+        Groups whose stiffness is a tensor: nu does not change it.
+    forces
+        Dead forces [N] at the points, shape (points, 3).
+    gravity_vector
+        Acceleration [m/s^2] on the mass, which varies, shape (3,).
+    shapes
+        Vibrations of the body as it is, shape (modes, points, 3).
+    """
+
+    def __init__(
+        self,
+        mesh: TetMesh,
+        supports: Supports,
+        groups: Bool[np.ndarray, "groups tets"],
+        *,
+        grained: Bool[np.ndarray, "groups"],
+        forces: Float[np.ndarray, "points 3"],
+        gravity_vector: Float[np.ndarray, "3"],
+        shapes: Float[np.ndarray, "modes points 3"],
+    ) -> None:
+        self.mesh, self.groups, self.grained = mesh, groups, grained
+        self.grid = discretise(mesh, 1)
+        self.held = node_supports(supports, self.grid.space)
+        self.forces, self.gravity, self.shapes = forces, np.asarray(gravity_vector, float), shapes
+        self._masses = [_mass_of(mesh, tets) for tets in groups]
+        self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
+        self._snapshots: list[np.ndarray] = []
+
+    @property
+    def others(self) -> Bool[np.ndarray, "tets"]:
+        """Tets whose material does not vary."""
+        return np.asarray(~self.groups.any(axis=0))
+
+    def affordable(self) -> bool:
+        """Whether the full body is factored quickly enough to do it a dozen times."""
+        plan = planned_elimination(self.grid.pattern, self.grid.space.edges)
+        return plan.entries <= MOST_ENTRIES
+
+    def material(self, member: Member) -> ElementMaterial:
+        """Material of a member's tets."""
+        known = material_of(self.mesh)
+        E, nu, rho = (np.ones(len(known.E)), known.nu.copy(), np.ones(len(known.E)))
+        for tets, *values in zip(self.groups, *member, strict=True):
+            E[tets], nu[tets], rho[tets] = values
+        tensor = None if known.tensor is None else self._tensor(E, nu)
+        return ElementMaterial(known.E * E, nu, known.rho * rho, tensor, known.axes)
+
+    def _tensor(self, E: np.ndarray, nu: np.ndarray) -> np.ndarray:
+        """Stiffness tensors [Pa]: of the grain scaled, of the others anew."""
+        known = material_of(self.mesh)
+        assert known.tensor is not None
+        scaled = known.tensor * E[:, None, None]
+        grain = np.asarray(self.groups[self.grained].any(axis=0) | self.others)
+        plain = isotropic_tensor(*lame_parameters(known.E * E, nu))
+        return np.where(grain[:, None, None], scaled, plain)
+
+    def mass(self, member: Member) -> Float[np.ndarray, "points"]:
+        """Lumped mass [kg] of a member's points."""
+        return self._rest + sum(r * m for r, m in zip(member.rho, self._masses, strict=True))
+
+    def add(self, members: Iterable[Member]) -> list[np.ndarray]:
+        """Solve ``members`` in full and let the basis hold what they do; their rests [m]."""
+        rests = []
+        for member in members:
+            matrix = linear_stiffness(self.grid, self.material(member))
+            apply_supports(matrix, self.held.fixed, self.held.springs)
+            plan = planned_elimination(matrix, self.grid.space.edges)
+            mass, factor = self.mass(member)[:, None], CholeskyFactor(matrix, plan)
+            loads = [self.forces] + [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
+            loads += [mass * shape for shape in self.shapes]
+            whole = self.forces + mass * self.gravity
+            all_at_once = np.stack([*(f for f in loads if f.any()), whole], axis=2)
+            *fields, rest = np.moveaxis(
+                factor.solve(np.where(self.held.fixed[:, :, None], 0.0, all_at_once)), 2, 0
+            )
+            self._snapshots += fields
+            rests.append(rest)
+        self._pull_back()
+        return rests
+
+    def _pull_back(self) -> None:
+        """Basis of the snapshots, and what is summed for a member, on its coordinates."""
+        fields = np.moveaxis(np.stack([*self._snapshots, *self._held_shapes()]), 0, 2)
+        mass = lumped_mass(self.mesh, self.grid.space)
+        self.basis = orthonormal_fields(fields, mass, DEPENDENT)
+        flat = self.basis.reshape(-1, self.basis.shape[2])
+        pairs, rest = self._parts
+        self._stiff = [(flat.T @ (one @ flat), flat.T @ (two @ flat)) for one, two in pairs]
+        springs = self.held.springs.reshape(-1, 1) * flat
+        self._stiff_rest = flat.T @ (rest @ flat + springs)
+        self._mass_parts = [flat.T @ (m.repeat(3)[:, None] * flat) for m in self._masses]
+        self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)
+        weights = [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
+        self._loads = np.stack([f.ravel() @ flat for f in (self.forces, *weights)])
+
+    def _held_shapes(self) -> Float[np.ndarray, "modes points 3"]:
+        return np.where(self.held.fixed, 0.0, self.shapes)
+
+    @cached_property
+    def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:
+        """Stiffness of every group by lam and mu (of a grain: all and nothing); of the rest."""
+        known, pairs = material_of(self.mesh), []
+        for tets, grained in zip(self.groups, self.grained, strict=True):
+            E = np.where(tets, known.E, 0.0)
+            none = np.zeros_like(E)
+            if grained:
+                empty = _trimmed(stiffness(self.grid, none, none).to_scipy())
+                pairs.append((self._stiffness_of(tets), empty))
+            else:
+                moduli = ((E, none), (none, E))
+                pairs.append(tuple(_trimmed(stiffness(self.grid, *m).to_scipy()) for m in moduli))
+        return pairs, self._stiffness_of(self.others)
+
+    def _stiffness_of(self, tets: np.ndarray) -> Any:
+        """Stiffness of some tets as they are: twice what is missing when they have half of it."""
+        known = material_of(self.mesh)
+        share = np.where(tets, 0.5, 1.0)
+        tensor = None if known.tensor is None else known.tensor * share[:, None, None]
+        half = replace(known, E=known.E * share, tensor=tensor)
+        whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (known, half))
+        return _trimmed(2 * (whole - rest))
+
+    def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
+        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
+        for g, (first, second) in enumerate(self._stiff):
+            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
+            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
+            K += member.E[g] * (lam * first + mu * second)
+            M += member.rho[g] * self._mass_parts[g]
+        return K, M
+
+    def answers(
+        self, member: Member
+    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
+        """Displacement at rest [m], and as many natural frequencies [Hz] as there are shapes."""
+        rest, frequencies = self._reduced_answers(member)
+        return self.basis @ rest, frequencies
+
+    def largest(
+        self, members: Sequence[Member]
+    ) -> tuple[Float[np.ndarray, "members"], Float[np.ndarray, "members modes"]]:
+        """Largest displacement at rest [m] and natural frequencies [Hz] of every member."""
+        rests, frequencies = zip(*map(self._reduced_answers, members), strict=True)
+        flat, sizes = self.basis.reshape(-1, self.basis.shape[2]), []
+        for first in range(0, len(rests), AT_ONCE):  # all at once would take much memory
+            u = flat @ np.stack(rests[first : first + AT_ONCE], axis=1)
+            u = u.reshape(-1, 3, u.shape[1])
+            sizes.append(np.sqrt(np.square(u).sum(axis=1).max(axis=0)))
+        return np.concatenate(sizes), np.array(frequencies)
+
+    def _reduced_answers(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of the displacement at rest, and natural frequencies [Hz]."""
+        from scipy.linalg import eigh, solve
+
+        K, M = self.matrices(member)
+        rest = solve(K, np.array([1.0, *member.rho, 1.0]) @ self._loads, assume_a="pos")
+        count = len(self.shapes)
+        if not count:
+            return rest, np.zeros(0)
+        square = eigh(K, M, eigvals_only=True, subset_by_index=[0, count - 1])
+        return rest, np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+
+
+def _trimmed(matrix: Any) -> Any:
+    """``matrix`` (BSR) without the blocks that are zero."""
+    from scipy.sparse import bsr_array
+
+    some = matrix.data.any(axis=(1, 2))
+    before = np.concatenate([[0], np.cumsum(some)])
+    arrays = (matrix.data[some], matrix.indices[some], before[matrix.indptr])
+    return bsr_array(arrays, shape=matrix.shape)
+
+
+def _mass_of(mesh: TetMesh, tets: np.ndarray) -> Float[np.ndarray, "points"]:
+    """Lumped mass [kg] of some tets."""
+    known = material_of(mesh)
+    each = np.where(tets, known.rho * mesh.volumes / 4, 0.0)
+    return np.bincount(mesh.tets.ravel(), each.repeat(4), len(mesh.points))

@@ -1,0 +1,490 @@
+"""What happens to a body, from a name and a few numbers: each is a scene and a method's name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from .deprecation import renamed_options
+from .errors import InputError
+from .laws.law import Law
+from .mesh import TetMesh, face_normals, material_of
+from .scene.loads import Traction, spread_force
+from .scene.obstacles import gripper
+from .scene.scene import Scene
+from .scene.supports import Supports, find_supports, ground_under
+from .scene.up import UpAxis, up_index, up_vector
+from .solve.contact import barrier_thickness
+from .solve.dynamics import DynamicMethod
+from .solve.equilibrium import StaticMethod
+from .solve.method import FrameProgress
+from .solve.result import MotionResult, SagResult
+from .solve.schemes import Scheme
+from .validation import checked_direction, checked_number, checked_positive, checked_vector
+
+# A body settles under its own weight.
+
+SUPPORTS = ("base", "three-point")
+
+
+@dataclass(frozen=True)
+class Sag:
+    """It stands on its ``supports`` under ``gravity`` [m/s^2], downwards.
+
+    'base': the nodes near the lowest point are clamped; 'three-point': it rests on three of them,
+    free to expand sideways.
+    """
+
+    title: ClassVar[str] = "Sag under its own weight"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = True
+
+    supports: str = "base"
+    gravity: float = 9.81
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the standing ``mesh``."""
+        if self.supports not in SUPPORTS:
+            raise InputError(f"supports {self.supports!r}: wanted one of {', '.join(SUPPORTS)}")
+        held, warnings = find_supports(mesh, up, three_point=self.supports == "three-point")
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, gravity_vector=weight, warnings=warnings)
+
+
+def sag(
+    mesh: TetMesh,
+    *,
+    up: UpAxis = "z",
+    order: int | None = None,
+    supports: str = "base",
+    gravity: float = 9.81,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Let ``mesh`` settle under its weight.
+
+    Parameters
+    ----------
+    mesh
+        Tets with a material.
+    up
+        The axis that points up.
+    order
+        1: linear tets, 2: quadratic; None: quadratic while they are affordable.
+    supports
+        'base': the nodes near the lowest point are clamped; 'three-point': it rests on three of
+        them, free to expand sideways.
+    gravity
+        Acceleration [m/s^2], downwards.
+    law
+        None: the linear law, and neo-Hookean where the linear answer strains more than 5 %.
+        ``Law.LINEAR``: never repeat.
+    device
+        'cpu' or 'cuda'.
+
+    Raises
+    ------
+    ConvergenceError
+        If the linear solve does not reach its tolerance.
+    """
+    scene = Sag(supports, gravity).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)
+
+
+# A body hangs under its own weight.
+
+
+@dataclass(frozen=True)
+class Hang:
+    """It hangs from its highest points under ``gravity`` [m/s^2], downwards."""
+
+    title: ClassVar[str] = "Hanging under its own weight"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = False
+
+    gravity: float = 9.81
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the hanging ``mesh``."""
+        held, warnings = find_supports(mesh, up, from_top=True)
+        weight = -checked_number("gravity", self.gravity, "m/s^2", least=0.0) * up_vector(up)
+        return Scene(mesh=mesh, up=up, supports=held, gravity_vector=weight, warnings=warnings)
+
+
+def hang(
+    mesh: TetMesh,
+    *,
+    up: UpAxis = "z",
+    order: int | None = None,
+    gravity: float = 9.81,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Hang ``mesh`` from its highest points under its weight; options as in ``sag``."""
+    scene = Hang(gravity).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)
+
+
+# The wind blows on a standing body.
+
+AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
+
+# What a method of motion follows: 125 frames of 0.04 s.
+GUST = {"duration": 5.0, "frames": 125}
+
+
+@dataclass(frozen=True)
+class Wind:
+    """Drag on every face that looks into a wind of ``speed`` [m/s] along ``direction``.
+
+    By default along the first horizontal axis; ``drag`` is the coefficient [1] of a face across the
+    wind. The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    """
+
+    title: ClassVar[str] = "In the wind"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = False
+
+    direction: Sequence[float] | None = None
+    speed: float = 10.0
+    drag: float = 1.2
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
+        given = np.roll(up_vector(up), 1) if self.direction is None else self.direction
+        blows = checked_direction("wind direction", given)
+        speed = checked_positive("wind speed", self.speed, "m/s")
+        drag = checked_positive("drag coefficient", self.drag, "")
+        faces = mesh.boundary.faces
+        facing = -face_normals(mesh.points, faces) @ blows
+        windward = facing > 0
+        push = 0.5 * AIR_DENSITY * speed**2 * drag * facing[windward, None] * blows
+        held, warnings = find_supports(mesh, up)
+        loads = (Traction(faces[windward], push, "the windward side"),)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings, **GUST)
+
+
+def wind(
+    mesh: TetMesh,
+    *,
+    up: UpAxis = "z",
+    direction: Sequence[float] | None = None,
+    speed: float = 10.0,
+    drag: float = 1.2,
+    order: int | None = None,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Blow on a standing ``mesh``: drag on every face that looks into the wind.
+
+    Parameters
+    ----------
+    direction
+        Where the wind blows to; by default along the first horizontal axis.
+    speed
+        Speed of the wind [m/s].
+    drag
+        Drag coefficient [1] of a face across the wind.
+
+    The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    """
+    scene = Wind(direction, speed, drag).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)
+
+
+# A finger presses on a standing body.
+
+# Radius of a finger as a share of the body's diagonal.
+FINGER_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Poke:
+    """A finger pushes with ``force`` [N] along ``direction`` (down), ``at`` a point [m] (highest).
+
+    The force is spread over a patch of a twentieth of the diagonal; the weight is left out.
+    """
+
+    title: ClassVar[str] = "Under a finger"
+    method: ClassVar[str] = "statics"
+    with_modes: ClassVar[bool] = False
+
+    force: float = 10.0
+    at: Sequence[float] | None = None
+    direction: Sequence[float] | None = None
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the standing ``mesh``."""
+        used = np.unique(mesh.tets)
+        highest = mesh.points[used[np.argmax(mesh.points[used] @ up_vector(up))]]
+        place = highest if self.at is None else checked_vector("poke at", self.at, "m")
+        given = -up_vector(up) if self.direction is None else self.direction
+        pushes = checked_direction("poke direction", given)
+        force = checked_positive("poke force", self.force, "N")
+        faces = mesh.boundary.faces
+        away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
+        patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+        touched = faces[away <= max(patch, float(away.min()))]
+        held, warnings = find_supports(mesh, up)
+        loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
+        stands = {"supports": held, "ground": ground_under(mesh, up)}
+        return Scene(mesh=mesh, up=up, **stands, tractions=loads, warnings=warnings)
+
+
+def poke(
+    mesh: TetMesh,
+    *,
+    up: UpAxis = "z",
+    force: float = 10.0,
+    at: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    order: int | None = None,
+    law: str | None = None,
+    device: str = "cpu",
+) -> SagResult:
+    """Press a finger on a standing ``mesh``; the weight is left out.
+
+    Parameters
+    ----------
+    force
+        Force of the finger [N], spread over a patch of a twentieth of the diagonal.
+    at
+        Where [m], shape (3,); by default the highest point.
+    direction
+        Where the finger pushes to; by default down.
+    """
+    scene = Poke(force, at, direction).scene(mesh, up=up)
+    return StaticMethod().solve(scene, law=law, order=order, device=device)
+
+
+# A body is squeezed between two plates.
+
+FRAMES = 20
+# A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
+SLOWNESS = 50.0
+# And at least this long [s] for each width of travel: friction sticks below a speed that is a share
+# of the size per second, so the corners of a squeeze in milliseconds (stiff bodies) would be too
+# sharp for Newton; and it is the same friction for every share.
+LEAST = 100.0
+# The plates begin to push at this share of their travel from the body, where they start. They go on
+# by half of it: wherever in it they end, the body is squeezed as asked to half a per cent.
+REACH = 0.01
+
+
+@dataclass(frozen=True)
+class Squeeze:
+    """Two plates close by ``share`` of the width along ``axis``, slowly, without gravity.
+
+    By default along the first horizontal axis; ``friction`` is that of the plates [1].
+    """
+
+    title: ClassVar[str] = "Squeezed"
+    method: ClassVar[str] = "dynamics"
+    with_modes: ClassVar[bool] = False
+
+    axis: Literal["x", "y", "z"] | None = None
+    share: float = 0.1
+    friction: float = 0.5
+    frames: int = FRAMES
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of ``mesh`` between the plates; ``InputError`` where the share is not one."""
+        if not 0 < self.share < 1:
+            raise InputError(f"share {self.share:g}: wanted between 0 and 1")
+        checked_number("friction", self.friction, "", least=0.0)
+        k = up_index(self.axis or ("x" if up[-1] != "x" else "y"))
+        low, high = mesh.bounds
+        diagonal = float(np.linalg.norm(high - low))
+        travel = self.share * float(high[k] - low[k]) / 2
+        reach = min(REACH * travel, barrier_thickness(mesh))
+        material = material_of(mesh)
+        slowest = float(np.sqrt((material.lame.mu / material.rho).min()))
+        duration = max(LEAST * self.share, SLOWNESS * diagonal / slowest)
+        speed = (travel + reach / 2) / duration
+        away = reach * np.eye(3)[k]
+        return Scene(
+            mesh=mesh,
+            up=up,
+            obstacles=gripper(tuple(low - away), tuple(high + away), k, speed),
+            friction=self.friction,
+            thickness=reach,
+            duration=duration,
+            frames=self.frames,
+        )
+
+
+@renamed_options(tell="progress")
+def squeeze(
+    mesh: TetMesh,
+    *,
+    axis: Literal["x", "y", "z"] = "x",
+    share: float = 0.1,
+    friction: float = 0.5,
+    frames: int = FRAMES,
+    law: str = Law.NEO_HOOKEAN,
+    order: int | None = None,
+    device: str = "cpu",
+    progress: FrameProgress | None = None,
+) -> MotionResult:
+    """Squeeze ``mesh`` between two plates that close by ``share`` of its width along ``axis``.
+
+    The plates close slowly against the waves in the body; gravity is left out; ``progress`` is
+    called after every frame.
+    """
+    scene = Squeeze(axis, share, friction, frames).scene(mesh)
+    return DynamicMethod().solve(scene, law=law, order=order, device=device, progress=progress)
+
+
+# A body falls on the ground.
+
+# A drop is followed for this many fall times, so that the bounce is seen.
+FALLS = 3.0
+DROP_FRAMES = 90
+
+
+@dataclass(frozen=True)
+class Drop:
+    """It falls from ``height`` [m], half its size by default, under ``gravity`` [m/s^2].
+
+    ``friction`` is the coefficient of Coulomb friction [1] of the ground.
+    """
+
+    title: ClassVar[str] = "Dropped"
+    method: ClassVar[str] = "dynamics"
+    with_modes: ClassVar[bool] = False
+
+    height: float | None = None
+    friction: float = 0.3
+    gravity: float = 9.81
+    frames: int = DROP_FRAMES
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of ``mesh`` above the ground; ``InputError`` where the height is not positive."""
+        size = float(np.ptp(mesh.bounds, axis=0).max())
+        height = 0.5 * size if self.height is None else self.height
+        checked_positive("height", height, "m")
+        checked_positive("gravity", self.gravity, "m/s^2")
+        checked_number("friction", self.friction, "", least=0.0)
+        return Scene(
+            mesh=mesh,
+            up=up,
+            gravity_vector=-self.gravity * up_vector(up),
+            obstacles=(ground_under(mesh, up, gap=height),),
+            friction=self.friction,
+            duration=FALLS * float(np.sqrt(2 * height / self.gravity)),
+            frames=self.frames,
+        )
+
+
+@renamed_options(tell="progress")
+def drop(
+    mesh: TetMesh,
+    *,
+    up: UpAxis = "z",
+    height: float | None = None,
+    friction: float = 0.3,
+    gravity: float = 9.81,
+    frames: int = DROP_FRAMES,
+    law: str = Law.NEO_HOOKEAN,
+    scheme: Scheme = Scheme.IMPLICIT_EULER,
+    order: int | None = None,
+    device: str = "cpu",
+    progress: FrameProgress | None = None,
+) -> MotionResult:
+    """Let ``mesh`` fall on the ground from ``height`` [m], half its size by default.
+
+    ``friction`` is the coefficient of Coulomb friction of the ground, ``gravity`` in [m/s^2];
+    ``progress`` is called after every frame.
+    """
+    scene = Drop(height, friction, gravity, frames).scene(mesh, up=up)
+    return DynamicMethod().solve(
+        scene, law=law, order=order, device=device, progress=progress, scheme=scheme
+    )
+
+
+# A body falls and may come to pieces, flow or stay.
+
+# PhysGaussian's and AutoPhyX's falls: 50 frames of 0.04 s.
+FALL_FRAMES, FRAME_TIME = 50, 0.04
+
+
+@dataclass(frozen=True)
+class Fall:
+    """It falls from ``height`` [m], its largest size by default, under ``gravity`` [m/s^2].
+
+    ``friction`` is the coefficient of Coulomb friction [1] of the ground.
+    """
+
+    title: ClassVar[str] = "Falling"
+    method: ClassVar[str] = "mpm"
+    with_modes: ClassVar[bool] = False
+
+    height: float | None = None
+    friction: float = 0.3
+    gravity: float = 9.81
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of ``mesh`` above the ground; ``InputError`` where the height is not positive."""
+        size = float(np.ptp(mesh.bounds, axis=0).max())
+        height = size if self.height is None else self.height
+        scene = Drop(height, self.friction, self.gravity).scene(mesh, up=up)
+        return replace(scene, duration=FALL_FRAMES * FRAME_TIME, frames=FALL_FRAMES)
+
+
+# Two grips pull the ends of a body apart.
+
+# Points within this share of the length from an end are gripped.
+GRIPPED = 0.15
+
+
+@dataclass(frozen=True)
+class Tear:
+    """Its ends, along its longest axis, go apart by ``share`` [1] of its length in ``time`` [s]."""
+
+    title: ClassVar[str] = "Pulled apart"
+    method: ClassVar[str] = "mpm"
+    with_modes: ClassVar[bool] = False
+
+    share: float = 0.3
+    time: float = 2.0
+    gravity: float = 0.0
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of ``mesh`` between two grips; ``InputError`` where a number is out of range."""
+        checked_positive("share", self.share, "")
+        checked_positive("time", self.time, "s")
+        checked_number("gravity", self.gravity, "m/s^2", least=0.0)
+        low, high = mesh.bounds
+        along = int(np.argmax(high - low))
+        place = (mesh.points[:, along] - low[along]) / (high[along] - low[along])
+        pull = 0.5 * self.share * (high - low)[along] * np.eye(3)[along]
+        held = Supports.clamp(len(place), place < GRIPPED, -pull)
+        held = held.with_fixed(place > 1 - GRIPPED, (0, 1, 2), pull)
+        weight = -self.gravity * up_vector(up)
+        return Scene(
+            mesh=mesh, up=up, supports=held, gravity_vector=weight, duration=self.time, frames=50
+        )
+
+
+# The natural vibrations of a standing body.
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """The first ``modes`` natural vibrations of the body clamped at its base."""
+
+    title: ClassVar[str] = "First natural vibration"
+    method: ClassVar[str] = "modal"
+    with_modes: ClassVar[bool] = False
+
+    modes: int = 6
+
+    def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
+        """Scene of the standing ``mesh``."""
+        held, warnings = find_supports(mesh, up)
+        return Scene(mesh=mesh, up=up, supports=held, modes=self.modes, warnings=warnings)

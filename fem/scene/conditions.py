@@ -1,0 +1,452 @@
+"""Boundary conditions: a scenario's scene with the supports and loads that a user states."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..errors import InputError, UsageError
+from ..mesh import TetMesh
+from .loads import Traction, pressure, spread_force, spread_torque
+from .obstacles import Box, Capsule, Obstacle, Plane, Sphere
+from .scene import Hold, Scene
+from .supports import Supports
+
+# Numbers that stand behind the '=' of an entry.
+COUNTS = {"load": 3, "pressure": 1, "torque": 3, "move": 3, "obstacle": 3}
+KINDS = ("fix", *COUNTS)
+LOADS = ("load", "pressure", "torque")
+
+
+@dataclass(frozen=True)
+class BoundaryConditions:
+    """What is held, loaded and moved, each entry 'SELECTION' or 'SELECTION=NUMBERS'.
+
+    Parameters
+    ----------
+    fix
+        Places that are held, in all directions or those of a suffix: 'part:handle', 'plane:z<0:z'.
+        They replace what the scenario holds.
+    load
+        Forces [N], in total, spread over the surface of the place: 'part:head=0,0,-10'.
+    pressure
+        Pressures [Pa] against the surface: 'part:seat=2000'; negative ones pull.
+    torque
+        Torques [N m], in total: 'part:knob=0,0,0.5'.
+    move
+        Prescribed displacements [m]: 'part:jaw=0,0,-0.002'; a suffix leaves the others free.
+    obstacle
+        Rigid obstacles [m], with a velocity [m/s] after '=' where they move: 'plane:z<0',
+        'sphere:0,0,1,0.1=0,0,-2', 'box:x0,y0,z0,x1,y1,z1', 'capsule:x0,y0,z0,x1,y1,z1,r'.
+    gravity_dir
+        Where gravity pulls to, any length, shape (3,); by default against the up axis.
+    """
+
+    fix: tuple[str, ...] = ()
+    load: tuple[str, ...] = ()
+    pressure: tuple[str, ...] = ()
+    torque: tuple[str, ...] = ()
+    move: tuple[str, ...] = ()
+    obstacle: tuple[str, ...] = ()
+    gravity_dir: tuple[float, ...] | None = None
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, kind) for kind in KINDS) or self.gravity_dir is not None
+
+    def applied(self, scene: Scene) -> Scene:
+        """Return ``scene`` with these conditions.
+
+        Raises
+        ------
+        UsageError
+            Where an entry is not understood or hits nothing.
+        """
+        if not self:
+            return scene
+        warnings = [*(() if self.fix else scene.warnings)]
+        return replace(
+            self._held(scene, warnings),
+            tractions=(*scene.tractions, *self._tractions(scene, warnings)),
+            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
+            gravity_vector=self._gravity(scene),
+            warnings=tuple(warnings),
+        )
+
+    def _held(self, scene: Scene, warnings: list[str]) -> Scene:
+        mesh = scene.mesh
+        held = Supports.none(len(mesh.points)) if self.fix else scene.held
+        holds = [*(() if self.fix else scene.holds)]
+        for words in self.fix:
+            place = _selected(scene, "fix", words)
+            held = held.with_fixed(place.points, place.axes)
+            holds.append(Hold(place.words, place.points, place.axes))
+        for place, value in self._placed(scene, "move"):
+            free = ~held.fixed[place.points]
+            if not free[:, place.axes].all():
+                count = int((~free[:, place.axes]).any(axis=1).sum())
+                warnings.append(f"--move {place.words}: {count} of its points are held: they stay")
+            values = np.where(free, value, held.values[place.points])[:, place.axes]
+            held = held.with_fixed(place.points, place.axes, values)
+            holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
+        ground = None if self.fix else scene.ground
+        return replace(scene, supports=held, holds=tuple(holds), ground=ground)
+
+    def _tractions(self, scene: Scene, warnings: list[str]) -> Iterator[Traction]:
+        make = {"load": spread_force, "torque": spread_torque, "pressure": pressure}
+        for kind in LOADS:
+            for place, value in self._placed(scene, kind):
+                said = f"--{kind} {place.words}"
+                if not len(place.faces):
+                    raise UsageError(f"{said}: it has no face on the surface, where loads act")
+                if not place.whole:
+                    warnings.append(
+                        f"{said}: no whole face lies there; the {len(place.faces)} faces that "
+                        "touch it are loaded"
+                    )
+                given = float(value[0]) if kind == "pressure" else value
+                try:
+                    load = make[kind](scene.mesh, place.faces, given)
+                except InputError as error:
+                    raise UsageError(f"{said}: {error}") from error
+                yield load._replace(name=place.words)
+
+    def _placed(self, scene: Scene, kind: str) -> Iterator[tuple[Selection, np.ndarray]]:
+        for words in getattr(self, kind):
+            place, equals, value = words.rpartition("=")
+            if not equals:
+                wanted = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
+                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={wanted}")
+            found = numbers(value, COUNTS[kind], f"--{kind} {words}")
+            yield _selected(scene, kind, place), found
+
+    def _gravity(self, scene: Scene) -> np.ndarray:
+        size = float(np.linalg.norm(scene.gravity_vector))
+        if self.gravity_dir is None:
+            return np.asarray(scene.gravity_vector, dtype=float)
+        way = np.asarray(self.gravity_dir, dtype=float)
+        if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
+            raise UsageError(f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0")
+        if size == 0:
+            raise UsageError("--gravity-dir: this scene has no gravity to turn")
+        return size * way / np.linalg.norm(way)
+
+
+def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
+    """Entries of one kind: a string, strings, or numbers by selection."""
+    if isinstance(given, str):
+        return (given,)
+    if not isinstance(given, Mapping):
+        return tuple(given)
+    return tuple(f"{place}={_joined(value)}" for place, value in given.items())
+
+
+def _joined(value: float | Sequence[float] | np.ndarray) -> str:
+    return ",".join(repr(float(x)) for x in np.atleast_1d(np.asarray(value, dtype=float)))
+
+
+def _selected(scene: Scene, kind: str, words: str) -> Selection:
+    try:
+        return select(scene.mesh, words.strip())
+    except UsageError as error:
+        raise UsageError(f"--{kind} {error}") from error
+
+
+# Selections: places of a mesh in words, as points to hold and faces to load.
+
+AXES = "xyz"
+FORMS = "part:NAME, box:x0,y0,z0,x1,y1,z1, plane:z<0.01 (or x>1), near:x,y,z,r or all"
+# Places reach this share of the diagonal further: `plane:z<0` means the face at z = 0 too, and
+# coordinates written as text lose their last digits.
+TOUCH = 1e-6
+
+Distance = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
+
+
+class Selection(NamedTuple):
+    """A place of a mesh.
+
+    ``words`` are those of the user, ``axes`` the directions that a support there holds, a subset of
+    (0, 1, 2); ``points`` are the ids of the mesh points in it, ``faces`` (faces, 3) its share of
+    the surface, ``whole`` false where no face lies in it wholly and those that touch it were taken.
+    """
+
+    words: str
+    axes: tuple[int, ...]
+    points: Int[np.ndarray, "points"]
+    faces: Int[np.ndarray, "faces 3"]
+    whole: bool
+
+
+def select(mesh: TetMesh, words: str) -> Selection:
+    """Find the place that ``words`` mean; positions are in metres.
+
+    Raises
+    ------
+    UsageError
+        Where the words are not understood or nothing of the mesh lies there: it names the nearest
+        part and the box of the mesh.
+    """
+    place, axes = _split_axes(mesh, words)
+    kind, _, rest = place.partition(":")
+    if kind == "part":
+        return _part(mesh, words, rest, axes)
+    if kind not in _PLACES:
+        raise UsageError(f"{words!r}: no place is called {kind!r}; wanted {FORMS}")
+    distance = _PLACES[kind](rest, words)
+    touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    used = np.unique(mesh.tets)
+    away = distance(mesh.points)
+    ids = used[away[used] <= touch]
+    if not ids.size:
+        raise UsageError(_missed(mesh, words, used, away))
+    return _with_faces(mesh, words, axes, ids)
+
+
+def numbers(text: str, count: int, words: str) -> np.ndarray:
+    """``count`` finite numbers with commas between them; ``UsageError`` naming ``words`` else."""
+    try:
+        found = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        wanted = "a number" if count == 1 else f"{count} numbers with commas between them"
+        raise UsageError(f"{words!r}: {text!r} is not {wanted}")
+    return found
+
+
+def described_bounds(mesh: TetMesh) -> str:
+    """The box of a mesh in words: 'x 0 to 1, y 0 to 0.1, z 0 to 0.1 m'."""
+    spans = zip(AXES, *mesh.bounds, strict=True)
+    return ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans) + " m"
+
+
+def _split_axes(mesh: TetMesh, words: str) -> tuple[str, tuple[int, ...]]:
+    """The place, and the directions after the last colon; a part may be called 'lid:x'."""
+    place, colon, last = words.rpartition(":")
+    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
+    if not is_part and colon and place and re.fullmatch("x?y?z?", last) and last:
+        if ":" in place or place == "all":
+            return place, tuple(AXES.index(axis) for axis in last)
+    return words, (0, 1, 2)
+
+
+def _part(mesh: TetMesh, words: str, name: str, axes: tuple[int, ...]) -> Selection:
+    folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
+    exact = mesh.region_names.index(name) if name in mesh.region_names else None
+    region = folded.get(name.casefold()) if exact is None else exact
+    if region is None:
+        near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
+        hint = f"did you mean {mesh.region_names[folded[near[0]]]!r}? " if near else ""
+        raise UsageError(f"{words!r}: there is no such part; {hint}{_around(mesh)}")
+    inside = mesh.region == region
+    if not inside.any():
+        raise UsageError(f"{words!r}: the part has no tets; {_around(mesh)}")
+    boundary = mesh.boundary
+    faces = boundary.faces[inside[boundary.tet]]
+    return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
+
+
+def _with_faces(mesh: TetMesh, words: str, axes: tuple[int, ...], ids: np.ndarray) -> Selection:
+    faces = mesh.boundary.faces
+    inside = np.isin(faces, ids)
+    whole = bool(inside.all(axis=1).any())
+    chosen = faces[inside.all(axis=1) if whole else inside.any(axis=1)]
+    return Selection(words, axes, ids, chosen, whole)
+
+
+def _box(text: str, words: str) -> Distance:
+    corners = numbers(text, 6, words).reshape(2, 3)
+    lo, hi = corners.min(axis=0), corners.max(axis=0)
+    return lambda x: np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
+
+
+class HalfSpace(NamedTuple):
+    """Where sign * x[axis] is below sign * ``level`` [m]."""
+
+    axis: int
+    sign: float
+    level: float
+
+
+def half_space(text: str, words: str) -> HalfSpace:
+    """Half of space in words such as 'z<0.01'; ``UsageError`` naming ``words`` else."""
+    found = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
+    if found is None:
+        raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
+    sign = 1.0 if found[2] == "<" else -1.0
+    return HalfSpace(AXES.index(found[1]), sign, float(numbers(found[3], 1, words)[0]))
+
+
+def _plane(text: str, words: str) -> Distance:
+    axis, sign, level = half_space(text, words)
+    return lambda x: np.maximum(sign * (x[:, axis] - level), 0.0)
+
+
+def _near(text: str, words: str) -> Distance:
+    *centre, radius = numbers(text, 4, words)
+    if not radius > 0:
+        raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
+    return lambda x: np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
+
+
+def _all(text: str, words: str) -> Distance:
+    if text:
+        raise UsageError(f"{words!r}: wanted all, or all:xy")
+    return lambda x: np.zeros(len(x))
+
+
+_PLACES: dict[str, Callable[[str, str], Distance]] = {
+    "box": _box,
+    "plane": _plane,
+    "near": _near,
+    "all": _all,
+}
+
+
+def _missed(mesh: TetMesh, words: str, used: np.ndarray, away: np.ndarray) -> str:
+    nearest = used[np.argmin(away[used])]
+    owner = mesh.region[np.flatnonzero((mesh.tets == nearest).any(axis=1))[0]]
+    place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
+    return (
+        f"{words!r}: no point of the mesh lies there; the nearest is ({place}) of part "
+        f"{mesh.region_names[owner]!r}, {away[nearest]:.3g} m away; {_around(mesh)}"
+    )
+
+
+def _around(mesh: TetMesh, most: int = 8) -> str:
+    names = ", ".join(mesh.region_names[:most])
+    more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
+    return f"parts are {names}{more}; the mesh spans {described_bounds(mesh)}"
+
+
+# Obstacles in words: 'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s.
+
+OBSTACLES = (
+    "plane:z<0 (or x>1), sphere:x,y,z,r, box:x0,y0,z0,x1,y1,z1 or capsule:x0,y0,z0,x1,y1,z1,r"
+)
+
+
+def stated_obstacle(words: str) -> Obstacle:
+    """Find the obstacle that ``words`` mean [m], with its velocity [m/s] after '=', if it moves.
+
+    A plane is solid where its words hold: 'plane:z<0' is the ground.
+
+    Raises
+    ------
+    UsageError
+        Where the words are not understood.
+    """
+    said = f"--obstacle {words}"
+    shape, equals, way = words.partition("=") if "<=" not in words else (words, "", "")
+    velocity = tuple(numbers(way, 3, said).tolist()) if equals else (0.0, 0.0, 0.0)
+    kind, _, rest = shape.strip().partition(":")
+    if kind == "plane":
+        axis, sign, level = half_space(rest, said)
+        normal = sign * np.eye(3)[axis]
+        return Plane(tuple(sign * level * normal), tuple(normal), velocity)
+    if kind == "sphere":
+        *centre, radius = numbers(rest, 4, said).tolist()
+        return Sphere(tuple(centre), _positive(radius, said), velocity)
+    if kind == "capsule":
+        *ends, radius = numbers(rest, 7, said).tolist()
+        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, said), velocity)
+    if kind == "box":
+        corners = numbers(rest, 6, said).reshape(2, 3)
+        half = np.abs(corners[1] - corners[0]) / 2
+        _positive(float(half.min()), said)
+        return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
+    raise UsageError(f"{said}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
+
+
+def _positive(size: float, said: str) -> float:
+    if not size > 0:
+        raise UsageError(f"{said}: it has the size {size:g} m, wanted > 0")
+    return size
+
+
+# A TOML file of boundary conditions: what `--scene` reads.
+
+SCALARS = ("gravity", "gravity_dir")
+
+
+class ConditionsFile(NamedTuple):
+    """``conditions`` of a file, ``gravity`` [m/s^2] where it says it, and further ``bodies``.
+
+    A body is a mesh file, 'FILE' or 'FILE=x,y,z' with how far it is moved [m].
+    """
+
+    conditions: BoundaryConditions
+    gravity: float | None
+    bodies: tuple[str, ...] = ()
+
+
+def read_conditions(path: Path) -> ConditionsFile:
+    """Read boundary conditions from TOML.
+
+    For example ::
+
+        fix = ["part:handle"]
+        obstacle = ["sphere:0,0,1,0.1=0,0,-2"]
+        gravity = 1.62
+        gravity_dir = [0, 0, -1]
+        [load]
+        "part:head" = [0, 0, -10]
+        [body]
+        "anvil.msh" = [0, 0, -0.2]
+
+    Files of bodies are beside this one, or given by their whole path. Every kind is a list of
+    entries as on the command line, or a table of numbers by selection.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or is no TOML.
+    UsageError
+        For a key or a value that is none of ours.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the scene {path}: {error}") from error
+    known = (*KINDS, "body", *SCALARS)
+    for key in document:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(known)}{hint}")
+    given: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
+    gravity, way = document.get("gravity"), document.get("gravity_dir")
+    if gravity is not None and not _is_number(gravity):
+        raise UsageError(f"{path}: gravity = {gravity!r}, wanted a number [m/s^2]")
+    if way is not None:
+        if not (isinstance(way, list) and len(way) == 3 and all(map(_is_number, way))):
+            raise UsageError(f"{path}: gravity_dir = {way!r}, wanted three numbers")
+        given["gravity_dir"] = tuple(map(float, way))
+    bodies = tuple(str(path.parent / body) for body in _entries(path, "body", document))
+    return ConditionsFile(BoundaryConditions(**given), gravity, bodies)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _entries(path: Path, kind: str, document: dict[str, Any]) -> tuple[str, ...]:
+    value = document.get(kind, ())
+    words = [value] if isinstance(value, str) else value
+    try:
+        if isinstance(value, dict) and kind in (*COUNTS, "body"):
+            return entries(value)
+        if isinstance(words, list | tuple) and all(isinstance(item, str) for item in words):
+            return entries(words)
+    except (TypeError, ValueError):  # of a table whose values are no numbers
+        pass
+    wanted = 'a table "SELECTION" = numbers' if kind in COUNTS else "selections"
+    raise UsageError(f"{path}: {kind} = {value!r}, wanted a list of strings or {wanted}")

@@ -1,0 +1,145 @@
+"""Stability of a rest: the multiple of the load at which a body buckles."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..device import single_threaded, start_warp
+from ..elements.assembly import Discretisation, discretise
+from ..elements.constraints import held_stiffness, node_supports
+from ..elements.elastic import displacement_gradients, linear_stress
+from ..elements.space import element_points
+from ..errors import ConvergenceError, InputError
+from ..laws.law import Law
+from ..mesh import material_of
+from ..scene.supports import Supports
+from .modal import HeldInverse, held_inverse
+from .result import LoadFactor, StaticResult
+
+# Relative accuracy of the load factor: far below that of the elements.
+TOLERANCE = 1e-4
+# Most steps of Lanczos, and the least before it says that there is nothing to find.
+STEPS, LEAST = 80, 10
+# Where no factor is affordable CG solves to this relative residual, while there are so many tets: a
+# minute of a core for a compact body, which wants the least number of steps.
+ROUGH, MOST_TETS = 1e-7, 150_000
+# A load factor beyond this is as good as infinite, and its own eigenvalue is in a crowd.
+LARGEST = 1000.0
+
+
+class _Pencil(NamedTuple):
+    """K with its inverse, what is free (nodes, 3), and K_sigma [N/m] (nodes, nodes)."""
+
+    K: HeldInverse
+    free: np.ndarray
+    geometric: Any
+
+    def pushed(self, x: np.ndarray) -> np.ndarray:
+        """Force -K_sigma x [N] of the stress on the displacement ``x`` (nodes, 3)."""
+        return np.where(self.free, -(self.geometric @ x), 0.0)
+
+    def solved(self, force: np.ndarray) -> np.ndarray:
+        """Displacement (nodes, 3) under a ``force`` on what is free."""
+        return np.where(self.free, self.K.solve(np.where(self.free, force, 0.0)), 0.0)
+
+
+@single_threaded
+def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
+    """Smallest multiple of all that acts at which the body of a linear ``result`` buckles.
+
+    What acts are loads and prescribed displacements, which grow together.
+
+    The lowest eigenvalue above zero of (K + factor K_sigma) x = 0, with the geometric stiffness
+    K_sigma of the stress of ``result`` (Bathe, Finite Element Procedures, section 6.8.2).
+    ``supports`` are those of the result. Beyond ``LARGEST`` the factor is said to be infinite.
+
+    Raises
+    ------
+    InputError
+        Where the result is not linear.
+    ConvergenceError
+        If the mesh is too large for it, or the eigensolver does not reach its tolerance.
+    """
+    if result.law != Law.LINEAR:
+        raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
+    grid = discretise(result.mesh, result.order)
+    held = node_supports(supports, grid.space)
+    share, shape = _largest_share(_pencil(grid, result, held))
+    shape = shape[: grid.space.points]
+    if not share > 0:
+        return LoadFactor(np.inf, np.zeros_like(shape))
+    return LoadFactor(1 / share, shape / np.linalg.norm(shape, axis=1).max())
+
+
+def _stress_stiffness(
+    grid: Discretisation, stress: Float[np.ndarray, "tets quadrature 3 3"]
+) -> Any:
+    """K_sigma [N/m] of ``stress`` [Pa] at the quadrature points, for one direction.
+
+    ``scipy.sparse.csr_array`` (nodes, nodes): displacements along every axis see the same.
+    """
+    from scipy.sparse import csr_array
+
+    from ..elements import kernels_field as k
+
+    wp = start_warp()
+    pattern, count = grid.pattern, len(grid.space.nodes)
+    given = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, grid.quadrature, given, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return csr_array(arrays, shape=(count, count))
+
+
+def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Pencil:
+    H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
+    material = material_of(result.mesh)
+    stress = linear_stress(H, material)
+    affordable = len(result.mesh.tets) <= MOST_TETS
+    matrix = held_stiffness(grid, material, held)
+    inverse = held_inverse(matrix, grid.space, held, rough=ROUGH if affordable else 0.0)
+    if inverse is None:
+        raise ConvergenceError(
+            f"{len(result.mesh.tets):,} tets of this shape are too many for it: take a coarser mesh"
+        )
+    free = ~held.fixed
+    free[grid.space.unused] = False
+    return _Pencil(inverse, free, _stress_stiffness(grid, stress))
+
+
+def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
+    """Largest eigenvalue of -K_sigma x = share K x, and its x (nodes, 3); zero if hardly any.
+
+    By Lanczos in the inner product of K, every vector made orthogonal to all before it.
+    """
+    v = pencil.solved(np.random.default_rng(0).normal(size=pencil.free.shape))
+    basis, images = np.zeros((2, STEPS, *v.shape))  # of every vector v, and K v
+    along, across = np.zeros(STEPS), np.zeros(STEPS)
+    image = pencil.K.stiffness.times(v)
+    for step in range(STEPS):
+        across[step] = np.sqrt(max(float((v * image).sum()), 0.0))
+        if across[step] == 0:  # nothing is free, or nothing is stressed
+            return 0.0, v
+        basis[step], images[step] = v / across[step], image / across[step]
+        pushed = pencil.pushed(basis[step])
+        along[step] = (basis[step] * pushed).sum()
+        v = pencil.solved(pushed)
+        for _ in range(2):  # once leaves what round-off brought back
+            known = np.tensordot(images[: step + 1], v, axes=([1, 2], [0, 1]))
+            v = v - np.tensordot(known, basis[: step + 1], axes=1)
+        image = pencil.K.stiffness.times(v)
+        rest = np.sqrt(max(float((v * image).sum()), 0.0))
+        T = np.diag(along[: step + 1]) + np.diag(across[1 : step + 1], 1)
+        value, mode = np.linalg.eigh(T + np.triu(T, 1).T)
+        error = rest * abs(mode[-1, -1])
+        if value[-1] + error < 1 / LARGEST and step + 1 >= LEAST:
+            return 0.0, v
+        if error <= TOLERANCE * abs(value[-1]):
+            return float(value[-1]), np.tensordot(mode[:, -1], basis[: step + 1], axes=1)
+    raise ConvergenceError(
+        f"its load factor was not found in {STEPS} steps: about {1 / value[-1]:.3g}"
+    )

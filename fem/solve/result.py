@@ -1,0 +1,374 @@
+"""What the methods answer: a body at rest, in motion, or ringing. Verdicts and reports read these.
+
+A method of solution returns one of the three, whichever way it found it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..deprecation import say_renamed
+from ..elements.elastic import von_mises
+from ..elements.space import Space
+from ..mesh import TetMesh, material_of
+from .self_contact import ContactPressures, PieceForce, in_time, largest_ever
+
+# Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
+LOCKING = 0.4
+
+# Error of quadratic answers over its estimate: at most so much on 97 of 100 problems.
+SAFETY = 1.5
+CUBIC = "cubic surplus"
+
+
+def locking_share(mesh: TetMesh) -> float:
+    """Share of the volume of ``mesh`` that plain linear tets make too stiff: nu above 0.4."""
+    volumes = mesh.volumes
+    return float(volumes[material_of(mesh).nu > LOCKING].sum() / volumes.sum())
+
+
+class DiscretisationError(NamedTuple):
+    """Relative error of the largest displacement [1], of the elements that were taken.
+
+    ``kind`` is 'cubic surplus' (what cubic elements would add to quadratic ones), 'P1/P2' (what
+    quadratic elements add to linear ones) or '' (``value`` is NaN, and ``why`` says why).
+    """
+
+    value: float
+    kind: str
+    why: str = ""
+
+    @property
+    def bound(self) -> float:
+        """What the displacement is off by at most [1], as measured; at least a percent."""
+        return max(SAFETY * self.value if self.kind == CUBIC else self.value, 0.01)
+
+
+class LoadFactor(NamedTuple):
+    """Multiple ``value`` [1] of the load at which a body buckles, and the ``shape`` it then takes.
+
+    The shape (points, 3) has a largest displacement of one; infinity stands for more than 1000.
+    """
+
+    value: float
+    shape: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StaticResult:
+    """A body at rest under its loads.
+
+    Parameters
+    ----------
+    displacement
+        Displacement of the mesh points [m], shape (points, 3).
+    node_displacement
+        Displacement of all nodes of the space [m], shape (nodes, 3); edges follow the points in P2.
+    law
+        Name of the elastic law of the solution.
+    strain, stress
+        Strain tensor [1] (small strain, or Green's under a finite law) and Cauchy stress [Pa],
+        means over every tet, shape (tets, 3, 3).
+    reaction
+        Force of the supports on the body [N], shape (nodes, 3).
+    energy
+        Elastic energy [J].
+    residual, iterations
+        Relative residual of the linear system, and iterations (0: direct).
+    solver
+        What solved the linear system, and what was tried before in vain.
+    averaged
+        Whether linear elements had their pressures averaged around the nodes.
+    """
+
+    mesh: TetMesh
+    space: Space
+    displacement: Float[np.ndarray, "points 3"]
+    node_displacement: Float[np.ndarray, "nodes 3"]
+    law: str
+    strain: Float[np.ndarray, "tets 3 3"]
+    stress: Float[np.ndarray, "tets 3 3"]
+    reaction: Float[np.ndarray, "nodes 3"]
+    energy: float
+    residual: float
+    iterations: int
+    solver: str = ""
+    averaged: bool = False
+
+    @property
+    def order(self) -> int:
+        """Order of the elements: 1 or 2."""
+        return self.space.order
+
+    @property
+    def von_mises(self) -> Float[np.ndarray, "tets"]:
+        """Von Mises stress [Pa] of every tet."""
+        return von_mises(self.stress)
+
+    @property
+    def locking_share(self) -> float:
+        """Share of the volume that plain P1 tets make too stiff: nu above 0.4; else zero."""
+        return 0.0 if self.order == 2 or self.averaged else locking_share(self.mesh)
+
+    @property
+    def max_strain(self) -> float:
+        """Largest principal strain of any tet, in size [1]."""
+        return float(np.abs(np.linalg.eigvalsh(self.strain)).max())
+
+
+@dataclass(frozen=True, eq=False)
+class SagResult:
+    """How a body settles under its own weight, or another static load.
+
+    Parameters
+    ----------
+    static, height
+        The full static solution; extent along the up axis [m].
+    max_displacement
+        Largest displacement of a point [m].
+    sag_ratio
+        ``max_displacement`` over the longest side [1].
+    discretisation_error
+        Relative error of the largest displacement, and how it was found.
+    supported
+        Points that are held, shape (points,).
+    warnings
+        What was assumed: components that do not touch the ground, no common base, ...
+    load_factor, load_factor_unmade
+        Multiple of the load at which it buckles; None where that was not found, and why.
+    trusted, assumed
+        Whether this is how it rests, else a linear answer to a load that is too large for one;
+        share of the volume in pieces that touch nothing held, and are held where they are.
+    """
+
+    static: StaticResult
+    height: float
+    max_displacement: float
+    sag_ratio: float
+    discretisation_error: DiscretisationError
+    supported: Bool[np.ndarray, "points"]
+    warnings: tuple[str, ...]
+    load_factor: LoadFactor | None = None
+    load_factor_unmade: str = ""
+    trusted: bool = True
+    assumed: float = 0.0
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of the mesh points."""
+        return self.static.displacement
+
+    @property
+    def von_mises(self) -> Float[np.ndarray, "tets"]:
+        """Von Mises stress [Pa] of every tet."""
+        return self.static.von_mises
+
+    @property
+    def gap(self) -> DiscretisationError:
+        """Old name of ``discretisation_error``."""
+        say_renamed("SagResult", "gap", "discretisation_error")
+        return self.discretisation_error
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """State of a body in motion at ``time`` [s].
+
+    Parameters
+    ----------
+    u, v, a
+        Displacement [m], velocity [m/s] and acceleration [m/s^2], shape (nodes, 3).
+    contact_force
+        Force of obstacles and other faces together on every node [N], shape (nodes, 3).
+    obstacle_force
+        Force of every obstacle on the body [N], shape (obstacles, 3).
+    gap
+        Smallest distance [m] from an obstacle, and from itself where it nearly touches.
+    piece_forces, pressures
+        Forces of separate pieces on each other; largest contact pressures [Pa], where known.
+    kinetic, elastic, potential, barrier
+        Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
+    iterations
+        Newton iterations of the step.
+    """
+
+    time: float
+    u: Float[np.ndarray, "nodes 3"]
+    v: Float[np.ndarray, "nodes 3"]
+    a: Float[np.ndarray, "nodes 3"]
+    contact_force: Float[np.ndarray, "nodes 3"]
+    obstacle_force: Float[np.ndarray, "obstacles 3"]
+    gap: float
+    kinetic: float
+    elastic: float
+    potential: float
+    barrier: float
+    iterations: int
+    piece_forces: tuple[PieceForce, ...] = ()
+    pressures: ContactPressures | None = None
+
+    @property
+    def energy(self) -> float:
+        """Total energy [J]."""
+        return self.kinetic + self.elastic + self.potential + self.barrier
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResult:
+    """A body in motion.
+
+    Parameters
+    ----------
+    frames
+        States at equal intervals ``dt`` [s], the start first.
+    points, order
+        Number of mesh points, the first rows of every frame; order of the elements, 0 without any.
+    locking_share, stiffening
+        Share of the volume with nu above 0.4 under linear elements; how many times as stiff as
+        quadratic ones they are in bending, NaN: not known.
+    particles, kept_apart
+        The particles, where the motion is theirs; whether all faces kept out of each other.
+    notes, solution, model_error
+        What was assumed; what solved it, as names and words; how far few coordinates are off.
+    """
+
+    frames: tuple[Motion, ...]
+    dt: float
+    points: int
+    order: int = 1
+    locking_share: float = 0.0
+    particles: ParticleRun | None = None
+    kept_apart: bool = False
+    notes: tuple[str, ...] = ()
+    solution: tuple[tuple[str, str], ...] = ()
+    model_error: ModelError | None = None
+    stiffening: float = np.nan
+
+    @property
+    def displacements(self) -> Float[np.ndarray, "frames points 3"]:
+        """Displacement [m] of the mesh points in every frame."""
+        return np.stack([f.u[: self.points] for f in self.frames])
+
+    @property
+    def contact_forces(self) -> Float[np.ndarray, "frames 3"]:
+        """Total force of the obstacles on the body [N] in every frame: two plates cancel."""
+        return np.stack([f.contact_force.sum(axis=0) for f in self.frames])
+
+    @property
+    def obstacle_forces(self) -> Float[np.ndarray, "frames obstacles 3"]:
+        """Force of every obstacle on the body [N] in every frame."""
+        return np.stack([f.obstacle_force for f in self.frames])
+
+    @property
+    def piece_forces(self) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
+        """Force [N] on one piece by another, by their numbers, in every frame."""
+        return in_time([frame.piece_forces for frame in self.frames])
+
+    @property
+    def largest_pressures(self) -> ContactPressures | None:
+        """Largest contact pressures [Pa] ever, where they are known."""
+        return largest_ever([frame.pressures for frame in self.frames])
+
+    @property
+    def smallest_gap(self) -> float:
+        """Smallest distance from obstacles and itself [m] ever; positive means no penetration."""
+        return min(f.gap for f in self.frames)
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural vibrations, the slowest first; rigid motions are left out.
+
+    Parameters
+    ----------
+    frequencies
+        Frequencies [Hz], shape (modes,).
+    shapes
+        Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
+    residual
+        Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+    """
+
+    frequencies: Float[np.ndarray, "modes"]
+    shapes: Float[np.ndarray, "modes nodes 3"]
+    residual: float
+
+
+# What is kept of a motion that particles found.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParticleRun:
+    """The particles of a motion that was found by them.
+
+    Parameters
+    ----------
+    spacing, nodes
+        Spacing of the grid [m] and its nodes along every axis.
+    substeps, plan
+        Steps taken, and what was expected before them, in words.
+    outside, stationary, rigid, bodies, capped
+        Particles that left the grid, that stand still, that belong to so many rigid bodies, and
+        that were softened.
+    lagrangian
+        Whether the weights were those at rest.
+    notes, laws
+        What was assumed, and the laws of its matter in words.
+    part
+        Region of every particle, shape (n,).
+    positions, gradients
+        Places [m] and deformation gradients in every frame, (frames, n, 3) and (frames, n, 3, 3).
+    """
+
+    spacing: float
+    nodes: tuple[int, int, int]
+    substeps: int
+    plan: str
+    outside: int
+    stationary: int
+    rigid: int
+    bodies: int
+    capped: int
+    lagrangian: bool
+    notes: tuple[str, ...]
+    laws: tuple[str, ...]
+    part: Int[np.ndarray, "n"]
+    positions: Float[np.ndarray, "frames n 3"]
+    gradients: Float[np.ndarray, "frames n 3 3"]
+
+
+# How far a motion is from the body's: by few coordinates, and by elements that lock.
+
+# Beyond this share a reduced motion is not that of the full body.
+MOTION_LIMIT = 0.05
+# Linear elements bend as quadratic ones do while they are less than this many times as stiff.
+BENDS_ALIKE = 1.1
+
+
+class ModelError(NamedTuple):
+    """Error of a motion, estimated beside it.
+
+    ``share`` [1] is over the motion, all frames together in the norm of mass, ``largest`` [m] that
+    of a point in a frame.
+    """
+
+    share: float
+    largest: float
+
+    @property
+    def words(self) -> str:
+        """The error in a few words."""
+        return f"about {100 * self.share:.2g} % of the motion, at most {self.largest:.2g} m"
+
+
+def too_coarse(stiffening: float) -> str | None:
+    """Say that linear elements are so many times too stiff [1] in bending; None where not."""
+    if not stiffening > BENDS_ALIKE:
+        return None
+    return (
+        f"the mesh is too coarse for linear elements: {stiffening:.2g} times too stiff in bending"
+    )

@@ -1,0 +1,564 @@
+"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from .errors import InputError, UsageError
+
+TABLE_PATH = Path(__file__).parent / "data" / "materials.csv"
+CONTENTS_PATH = TABLE_PATH.with_name("contents.csv")
+# A displacement-based element locks as nu -> .5, where lam is infinite; .495 keeps lam < 100 mu.
+NU_CAP = 0.495
+FIELDS = ("E", "nu", "rho")
+_COLUMNS = {
+    "E": ("E_min_Pa", "E_max_Pa"),
+    "nu": ("nu_min", "nu_max"),
+    "rho": ("rho_min", "rho_max"),
+}
+
+
+class MaterialValue(NamedTuple):
+    """One value of E [Pa], nu [1] and rho [kg/m^3]."""
+
+    E: float
+    nu: float
+    rho: float
+
+
+class Span(NamedTuple):
+    """Lowest and highest value of a quantity, in its SI unit."""
+
+    min: float
+    max: float
+
+
+# Name and category of a matter of which nothing is known but its numbers.
+AS_STATED = "as stated"
+
+
+class Band(NamedTuple):
+    """What is physically possible in a category: E [Pa], nu [1], rho [kg/m^3]."""
+
+    E: Span
+    nu: Span
+    rho: Span
+
+
+def _band(E: tuple, nu: tuple, rho: tuple) -> Band:
+    return Band(Span(*E), Span(*nu), Span(*rho))
+
+
+# Set by hand from what such matter can be, not from the rows, and so narrow that no row survives a
+# slip of a factor 1000 (GPa for MPa, g/cm^3 for kg/m^3): one global band would let rubber at 1 GPa
+# through.
+# Examples: indium to tungsten carbide, aerated concrete to jade, fat to cheese, wood across its
+# grain to snakewood along it, fluorinated rubber as the densest elastomer, horn as soft bone,
+# polyethylene fibres as the lightest composite.
+CATEGORIES: Mapping[str, Band] = {
+    "metal": _band((1e10, 7e11), (0.15, 0.46), (1500, 23000)),
+    "glass-ceramic": _band((5e9, 6e11), (0.05, 0.35), (1000, 6500)),
+    "stone": _band((1e9, 1.5e11), (0.05, 0.42), (300, 3300)),
+    "composite": _band((5e9, 5e11), (0.1, 0.45), (900, 2500)),
+    "plastic": _band((1e8, 1e10), (0.28, 0.48), (800, 2400)),
+    "elastomer": _band((5e4, 1e8), (0.4, 0.5), (800, 2000)),
+    "hard elastomer": _band((5e6, 5e8), (0.38, 0.5), (900, 1600)),
+    "wood": _band((2e8, 3.5e10), (0.1, 0.5), (50, 1500)),
+    "cork": _band((5e6, 1e8), (0.0, 0.45), (80, 400)),
+    "plant": _band((1e6, 1.5e10), (0.1, 0.5), (50, 1200)),
+    "fruit and vegetable": _band((1e5, 2e7), (0.05, 0.5), (300, 1200)),
+    "soft food": _band((1e3, 5e6), (0.0, 0.5), (40, 1300)),
+    "hard food": _band((2e7, 1e10), (0.1, 0.45), (300, 1800)),
+    "bone and shell": _band((1e9, 1e11), (0.15, 0.42), (1200, 3000)),
+    "soft foam": _band((1e3, 5e5), (-0.1, 0.5), (8, 150)),
+    "rigid foam": _band((5e5, 2e8), (-0.1, 0.5), (8, 400)),
+    "fabric and leather": _band((5e5, 3e9), (0.0, 0.5), (60, 1300)),
+    "paper": _band((2e7, 1e10), (0.0, 0.45), (80, 1300)),
+    "wax": _band((1e7, 5e8), (0.33, 0.48), (800, 1300)),
+    "soil": _band((1e5, 5e8), (0.05, 0.5), (50, 2400)),
+    "liquid": _band((1e3, 1e5), (0.45, 0.5), (600, 14000)),
+    "bulk solid": _band((4e4, 5e7), (0.0, 0.5), (8, 8000)),
+}
+
+
+@dataclass(frozen=True)
+class Material:
+    """A row of the table.
+
+    Parameters
+    ----------
+    name, category
+        Its unique name and the key of its band in ``CATEGORIES``.
+    E, nu, rho
+        [min, max] of Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3].
+    source, note
+        Where the numbers come from, and what to know about them.
+    aliases
+        Everyday words that mean this row ("steel" is carbon steel).
+    estimated
+        Those of E, nu, rho that are engineering estimates, without a source.
+    grade
+        A grade, a species or another special kind ("AISI 304", "snakewood"): taken where it is
+        named, never by nearness.
+    """
+
+    name: str
+    category: str
+    E: Span
+    nu: Span
+    rho: Span
+    source: str
+    note: str = ""
+    aliases: tuple[str, ...] = ()
+    estimated: tuple[str, ...] = ()
+    grade: bool = False
+
+    def value(self, alpha: float = 0.5) -> MaterialValue:
+        """Return E [Pa], nu [1], rho [kg/m^3]; ``alpha`` moves E from soft (0) to stiff (1).
+
+        E is taken within [min, max] in log space (.5 is the geometric mean), rho is the geometric
+        mean of its range and nu the arithmetic mean, capped at ``NU_CAP``.
+        """
+        if not 0 <= alpha <= 1:
+            raise UsageError(f"alpha must be between 0 (soft) and 1 (stiff), got {alpha}")
+        E = self.E.min ** (1 - alpha) * self.E.max**alpha
+        nu = min((self.nu.min + self.nu.max) / 2, NU_CAP)
+        return MaterialValue(E, nu, (self.rho.min * self.rho.max) ** 0.5)
+
+
+def stated_material(value: MaterialValue) -> Material:
+    """Row of a matter that is known by its ``value`` alone: no kind, and no strength."""
+    E, nu, rho = (Span(number, number) for number in value)
+    return Material(AS_STATED, AS_STATED, E, nu, rho, source=AS_STATED)
+
+
+def _band_of(category: str) -> Band:
+    """What is possible in a category; of what is only stated, in any."""
+    if category != AS_STATED:
+        return CATEGORIES[category]
+    spans = zip(*CATEGORIES.values(), strict=True)
+    return Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
+
+
+def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
+    """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
+    if category not in {*CATEGORIES, AS_STATED}:
+        raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
+    complaints = []
+    for field, value in zip(FIELDS, (E, nu, rho), strict=True):
+        low, high = getattr(_band_of(category), field)
+        limit = "nu < 0.5 and " if field == "nu" and value >= 0.5 else ""
+        if limit or not low <= value <= high:  # a NaN is outside too
+            unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]
+            complaints.append(
+                f"{field} = {value:g} [{unit}] is outside {category}: wanted {limit}"
+                f"{low:g} .. {high:g} (a unit slip?)"
+            )
+    return complaints
+
+
+def key(name: str) -> str:
+    """Return a name as it is compared: lower case, one space, hyphens as spaces."""
+    return re.sub(r"[\s\-_]+", " ", name).strip().lower()
+
+
+class MaterialTable:
+    """The rows of a table, found by name or alias whatever the case and the spaces."""
+
+    def __init__(self, rows: tuple[Material, ...]) -> None:
+        self.rows = rows
+        self.phrases: dict[str, Material] = {}
+        for row in rows:
+            _validate(row)
+            for name in (row.name, *row.aliases):
+                if key(name) in self.phrases:
+                    other = self.phrases[key(name)].name
+                    raise InputError(f"{name!r} names two materials: {other!r} and {row.name!r}")
+                self.phrases[key(name)] = row
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Material]:
+        return iter(self.rows)
+
+    @property
+    def categories(self) -> Mapping[str, Band]:
+        """Bands of E [Pa], nu [1], rho [kg/m^3] by category."""
+        return CATEGORIES
+
+    def exact(self, name: str) -> Material:
+        """Return the row of a name or alias; an unknown one is a ``UsageError`` with a hint."""
+        if key(name) in self.phrases:
+            return self.phrases[key(name)]
+        near = self.near(name)
+        hint = f"did you mean {', '.join(map(repr, near))}?" if near else "try a simpler word"
+        raise UsageError(
+            f"no material {name!r} in the table: {hint} (`autophyx-tet materials` lists all)"
+        )
+
+    def near(self, name: str) -> list[str]:
+        """Return up to three names and aliases that are spelled nearly so, the nearest first."""
+        return difflib.get_close_matches(key(name), self.phrases, n=3, cutoff=0.6)
+
+    def search(self, query: str = "") -> list[Material]:
+        """Rows whose name, aliases or category hold every word of the query, best match first."""
+        wanted = key(query)
+
+        def rank(row: Material) -> tuple[int, int]:
+            names = [key(row.name), *map(key, row.aliases)]
+            return (0 if wanted in names else 1 if wanted in names[0] else 2, self.rows.index(row))
+
+        def text(row: Material) -> str:
+            return key(" ".join([row.name, row.category, *row.aliases]))
+
+        found = [row for row in self.rows if all(word in text(row) for word in wanted.split())]
+        return sorted(found, key=rank)
+
+
+def _validate(row: Material) -> None:
+    """Reject swapped limits and values outside the category's band."""
+    for field in FIELDS:
+        low, high = getattr(row, field)
+        if not low <= high:
+            raise InputError(f"material {row.name!r}: {field} has min {low:g} > max {high:g}")
+    # Rubber's nu range may touch .5, the incompressible limit; the value taken is capped below it.
+    nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
+    for end in ((row.E.min, row.nu.min, row.rho.min), (row.E.max, nu_max, row.rho.max)):
+        complaints = outside_band(row.category, *end)
+        if complaints:
+            raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
+
+
+def row_of_record(record: Mapping[str, str], place: str) -> Material:
+    """Return the row of a CSV's record; ``place`` says in errors where it stands."""
+
+    def span(field: str) -> Span:
+        try:
+            low, high = (float(record[column]) for column in _COLUMNS[field])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{place}: wanted a number in {' and '.join(_COLUMNS[field])}, got {error}"
+            ) from error
+        return Span(low, high)
+
+    return Material(
+        name=record["name"],
+        category=record["category"],
+        E=span("E"),
+        nu=span("nu"),
+        rho=span("rho"),
+        source=record["source"],
+        note=record.get("note") or "",
+        aliases=tuple(filter(None, (record.get("aliases") or "").split(";"))),
+        estimated=tuple((record.get("estimated") or "").split()),
+        grade=record.get("grade") == "yes",
+    )
+
+
+@lru_cache(maxsize=4)
+def load_table(path: Path | None = None) -> MaterialTable:
+    """Return the validated table at ``path`` (a CSV as the packaged one), or the packaged table."""
+    try:
+        with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:
+            records = list(csv.DictReader(file))
+    except OSError as error:
+        raise InputError(f"cannot read the material table: {error}") from error
+    missing = {"name", "category", "source"} - set(records[0] if records else ())
+    if missing:
+        raise InputError(f"material table {path} has no column {', '.join(sorted(missing))}")
+    return MaterialTable(
+        tuple(row_of_record(r, f"material table, line {at}") for at, r in enumerate(records, 2))
+    )
+
+
+def load_contents() -> MaterialTable:
+    """Return what fills things: "coffee", "water", "books" as liquids and loose bulk.
+
+    A table of its own, because as words of materials these would take "coffee table" and
+    "water bottle": ask it for what stands after "full of" only.
+    """
+    return load_table(CONTENTS_PATH)
+
+
+# What else is known of a row of the material table: how strong it is, its grain, its colour.
+#
+# Rows are found by their name in the table; a row that no source speaks of has none.
+
+StrengthKind = Literal["yield", "ultimate", "crushing"]
+
+
+@dataclass(frozen=True)
+class Strength:
+    """The stress at which a material gives way.
+
+    Parameters
+    ----------
+    kind
+        What happens there: ``yield`` (it stays bent: metals, tough plastics, foams), ``ultimate``
+        (it breaks: wood, glass, rubber, laminates) or ``crushing`` (it breaks, and is used in
+        compression: stone, concrete).
+    tension
+        Lowest and highest stress in tension [Pa]: soft to hard temper, poor to good quality. Of
+        wood and of glass it is the modulus of rupture in bending, along the grain.
+    compression
+        The same in compression [Pa]; None where it is as strong as in tension.
+    source
+        Where the numbers come from.
+    """
+
+    kind: StrengthKind
+    tension: Span
+    compression: Span | None
+    source: str
+
+    def limit(self, *, compression: bool = False) -> float:
+        """Return the lowest stress [Pa] that may be too much, in tension or in compression."""
+        return (self.compression or self.tension if compression else self.tension).min
+
+
+class OrthotropicConstants(NamedTuple):
+    """Elastic constants along L (grain), R (radial), T (tangential): E, G [Pa] and nu [1].
+
+    ``nu_LR`` is the contraction along R under stress along L; nu_RL = nu_LR E_R / E_L. Of many
+    solids each is an array.
+    """
+
+    E_L: float | np.ndarray
+    E_R: float | np.ndarray
+    E_T: float | np.ndarray
+    G_LR: float | np.ndarray
+    G_LT: float | np.ndarray
+    G_RT: float | np.ndarray
+    nu_LR: float | np.ndarray
+    nu_LT: float | np.ndarray
+    nu_RT: float | np.ndarray
+
+    def times(self, factor: np.ndarray) -> OrthotropicConstants:
+        """Constants of solids ``factor`` [1] times as stiff, one each."""
+        ones = np.ones_like(factor)
+        return OrthotropicConstants(*(c * factor for c in self[:6]), *(c * ones for c in self[6:]))
+
+
+@dataclass(frozen=True)
+class Grain:
+    """Elastic ratios of a material with a grain or fibres, all relative to E along them.
+
+    Parameters
+    ----------
+    ER, ET
+        E across the grain, radial and tangential to the rings, over E along it [1].
+    GLR, GLT, GRT
+        Shear moduli over E along the grain [1].
+    nu_LR, nu_LT, nu_RT
+        Poisson's ratios [1]; the first letter is the direction of the stress.
+    source
+        Where the numbers come from.
+    estimated
+        Those of them that are engineering estimates.
+    """
+
+    ER: float
+    ET: float
+    GLR: float
+    GLT: float
+    GRT: float
+    nu_LR: float
+    nu_LT: float
+    nu_RT: float
+    source: str
+    estimated: tuple[str, ...] = ()
+
+    def constants(self, E: float) -> OrthotropicConstants:
+        """Return the nine constants of a material with ``E`` [Pa] along its grain.
+
+        The E of a wood's row is its apparent modulus in bending, shear included: about 10 % below
+        the E_L of a pure pull (Wood Handbook, chapter 5).
+        """
+        return OrthotropicConstants(
+            E_L=E,
+            E_R=E * self.ER,
+            E_T=E * self.ET,
+            G_LR=E * self.GLR,
+            G_LT=E * self.GLT,
+            G_RT=E * self.GRT,
+            nu_LR=self.nu_LR,
+            nu_LT=self.nu_LT,
+            nu_RT=self.nu_RT,
+        )
+
+
+@dataclass(frozen=True)
+class Colour:
+    """The typical colour of a bare material, not painted: CIE L*a*b* of 1976 at D65.
+
+    Parameters
+    ----------
+    L, a, b
+        Lightness 0 to 100, green to red, blue to yellow [1].
+    spread
+        Standard deviation of the distance from it (CIE 1976 Delta E) [1]: 5 is a shade, 15 a
+        species or a batch, above 30 it comes in all colours.
+    source
+        Where the colour comes from, or ``judgement``.
+    """
+
+    L: float
+    a: float
+    b: float
+    spread: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Flow:
+    """How a material flows, slides or breaks; None where that is not known.
+
+    Parameters
+    ----------
+    yield_stress
+        Lowest and highest stress at which a paste begins to flow [Pa].
+    viscosity
+        Of a liquid, or of a paste beyond its yield stress [Pa s].
+    friction
+        Angle of internal friction of grains [deg].
+    fracture
+        Energy of a crack [J/m^2].
+    source, estimated
+        Where the numbers come from, and which of them are estimates.
+    """
+
+    yield_stress: Span | None
+    viscosity: Span | None
+    friction: Span | None
+    fracture: Span | None
+    source: str
+    estimated: tuple[str, ...] = ()
+
+
+def _records(table: str) -> list[dict[str, str]]:
+    """Records of a table beside the material table, by the names of its columns."""
+    path = TABLE_PATH.with_name(f"{table}.csv")
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+    except OSError as error:
+        raise InputError(f"cannot read the table of {table}: {error}") from error
+
+
+@lru_cache(maxsize=1)
+def load_strengths() -> Mapping[str, Strength]:
+    """Return the strengths by the name of the row."""
+    return {record["name"]: _strength(record) for record in _records("strength")}
+
+
+def _strength(record: Mapping[str, str]) -> Strength:
+    def span(side: str) -> Span:
+        return Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
+
+    kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
+    if kind is None:
+        raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
+    brittle = bool(record["compression_min_Pa"])
+    compression = span("compression") if brittle else None
+    return Strength(kind, span("tension"), compression, record["source"])
+
+
+@lru_cache(maxsize=1)
+def load_grains() -> Mapping[str, Grain]:
+    """Return the grains by the name of the row: of woods and of laminates in one direction."""
+    ratios = ("ER", "ET", "GLR", "GLT", "GRT", "nu_LR", "nu_LT", "nu_RT")
+    return {
+        record["name"]: Grain(
+            **{ratio: float(record[ratio]) for ratio in ratios},
+            source=record["source"],
+            estimated=tuple(record["estimated"].split()),
+        )
+        for record in _records("grain")
+    }
+
+
+@lru_cache(maxsize=1)
+def load_colours() -> Mapping[str, Colour]:
+    """Return the typical colours by the name of the row."""
+    return {
+        record["name"]: Colour(
+            L=float(record["L"]),
+            a=float(record["a"]),
+            b=float(record["b"]),
+            spread=float(record["spread"]),
+            source=record["source"],
+        )
+        for record in _records("colour")
+    }
+
+
+@lru_cache(maxsize=1)
+def load_flows() -> Mapping[str, Flow]:
+    """Return how materials flow, slide or break by the name of the row, contents among them."""
+    columns = ("yield_{}_Pa", "viscosity_{}_Pa_s", "friction_{}_deg", "fracture_{}_J_m2")
+    found = {}
+    for record in _records("flow"):
+        ends = [(record[c.format("min")], record[c.format("max")]) for c in columns]
+        spans = [Span(float(low), float(high)) if low else None for low, high in ends]
+        estimated = tuple(record["estimated"].split())
+        found[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
+    return found
+
+
+# Apparent material: a solid that weighs and bends as the wall and the filling that it stands for.
+#
+# A wall too thin for its own elements is smeared over the solid inside the same surface. With bars
+# for the wall and its filling side by side, and J = integral of z^2 over the body about its
+# centroid, z along its shortest principal axis:
+#
+# rho = phi rho_wall + (1 - phi) rho_inside      phi  = V_wall / V     mass kept E J = E_wall
+# J_wall + E_inside J_inside        beta = J_wall / J     bending stiffness kept
+#
+# J is that of Euler and Bernoulli's E I = E integral of z^2 dA, taken over the body. For a plate
+# of height h between skins t it gives the sandwich law beta = 1 - (1 - 2 t / h)^3, for a tube beta
+# = 1 - (r / R)^4 (Roark's Formulas for Stress and Strain, ch. 8). What is not kept: stretching
+# along the wall is stiffer than it is (by beta / phi <= 3), a dent in a wall is not seen at all.
+
+
+@dataclass(frozen=True)
+class WallShare:
+    """The wall's share of a body: ``volume`` phi [1] and ``bending`` beta [1], both in (0, 1]."""
+
+    volume: float
+    bending: float
+
+    def __post_init__(self) -> None:
+        for name in ("volume", "bending"):
+            value = getattr(self, name)
+            if not 0 < value <= 1:
+                raise InputError(f"the wall's share of the {name} must be in (0, 1], got {value:g}")
+
+    def stiffness(self, wall, inside: float):
+        """Apparent E [Pa] of a wall and what it holds; ``wall`` may be an array of any shape."""
+        return self.bending * wall + (1 - self.bending) * inside
+
+    def density(self, wall, inside: float):
+        """Apparent rho [kg/m^3] of a wall and what it holds; ``wall`` may be an array."""
+        return self.volume * wall + (1 - self.volume) * inside
+
+
+def apparent_material(
+    wall: MaterialValue, share: WallShare, *, inside_rho: float = 0.0, inside_E: float = 0.0
+) -> MaterialValue:
+    """Return E [Pa], nu [1], rho [kg/m^3] of the solid that stands for a wall and its filling.
+
+    ``inside_rho`` [kg/m^3] and ``inside_E`` [Pa] are those of what it holds, 0 for air.
+    """
+    return MaterialValue(
+        share.stiffness(wall.E, inside_E), wall.nu, share.density(wall.rho, inside_rho)
+    )

@@ -1,0 +1,460 @@
+"""What is likely of mass, displacement and frequencies: quantiles of many bodies.
+
+Each row's E, nu and rho are drawn from their ranges; parts of which a predictor drew have its
+draws, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .device import single_threaded
+from .elements.assembly import discretise
+from .elements.elastic import ElasticBody
+from .elements.forces import load_vector, squared_masses
+from .errors import ConvergenceError
+from .grain import is_of_row
+from .laws.law import Law
+from .material import ElementMaterial
+from .mesh import TetMesh, material_of
+from .reduced.sweep import LinearFamily, Member
+from .scene.scene import Scene
+from .scene.supports import Supports
+from .solve.result import Modes, SagResult
+from .solve.statics import check_held, solve_static
+from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
+
+# Draws of E, nu and rho; frequencies that are told as likely.
+TONES = 3
+SAMPLES = 256
+# The basis learns all soft and heavy, all stiff and light, then so many draws at once until it
+# would have known them to this share, at most so many.
+ENDS = ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
+COMPARED, MOST_COMPARED, LEARNED = 3, 12, 5e-3
+
+
+class Likely(NamedTuple):
+    """Middle nine tenths of the answers of so many ``samples`` of E, nu and rho.
+
+    ``mass`` [kg]; ``max_displacement`` [m] is None where it is not known, ``frequencies`` [Hz] of
+    the first vibrations; ``error`` [1] is the reduced bodies' largest, against some that were
+    solved in full. ``drawn`` is how many matters a predictor drew of a part, 0 for none.
+    """
+
+    mass: Interval
+    max_displacement: Interval | None
+    frequencies: tuple[Interval, ...]
+    samples: int
+    error: float
+    drawn: int = 0
+
+    @property
+    def words(self) -> tuple[str, str, str]:
+        """Of mass, displacement and first frequency, to be put behind their ends."""
+        first = self.frequencies[0] if self.frequencies else None
+        known = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
+        mass, u, tone = (f" (nine times in ten {x.words(form)})" if x else "" for x, form in known)
+        return mass, u, tone
+
+
+@single_threaded
+def likely_answers(
+    scene: Scene,
+    materials: Mapping[str, str],
+    *,
+    draws: Draws | None = None,
+    exact: Exact | None = None,
+    result: SagResult | None = None,
+    modes: Modes | None = None,
+    samples: int = SAMPLES,
+    seed: int = 0,
+) -> Likely | None:
+    """What mass, displacement and frequencies likely are; None: of no range, or of no member.
+
+    E and rho of a row are drawn evenly in their logarithm, nu evenly, independent of each other and
+    the same for all parts of one row, by ``shifted_lattice``. Parts of ``draws`` have the first of
+    theirs in the first body, the second in the second, and so on around; without any row there are
+    as many bodies as draws; what is ``exact`` of a part stays. How much the answers change is found
+    with linear elements, as in ``displacement_interval``.
+    """
+    mesh, held = scene.mesh, scene.held
+    ranges = open_ranges(mesh, materials, draws, exact)
+    if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
+        return None
+    if held.fixed.all():  # nothing moves
+        return None
+    family = _family(scene, ranges, modes)
+    if not family.affordable():
+        return None
+    counts = [len(one.draws) for one in ranges if one.draws is not None]
+    of_rows = len(ranges) - len(counts)
+    drawn = max(counts, default=0)
+    members = _members(ranges, max(samples, drawn) if of_rows else drawn, seed)
+    ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
+    try:
+        family.add([_as_taken(ranges), *ends])
+        error = _learned(family, members)
+        sizes, tones = family.largest([_as_taken(ranges), *members])
+    except ConvergenceError:
+        return None
+    u = None
+    if result is not None and result.static.law == Law.LINEAR and result.trusted and sizes[0] > 0:
+        u = _middle(result.max_displacement * sizes[1:] / sizes[0])
+    known = () if modes is None else modes.frequencies[:TONES]
+    ratios = (tones[1:] / tones[0]).T
+    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
+    mass = _middle(np.array([family.mass(member).sum() for member in members]))
+    return Likely(mass, u, frequencies, len(members), error, drawn)
+
+
+def ranged_answers(
+    scene: Scene,
+    materials: Mapping[str, str],
+    *,
+    draws: Draws | None = None,
+    exact: Exact | None = None,
+    result: SagResult | None = None,
+    modes: Modes | None = None,
+) -> dict[str, Any] | None:
+    """Lowest and highest mass [kg], displacement [m] and frequencies [Hz], and what is likely.
+
+    A displacement is told of a ``result``, frequencies of ``modes``. None: no range is known.
+    """
+    ranges = material_ranges(scene.mesh, materials, draws, exact)
+    if ranges is None:
+        return None
+    ends: dict[str, Any] = {"mass": mass_range(scene.mesh, ranges)}
+    if result is not None:
+        ends["max_displacement"] = displacement_interval(scene, result, ranges)
+    ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
+    known = {"draws": draws, "exact": exact, "result": result, "modes": modes}
+    return with_likely(ends, likely_answers(scene, materials, **known))
+
+
+def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any]:
+    """Lowest and highest answers by their names, and what is likely, which they hold.
+
+    They leave Poisson's ratio as it is; what is likely does not.
+    """
+    held = dict(ends)
+    for name in held if likely else ():
+        inner = getattr(likely, name)
+        if name == "frequencies":
+            rest = held[name][len(inner) :]
+            held[name] = (*(a.holding(b) for a, b in zip(held[name], inner, strict=False)), *rest)
+        elif held[name] is not None:
+            held[name] = held[name].holding(inner)
+    return {**held, "likely": likely}
+
+
+def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:
+    """Bodies whose material lies in the ranges, held and loaded as the scene says."""
+    mesh = scene.mesh
+    grid, points = discretise(mesh, 1), len(mesh.points)
+    return LinearFamily(
+        mesh,
+        scene.held,
+        np.stack([one.tets for one in ranges]),
+        grained=np.array([one.grained for one in ranges]),
+        forces=load_vector(mesh, grid, traction=scene.tractions, forces=scene.forces),
+        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
+        shapes=np.zeros((0, points, 3)) if modes is None else modes.shapes[:TONES, :points],
+    )
+
+
+def _as_taken(ranges: Sequence[OpenRange]) -> Member:
+    """The body as it is."""
+    ones = np.ones(len(ranges))
+    return Member(ones, np.array([one.taken.nu for one in ranges]), ones)
+
+
+def _members(ranges: Sequence[OpenRange], count: int, seed: int) -> list[Member]:
+    """So many bodies: rows by a lattice, drawn parts as they were drawn, in order."""
+    shares = np.zeros((count, len(ranges), 3))
+    of_rows = np.array([one.draws is None for one in ranges])
+    if of_rows.any():
+        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
+        shares[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
+    members = []
+    for number, share in enumerate(shares):
+        member = _member(ranges, share)
+        for k, one in enumerate(ranges):
+            if one.draws is not None:
+                E, nu, rho = one.draws[number % len(one.draws)]
+                for values, value in zip(
+                    member, (E / one.taken.E, nu, rho / one.taken.rho), strict=True
+                ):
+                    values[k] = value
+        members.append(member)
+    return members
+
+
+def _member(ranges: Sequence[OpenRange], shares: Float[np.ndarray, "ranges 3"]) -> Member:
+    """Body whose E, nu and rho lie at ``shares`` [0 to 1] of their ranges."""
+    E, nu, rho = np.empty((3, len(ranges)))
+    for k, (one, share) in enumerate(zip(ranges, shares, strict=True)):
+        E[k] = one.E.min ** (1 - share[0]) * one.E.max ** share[0] / one.taken.E
+        nu[k] = one.nu.min + share[1] * (one.nu.max - one.nu.min)
+        rho[k] = one.rho.min ** (1 - share[2]) * one.rho.max ** share[2] / one.taken.rho
+    return Member(E, nu, rho)
+
+
+def _learned(family: LinearFamily, members: Sequence[Member]) -> float:
+    """Largest error of the last members that were compared, before they were taken in too."""
+    error = np.inf
+    for first in range(0, MOST_COMPARED, COMPARED):
+        these = members[first : first + COMPARED]
+        before = [family.answers(member) for member in these]
+        rests = family.add(these)
+        after = [family.answers(member)[1] for member in these]
+        errors = [
+            max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
+            for (u, f), rest, g in zip(before, rests, after, strict=True)
+        ]
+        error = max(errors)
+        if error <= LEARNED:
+            break
+    return error
+
+
+def _apart(u: np.ndarray, wanted: np.ndarray) -> float:
+    size = float(np.linalg.norm(wanted))
+    return float(np.linalg.norm(u - wanted)) / size if size else 0.0
+
+
+def _middle(values: np.ndarray) -> Interval:
+    low, high = np.quantile(values, MIDDLE)
+    return Interval(float(low), float(high))
+
+
+def _stands(mesh: TetMesh, held: Supports) -> bool:
+    """Whether every piece is held."""
+    try:
+        check_held(mesh, held)
+    except ConvergenceError:
+        return False
+    return bool(held.fixed.any() or held.springs.any())
+
+
+# Lowest and highest answers, by the ranges of E and rho of a body's materials.
+#
+# E and rho of a part are one value of its range. Solved again with all of them soft and heavy, or
+# stiff and light, the answer gets a lowest and a highest value; Poisson's ratio stays.
+
+
+class Interval(NamedTuple):
+    """Lowest and highest value that an answer may have."""
+
+    low: float
+    high: float
+
+    def holding(self, other: Interval | None) -> Interval:
+        """Return the interval that holds both."""
+        return Interval(min(self.low, other.low), max(self.high, other.high)) if other else self
+
+    def words(self, form: str) -> str:
+        """Both ends, in a format of numbers."""
+        return f"{self.low:{form}} to {self.high:{form}}"
+
+
+def mass_range(mesh: TetMesh, ranges: RangeFactors) -> Interval:
+    """Mass [kg] of the body."""
+    each = material_of(mesh).rho * mesh.volumes
+    return Interval(float(each @ ranges.light), float(each @ ranges.heavy))
+
+
+def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors) -> Interval | None:
+    """Largest displacement [m] of a linear answer; None of another, or where a solve fails.
+
+    How much it changes is found with linear elements: they are cheap, and as much too stiff always.
+    """
+    if result.static.law != Law.LINEAR or not result.trusted:
+        return None
+    loads = {"traction": scene.tractions, "forces": scene.forces, "order": 1}
+    loads["gravity_vector"] = scene.gravity_vector
+    material = material_of(scene.mesh)
+
+    def largest(taken: ElementMaterial) -> float:
+        found = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
+        return float(np.linalg.norm(found.displacement, axis=1).max())
+
+    try:
+        as_taken = largest(material)
+        ends = [  # soft ones after each other, and stiff ones: their stiffness is made once
+            largest(ranges.changed(material, soft=soft, heavy=heavy))
+            for soft in (True, False)
+            for heavy in (True, False)
+        ]
+    except ConvergenceError:
+        return None
+    if not as_taken > 0:
+        return None
+    ratios = np.array([as_taken, *ends]) / as_taken
+    return Interval(*(result.max_displacement * float(r) for r in (ratios.min(), ratios.max())))
+
+
+def frequency_intervals(mesh: TetMesh, modes: Modes, ranges: RangeFactors) -> tuple[Interval, ...]:
+    """Every natural frequency [Hz], by Rayleigh's quotient: exact for one material."""
+    order = 1 if modes.shapes.shape[1] == len(mesh.points) else 2
+    grid = discretise(mesh, order)
+    body = ElasticBody(grid, material_of(mesh), Law.LINEAR)
+
+    def interval(frequency: float, shape: Float[np.ndarray, "nodes 3"]) -> Interval:
+        elastic, kinetic = body.energies(shape), squared_masses(mesh, grid.space, shape)
+        taken = elastic.sum() / kinetic.sum()
+        ends = (
+            (elastic @ E) / (kinetic @ rho) / taken
+            for E, rho in ((ranges.soft, ranges.heavy), (ranges.stiff, ranges.light))
+        )
+        return Interval(*(float(frequency * np.sqrt(end)) for end in ends))
+
+    return tuple(map(interval, modes.frequencies, modes.shapes))
+
+
+# Points that fill a cube evenly: a lattice of rank one, shifted at random.
+
+
+def shifted_lattice(
+    count: int, dimensions: int, rng: np.random.Generator
+) -> Float[np.ndarray, "count dimensions"]:
+    """``count`` points in [0, 1), each evenly distributed over the cube (Cranley & Patterson 1976).
+
+    Their statistics scatter as little as those of a scrambled Sobol sequence of as many.
+    """
+    steps = np.arange(count)[:, None] * lattice_generator(count, dimensions) % count
+    return (steps / count + rng.random(dimensions)) % 1.0
+
+
+def lattice_generator(count: int, dimensions: int) -> Int[np.ndarray, "dimensions"]:
+    """Steps of a lattice of ``count`` points, each the best beside those before it.
+
+    Component by component (Sloan & Reztsov 2002), by the worst error of periodic functions with
+    square-integrable derivatives whose j-th direction weighs 1 / j^2.
+    """
+    whole = np.arange(1, max(count // 2, 1) + 1)
+    whole = whole[np.gcd(whole, count) == 1]
+    place = np.arange(count)[:, None] * whole % count / count
+    kernel = 2 * np.pi**2 * (place * (place - 1) + 1 / 6)  # Bernoulli's second polynomial
+    so_far, found = np.ones(count), []
+    for weight in 1 / np.arange(1, dimensions + 1) ** 2:
+        best = int(np.argmin(so_far @ kernel))
+        so_far = so_far * (1 + weight * kernel[:, best])
+        found.append(whole[best])
+    return np.array(found, dtype=np.int64)
+
+
+# What E, nu and rho of a body may be, by the rows of the table and by what a predictor drew.
+
+MIDDLE = (0.05, 0.95)  # quantiles between which an answer is told as likely
+
+Draws = Mapping[str, Sequence[MaterialValue]]
+# Which of E, nu and rho of a part were stated in numbers: they have no range.
+Exact = Mapping[str, Sequence[str]]
+
+
+class OpenRange(NamedTuple):
+    """Tets (tets,) whose material varies together, and what E [Pa], ``nu`` [1], rho of them may be.
+
+    They are of one row of the table, or of one part of which a predictor drew ``draws`` (n, 3) of
+    (E, nu, rho); ``taken`` is what they have.
+    """
+
+    tets: np.ndarray
+    E: Span
+    nu: Span
+    rho: Span
+    taken: MaterialValue
+    grained: bool = False
+    draws: Float[np.ndarray, "n 3"] | None = None
+
+
+def open_ranges(
+    mesh: TetMesh,
+    materials: Mapping[str, str],
+    draws: Draws | None = None,
+    exact: Exact | None = None,
+) -> tuple[OpenRange, ...]:
+    """Ranges of the rows in ``materials`` (part -> row) that are in the table, then of ``draws``.
+
+    Parts of one row vary together where the same of them is ``exact``, which stays as it is.
+
+    An apparent material, of a hollow part that is meshed solid, has no row: it stays as it is.
+    """
+    material, rows = material_of(mesh), {row.name: row for row in load_table()}
+    of_row: dict[tuple[str, frozenset[str]], np.ndarray] = {}
+    drawn: dict[str, np.ndarray] = {}
+    for region, part in enumerate(mesh.region_names):
+        own, row = mesh.region == region, rows.get(materials.get(part, ""))
+        if not own.any():
+            continue
+        if draws and draws.get(part):
+            drawn[part] = own
+        elif row is not None and is_of_row(material.E[own], row.name):
+            alike = row.name, frozenset((exact or {}).get(part, ()))
+            of_row[alike] = of_row.get(alike, False) | own
+    found = []
+    for (name, fixed), own in of_row.items():
+        if fixed >= {*FIELDS}:
+            continue
+        row = rows[name]
+        spans = (row.E, Span(*np.clip(row.nu, 0.0, NU_CAP)), row.rho)
+        spans = [  # of what is fixed an empty one, which holds what the tets have and no more
+            Span(np.inf, -np.inf) if field in fixed else span
+            for field, span in zip(FIELDS, spans, strict=True)
+        ]
+        grained = material.tensor is not None and name in load_grains()
+        found.append(_open(material, own, spans)._replace(grained=grained))
+    for part, own in drawn.items():
+        values = np.array(draws[part] if draws else [])
+        values[:, 1] = values[:, 1].clip(0.0, NU_CAP)
+        spans = tuple(Span(float(v.min()), float(v.max())) for v in values.T)
+        found.append(_open(material, own, spans)._replace(draws=values))
+    return tuple(found)
+
+
+def _open(material: ElementMaterial, own: np.ndarray, spans: Sequence[Span]) -> OpenRange:
+    """Spans that hold what the tets have, too."""
+    values = [getattr(material, name)[own] for name in FIELDS]
+    E, nu, rho = (
+        Span(min(span.min, float(x.min())), max(span.max, float(x.max())))
+        for span, x in zip(spans, values, strict=True)
+    )
+    return OpenRange(own, E, nu, rho, MaterialValue(*(float(np.median(x)) for x in values)))
+
+
+class RangeFactors(NamedTuple):
+    """Factors (tets,) [1] to the lowest and the highest E, and to the lowest and highest rho."""
+
+    soft: np.ndarray
+    stiff: np.ndarray
+    light: np.ndarray
+    heavy: np.ndarray
+
+    def changed(self, material: ElementMaterial, *, soft: bool, heavy: bool) -> ElementMaterial:
+        """Return ``material`` at one end of its ranges."""
+        E = self.soft if soft else self.stiff
+        tensor = None if material.tensor is None else material.tensor * E[:, None, None]
+        rho = material.rho * (self.heavy if heavy else self.light)
+        return replace(material, E=material.E * E, rho=rho, tensor=tensor)
+
+
+def material_ranges(
+    mesh: TetMesh,
+    materials: Mapping[str, str],
+    draws: Draws | None = None,
+    exact: Exact | None = None,
+) -> RangeFactors | None:
+    """Factors of the parts whose range is known, by ``open_ranges``; None: of none."""
+    ranges, material = open_ranges(mesh, materials, draws, exact), material_of(mesh)
+    factors = RangeFactors(*np.ones((4, len(mesh.tets))))
+    for one in ranges:
+        for first, span, values in ((0, one.E, material.E), (2, one.rho, material.rho)):
+            own = values[one.tets]
+            factors[first][one.tets] = np.minimum(span.min / own, 1)
+            factors[first + 1][one.tets] = np.maximum(span.max / own, 1)
+    return factors if ranges else None

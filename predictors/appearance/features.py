@@ -1,0 +1,429 @@
+"""The features of an asset: seen, lifted onto voxels, filled inside; and what its names say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...fem.errors import InputError
+from ..asset import Asset, UpAxis, upright
+from ..encoders import ImageEncoder, load_encoder
+from ..encoders.registry import Encoder
+from ..grid import Grid, PartVoxels
+from ..text.hearing import bare_words
+from .lifting import Method, Rays, lift, ray_weights
+from .surface import gloss_of, opaque_density, random_points, skin_of, surface_voxels
+from .views import PIXELS, Camera, Views, hemisphere, render_views
+
+if TYPE_CHECKING:
+    from ..encoders.registry import TextEncoder
+
+
+VIEWS, LOWER = 15, 0  # AutoPhyX 3.3: the upper hemisphere
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelFeatures:
+    """Features of the occupied cells of a grid.
+
+    ``cells`` (n, 3) are their indices in C order; ``values`` (n, D) the features, of the nearest
+    seen cell where a cell is inside or hidden; ``surface`` and ``seen`` (n,) say which cells those
+    are not; ``part`` (n,) indexes ``part_names`` and ``names`` (parts, T), the embedding of what
+    the asset calls each part, or None if the encoder reads no words. ``residual`` is the relative
+    error with which the seen cells explain the pictures, ``encoder`` who made the features.
+    """
+
+    grid: Grid
+    cells: Int[np.ndarray, "n 3"]
+    values: Float[np.ndarray, "n D"]
+    surface: Bool[np.ndarray, "n"]
+    seen: Bool[np.ndarray, "n"]
+    part: Int[np.ndarray, "n"]
+    part_names: tuple[str, ...]
+    names: Float[np.ndarray, "parts T"] | None
+    residual: float
+    encoder: str
+
+    @property
+    def occupied(self) -> Bool[np.ndarray, "nx ny nz"]:
+        """Which cells of the grid have a feature."""
+        out = np.zeros(self.grid.shape, dtype=bool)
+        out[tuple(self.cells.T)] = True
+        return out
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Everything as named arrays, values and names in half precision; ``of`` reads them."""
+        out = {name: getattr(self, name) for name in ("cells", "surface", "seen", "part")}
+        if self.names is not None:
+            out["names"] = self.names.astype(np.float16)
+        return out | {
+            "values": self.values.astype(np.float16),
+            "part_names": np.array(self.part_names, dtype=str),
+            "origin": self.grid.lo,
+            "spacing": np.array(self.grid.h),
+            "shape": np.array(self.grid.shape),
+            "residual": np.array(self.residual),
+            "encoder": np.array(self.encoder),
+        }
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> VoxelFeatures:
+        """Features from their ``arrays``."""
+        nx, ny, nz = (int(n) for n in arrays["shape"])
+        names = arrays.get("names")
+        return cls(
+            grid=Grid(arrays["origin"], float(arrays["spacing"]), (nx, ny, nz)),
+            values=arrays["values"].astype(np.float32),
+            part_names=tuple(str(name) for name in arrays["part_names"]),
+            names=None if names is None else names.astype(np.float32),
+            residual=float(arrays["residual"]),
+            encoder=str(arrays["encoder"]),
+            **{name: arrays[name] for name in ("cells", "surface", "seen", "part")},
+        )
+
+    def picture(self) -> Float[np.ndarray, "n 3"]:
+        """Colours in [0, 1] of the cells: the first three principal components, for the eye."""
+        centered = self.values - self.values.mean(axis=0)
+        _, axes = np.linalg.eigh(centered.T @ centered)
+        shown = centered @ axes[:, ::-1][:, :3]
+        if shown.shape[1] < 3:
+            shown = np.repeat(shown[:, :1], 3, axis=1)
+        low, high = np.percentile(shown, [2, 98], axis=0)
+        return np.clip((shown - low) / np.maximum(high - low, 1e-9), 0, 1)
+
+
+def features(
+    asset: Asset,
+    *,
+    encoder: ImageEncoder | str = "embedded",
+    cells: int = 64,
+    views: int = VIEWS,
+    lower: int = LOWER,
+    pixels: int = PIXELS,
+    method: Method = "solve",
+) -> VoxelFeatures:
+    """Return the features of every cell that an asset occupies.
+
+    Parameters
+    ----------
+    asset
+        The asset, in metres.
+    encoder
+        Encoder of the pictures, or its name.
+    cells
+        Cells along the asset's longest side.
+    views, lower
+        Cameras above and below the horizon.
+    pixels
+        Side of a picture.
+    method
+        How features are lifted; see ``lifting.lift``.
+    """
+    encoder = load_encoder(encoder) if isinstance(encoder, str) else encoder
+    grid = Grid.around(asset.bounds, cells=cells)
+    cameras = hemisphere(asset.bounds, count=views, lower=lower, up=asset.up, pixels=pixels)
+    voxels = surface_voxels(asset, grid)
+    density = opaque_density(voxels.occupied, grid)
+    return features_of_views(
+        render_views(asset, cameras), density, grid, encoder=encoder, voxels=voxels, method=method
+    )
+
+
+def features_of_views(
+    pictures: Views,
+    density: Float[np.ndarray, "nx ny nz"],
+    grid: Grid,
+    *,
+    encoder: ImageEncoder | str = "embedded",
+    voxels: PartVoxels | None = None,
+    method: Method = "solve",
+) -> VoxelFeatures:
+    """Return features of a density [1/m] (mesh, cloud, splats, NeRF) seen by given pictures.
+
+    ``voxels`` says which part is in every cell of the surface; None is one part without a name.
+    """
+    encoder = load_encoder(encoder) if isinstance(encoder, str) else encoder
+    lifted = lift(
+        encoder.dense(pictures.images()),
+        pictures.cameras,
+        density,
+        grid,
+        opacity=pictures.opacity,
+        method=method,
+    )
+    surface = density > 0
+    if voxels is None:
+        voxels = PartVoxels(grid, np.where(surface, 0, -1), ("object",), ((),))
+    cells = np.argwhere(fill(surface).occupied)
+    at = tuple(cells.T)
+    row, seen = np.full(grid.shape, -1), np.zeros(grid.shape, dtype=bool)
+    row[surface] = np.arange(len(lifted.cells))
+    seen[surface] = lifted.seen
+    outer = surface[at]
+    part = voxels.part[at][nearest_known(cells, outer)]
+    source = nearest_known(cells, seen[at], label=part)
+    says = isinstance(encoder, Encoder)
+    return VoxelFeatures(
+        grid=grid,
+        cells=cells,
+        values=lifted.values[row[at][source]],
+        surface=outer,
+        seen=seen[at],
+        part=part,
+        part_names=voxels.part_names,
+        names=name_embeddings(voxels.labels, encoder) if says else None,
+        residual=lifted.residual,
+        encoder=encoder.name,
+    )
+
+
+# What the asset itself says: its node, group and material names as vectors, per part and cell.
+
+
+def name_embeddings(
+    labels: Sequence[Sequence[str]], encoder: Encoder
+) -> Float[np.ndarray, "parts dim"]:
+    """Unit embedding of everything that is said of each part; 0 for a part without words.
+
+    Names are read as people mean them: "Metal_Chrome.001" as "metal chrome".
+    """
+    sentences = [" ".join(dict.fromkeys(bare_words(" ".join(part)))) for part in labels]
+    known = [number for number, sentence in enumerate(sentences) if sentence]
+    out = np.zeros((len(sentences), encoder.dim), dtype=np.float32)
+    if known:
+        out[known] = encoder.text([sentences[number] for number in known])
+    return out
+
+
+# The inside of a voxelised surface: enclosure, even-odd parity, nearest-surface features.
+#
+# After AutoPhyX 3.1 and PhysGaussian: a cell is a candidate where the surface encloses it in the
+# six directions of the axes (condition 1), and inside where rays to infinity cross the surface an
+# odd number of times (condition 2). A ray that grazes the surface is miscounted, so the verdicts
+# of all empty cells that hang together are pooled where they (nearly) agree.
+
+Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z"]
+DIRECTIONS: tuple[Direction, ...] = ("-x", "+x", "-y", "+y", "-z", "+z")
+Parity = Literal["all", "one"]
+# Share of a connected region's cells with the same verdict from which all of it follows them. In
+# between the region leaks (a scan with a hole), and every cell keeps its own verdict.
+SETTLED_OUT, SETTLED_IN = 0.2, 0.5
+
+
+class Filled(NamedTuple):
+    """A solid: ``occupied`` (nx, ny, nz) is the surface and what it holds.
+
+    ``enclosed`` and ``odd`` are the verdicts of conditions 1 and 2 on every empty cell; ``leaky``
+    counts the cells in regions whose verdicts disagree.
+    """
+
+    occupied: np.ndarray
+    enclosed: np.ndarray
+    odd: np.ndarray
+    leaky: int
+
+
+def fill(
+    surface: Bool[np.ndarray, "nx ny nz"],
+    *,
+    parity: Parity = "all",
+    ray: Direction = "+x",
+    open_side: Direction | None = None,
+    pool: bool = True,
+) -> Filled:
+    """Fill what a surface encloses.
+
+    Parameters
+    ----------
+    surface
+        Cells that the surface touches, shape (nx, ny, nz).
+    parity
+        ``all``: the rays of every direction must cross the surface an odd number of times
+        (AutoPhyX); ``one``: only that of ``ray`` (PhysGaussian).
+    open_side
+        A direction that neither condition looks in: the open top of a scan.
+    pool
+        Whether cells that hang together share one verdict where they (nearly) agree.
+    """
+    directions: list[Direction] = [d for d in DIRECTIONS if d != open_side]
+    crossings = {d: _crossings(surface, d) for d in directions}
+    enclosed = ~surface & np.all([count > 0 for count in crossings.values()], axis=0)
+    counted = directions if parity == "all" else [ray]
+    if ray == open_side and parity == "one":
+        raise InputError(f"the ray {ray} leaves through the open side: choose another direction")
+    odd = ~surface & np.all([crossings[d] % 2 == 1 for d in counted], axis=0)
+    inside, leaky = enclosed & odd, 0
+    if pool:
+        inside, leaky = _pooled(~surface, inside)
+    return Filled(surface | inside, enclosed, odd, leaky)
+
+
+def nearest_known(
+    cells: Int[np.ndarray, "n 3"],
+    known: Bool[np.ndarray, "n"],
+    *,
+    label: Int[np.ndarray, "n"] | None = None,
+) -> Int[np.ndarray, "n"]:
+    """For each cell the row of the nearest one that is known; itself if it is.
+
+    With labels, one of its own label where that label has any, so that a hidden trunk takes after
+    the trunk and not after the leaves before it.
+    """
+    from scipy.spatial import KDTree
+
+    if not known.any():
+        raise InputError("no cell of the surface is known: nothing to take features from")
+    label = np.zeros(len(cells), dtype=np.int64) if label is None else label
+    own = np.isin(label, np.unique(label[known]))
+    row = np.arange(len(cells))
+    for value in [*np.unique(label[own]), None]:
+        asking = ~known & (~own if value is None else label == value)
+        sources = np.flatnonzero(known & (value is None or label == value))
+        if asking.any():
+            row[asking] = sources[KDTree(cells[sources]).query(cells[asking])[1]]
+    return row
+
+
+def _crossings(
+    surface: Bool[np.ndarray, "nx ny nz"], direction: Direction
+) -> Int[np.ndarray, "nx ny nz"]:
+    """How often a ray from each cell enters the surface on its way to infinity."""
+    axis = "xyz".index(direction[1])
+    along = np.moveaxis(surface, axis, 0)
+    along = along if direction[0] == "+" else along[::-1]
+    entered = np.zeros(along.shape, dtype=np.int32)
+    entered[:-1] = along[1:] & ~along[:-1]  # at cell i: the step to i + 1 enters
+    count = entered[::-1].cumsum(axis=0, dtype=np.int32)[::-1]
+    return np.moveaxis(count if direction[0] == "+" else count[::-1], 0, axis)
+
+
+def _pooled(
+    empty: Bool[np.ndarray, "nx ny nz"], inside: Bool[np.ndarray, "nx ny nz"]
+) -> tuple[Bool[np.ndarray, "nx ny nz"], int]:
+    """One verdict for each region of empty cells that share faces, where they (nearly) agree.
+
+    The region that reaches the border of the grid is never inside as a whole.
+    """
+    from scipy.ndimage import label
+
+    region, count = cast(tuple[np.ndarray, int], label(empty))
+    size = np.bincount(region.ravel(), minlength=count + 1)
+    share = np.bincount(region.ravel(), weights=inside.ravel(), minlength=count + 1)
+    share = share / np.maximum(size, 1)
+    border = np.zeros(count + 1, dtype=bool)
+    for axis in range(3):
+        for end in (0, -1):
+            border[np.unique(region.take(end, axis=axis))] = True
+    settled_in, settled_out = (share >= SETTLED_IN) & ~border, share <= SETTLED_OUT
+    leaky = ~settled_in & ~settled_out
+    leaky[0] = settled_in[0] = False
+    return settled_in[region] | (leaky[region] & inside), int(size[leaky].sum())
+
+
+# What is seen of the cells of an asset.
+
+# Opacity and ``surface_colour.Finish`` of what says none.
+PLAIN_FINISH = (1.0, 0.0, 0.04, 0.6)
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What is seen of the cells: colours in [0, 1] (nx, ny, nz, 3), features (nx, ny, nz, D).
+
+    ``words`` embeds clauses in the space of the features; ``finish`` (nx, ny, nz, 4) are opacity
+    and ``surface_colour.Finish`` beside the colours. Any may be missing.
+    """
+
+    colours: np.ndarray | None = None
+    features: np.ndarray | None = None
+    words: TextEncoder | None = None
+    finish: np.ndarray | None = None
+
+    def looks(self, inside: np.ndarray) -> np.ndarray | None:
+        """Colour and finish (n, 7) of the cells ``inside``, None where no colour is known."""
+        if self.colours is None:
+            return None
+        colours = self.colours[inside]
+        if self.finish is not None:
+            return np.concatenate([colours, self.finish[inside]], axis=1)
+        return np.concatenate([colours, np.tile(PLAIN_FINISH, (len(colours), 1))], axis=1)
+
+
+# What is seen of cells: colour, opacity and finish of the surface that is nearest to each.
+
+POINTS = 50_000  # on the surface: ten for each outer cell of a cube of 64
+NEAREST = 4  # points of which the mean is taken
+
+
+def cell_looks(
+    asset: Asset, centres: Float[np.ndarray, "n 3"], *, turned: bool = False
+) -> Float[np.ndarray, "n 7"]:
+    """Return red, green, blue, opacity and ``Finish`` of what lies nearest to each centre.
+
+    The centres lie where the asset does, or, ``turned``, where it would stand upright.
+    """
+    from scipy.spatial import KDTree
+
+    rng = np.random.default_rng(0)
+    area = sum(float(part.mesh.area) for part in asset.parts)
+    points, looks = [], []
+    for part in asset.parts:
+        count = max(NEAREST, round(POINTS * float(part.mesh.area) / area))
+        faces, weights = random_points(part.mesh, count, rng)
+        at = np.einsum("nc,nck->nk", weights, part.mesh.triangles[faces])
+        points.append(upright(at, asset.up) if turned else at)
+        seen = (skin_of(part.mesh)(faces, weights), gloss_of(part.mesh)(faces, weights))
+        looks.append(np.concatenate(seen, axis=1))
+    _, nearest = KDTree(np.concatenate(points)).query(centres, k=NEAREST)
+    return np.concatenate(looks)[nearest].mean(axis=1)
+
+
+# Pictures of matter on a grid: splats, point clouds and NeRF grids seen without photographs.
+#
+# Rays are marched through the cells with the transmittance that lifting uses, not rasterised: what
+# a picture shows is then exactly what lifting explains, and any carrier that gives a density and a
+# colour per cell can be seen. The price is the resolution of the grid.
+
+BARE = 1e-3  # opacity below which a pixel has no colour of its own
+
+
+def render_grid(
+    density: Float[np.ndarray, "nx ny nz"],
+    colour: Float[np.ndarray, "nx ny nz 3"],
+    grid: Grid,
+    cameras: Sequence[Camera] | None = None,
+    *,
+    up: UpAxis = "z",
+) -> Views:
+    """Render cells of a density [1/m] and a colour (sRGB in [0, 1]).
+
+    The default cameras are 15 on the upper hemisphere of the cells that have density.
+    """
+    cameras = tuple(cameras or hemisphere(matter_bounds(density, grid), up=up))
+    shown = colour[density > 0].astype(np.float64)
+    colours, covers = [], []
+    for camera in cameras:
+        directions = camera.directions().reshape(-1, 3)
+        origins = np.broadcast_to(camera.position, directions.shape)
+        share = ray_weights(Rays(origins, directions, directions), density, grid)
+        cover = np.asarray(share.sum(axis=1)).ravel()
+        mean = (share @ shown) / np.maximum(cover, BARE)[:, None]
+        colours.append((mean * (cover >= BARE)[:, None]).reshape(*camera.size, 3))
+        covers.append(cover.reshape(camera.size))
+    return Views(
+        cameras,
+        colour=np.stack(colours).clip(0, 1).astype(np.float32),
+        opacity=np.stack(covers).clip(0, 1).astype(np.float32),
+        up=up,
+    )
+
+
+def matter_bounds(density: Float[np.ndarray, "nx ny nz"], grid: Grid) -> Float[np.ndarray, "2 3"]:
+    """Box [m] around the cells that have density."""
+    cells = np.argwhere(density > 0)
+    low, high = grid.to_world(cells.min(axis=0)), grid.to_world(cells.max(axis=0))
+    return np.stack([low - grid.h / 2, high + grid.h / 2])

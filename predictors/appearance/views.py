@@ -1,0 +1,498 @@
+"""Pictures of an asset: colour, depth, normal, part and material slot of every pixel.
+
+Rays are cast with Embree through embreex: a million rays at 20,000 triangles took 0.22 s on one
+core, where Open3D's RaycastingScene took 0.41 s on two and warp's mesh query 0.59 s on one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...fem.errors import InputError
+from ...fem.scene.up import UpAxis, up_vector
+from ..asset import Asset
+from .surface import gloss_of, material_name, skin_of
+
+MAX_LAYERS = 8  # transparent surfaces one behind the other that a ray looks through
+HOLE = 0.1  # a texel less opaque than this is no surface: cut-out leaves
+OPAQUE = 0.99  # share of light that a ray has met when it stops
+STEP = 1e-5  # from a surface to behind it, relative to the asset's size: float32 resolves 1e-7
+# Light from everywhere, from the lamp at the camera, and mirrored: white stays below 1.
+AMBIENT, LAMP, MIRRORED = 0.35, 0.4, 0.4
+BACKGROUND = 0.5  # grey, so that white and black objects both stand out
+SKY, GROUND, GLARE = 1.0, 0.1, 2.0  # what a mirror sees: sky, ground, and the lamp
+SKY_EDGE = 0.03  # width of the horizon in a perfect mirror, in the sine of the elevation
+SHARPEST = 0.25  # roughness of the smallest highlight: Phong exponent 512
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Pictures of one object, all of one size.
+
+    ``colour`` is unlit sRGB in [0, 1] and 0 where ``opacity`` is 0; ``depth`` [m] is the distance
+    from the camera along the ray, inf on the background; ``normal`` has unit length, points to the
+    camera and is 0 on the background; ``part`` and ``slot`` are indices into ``part_names`` and
+    ``slot_names`` (materials), -1 on the background; ``finish`` is (metallic, reflectance,
+    roughness) as in ``appearance.Finish``. Photographs only have colour and opacity.
+    """
+
+    cameras: tuple[Camera, ...]
+    colour: Float[np.ndarray, "views height width 3"]
+    opacity: Float[np.ndarray, "views height width"]
+    depth: Float[np.ndarray, "views height width"] | None = None
+    normal: Float[np.ndarray, "views height width 3"] | None = None
+    part: Int[np.ndarray, "views height width"] | None = None
+    slot: Int[np.ndarray, "views height width"] | None = None
+    finish: Float[np.ndarray, "views height width 3"] | None = None
+    part_names: tuple[str, ...] = ()
+    slot_names: tuple[str, ...] = ()
+    up: UpAxis = "z"
+
+    def images(self) -> Float[np.ndarray, "views height width 4"]:
+        """Pictures for an encoder: colour on grey, lit as by ``shade``, photographs as taken.
+
+        The fourth channel is the opacity.
+        """
+        colour = self.colour
+        if self.normal is not None and self.finish is not None:
+            looking = np.stack([camera.directions() for camera in self.cameras])
+            colour = shade(colour, self.normal, self.finish, looking, up=up_vector(self.up))
+        cover = self.opacity[..., None]
+        colour = colour * cover + BACKGROUND * (1 - cover)
+        return np.concatenate([colour, cover], axis=-1).astype(np.float32)
+
+
+def shade(
+    colour: Float[np.ndarray, "*n 3"],
+    normal: Float[np.ndarray, "*n 3"],
+    finish: Float[np.ndarray, "*n 3"],
+    looking: Float[np.ndarray, "*n 3"],
+    *,
+    up: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "*n 3"]:
+    """Light surfaces by a lamp at the camera, light from everywhere, and a mirrored sky.
+
+    A simple model, so that chrome, glass and cloth of one colour differ: diffuse light falls with
+    the angle, the sky (bright above the horizon, dark below, blurred by the roughness) is mirrored
+    by Schlick's Fresnel term.
+    """
+    metallic, reflectance, roughness = (finish[..., i : i + 1] for i in range(3))
+    cosine = np.einsum("...k,...k->...", looking, normal)[..., None]
+    mirrored = looking - 2 * cosine * normal
+    facing = np.abs(cosine)
+    base = reflectance * (1 - metallic) + colour * metallic
+    fresnel = base + (1 - base) * (1 - facing) ** 5 * (1 - roughness)
+    sky = 1 / (1 + np.exp(-(mirrored @ up)[..., None] / (SKY_EDGE + roughness)))
+    highlight = facing ** (2 / np.maximum(roughness, SHARPEST) ** 4)
+    diffuse = colour * (1 - metallic) * (AMBIENT + LAMP * facing)
+    world = GROUND + (SKY - GROUND) * sky + GLARE * highlight
+    return np.clip(diffuse + MIRRORED * fresnel * world, 0, 1)
+
+
+class _Hits(NamedTuple):
+    """Where rays met the asset: ray (n,), part (n,), face (n,), weights (n, 3), distance (n,)."""
+
+    ray: np.ndarray
+    part: np.ndarray
+    face: np.ndarray
+    weights: np.ndarray
+    distance: np.ndarray
+
+
+class Caster:
+    """The surfaces of an asset, ready to be met by rays."""
+
+    def __init__(self, asset: Asset) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        # Embree computes in float32: place the asset at the origin, with size 1.
+        self._center = asset.bounds.mean(axis=0)
+        self._size = float(asset.size.max())
+        self._scene = EmbreeScene()
+        self._meshes = [part.mesh for part in asset.parts]
+        self._keep = [
+            TriangleMesh(
+                self._scene, ((m.triangles - self._center) / self._size).astype(np.float32)
+            )
+            for m in self._meshes
+        ]
+        self._skins = [skin_of(mesh) for mesh in self._meshes]
+        self._glosses = [gloss_of(mesh) for mesh in self._meshes]
+        self.part_names = asset.part_names
+        names = [material_name(part.mesh) or part.name for part in asset.parts]
+        self.slot_names = tuple(dict.fromkeys(names))
+        self._slot = np.array([self.slot_names.index(name) for name in names])
+
+    def hits(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> _Hits:
+        """First surface that each ray meets; rays that meet none are left out. Lengths in [m]."""
+        out = self._scene.run(
+            np.ascontiguousarray((origins - self._center) / self._size, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            query="INTERSECT",
+            output=True,
+        )
+        ray = np.flatnonzero(out["geomID"] >= 0)
+        u, v = out["u"][ray].astype(np.float64), out["v"][ray].astype(np.float64)
+        return _Hits(
+            ray,
+            out["geomID"][ray].astype(np.int64),
+            out["primID"][ray].astype(np.int64),
+            np.stack([1 - u - v, u, v], axis=1),
+            out["tfar"][ray].astype(np.float64) * self._size,
+        )
+
+    def colours(self, hits: _Hits) -> Float[np.ndarray, "n 4"]:
+        """Colour (sRGB) and opacity of the surface at each hit."""
+        result = np.zeros((len(hits.ray), 4), dtype=np.float32)
+        for part in np.unique(hits.part):
+            mine = hits.part == part
+            result[mine] = self._skins[part](hits.face[mine], hits.weights[mine])
+        return result
+
+    def normals(self, hits: _Hits) -> Float[np.ndarray, "n 3"]:
+        """Unit normal of the surface at each hit, on the side that the triangle's turn says."""
+        result = np.zeros((len(hits.ray), 3))
+        for part in np.unique(hits.part):
+            mine = hits.part == part
+            corners = self._meshes[part].triangles[hits.face[mine]]
+            result[mine] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(result, axis=1, keepdims=True)
+        return result / np.maximum(length, np.finfo(float).tiny)
+
+    def view(self, camera: Camera) -> dict[str, np.ndarray]:
+        """Return the pixels of one picture, by the names of the fields of ``Views``."""
+        directions = camera.directions().reshape(-1, 3)
+        pixels = _empty(len(directions))
+        live = np.arange(len(directions))
+        passed = np.ones(len(directions))  # share of light that comes from further behind
+        travelled = np.zeros(len(directions))
+        for _ in range(MAX_LAYERS):
+            hits = self.hits(
+                camera.position + travelled[live, None] * directions[live], directions[live]
+            )
+            live = live[hits.ray]
+            if not live.size:
+                break
+            travelled[live] += hits.distance
+            colour = self.colours(hits)
+            alpha = np.where(colour[:, 3] < HOLE, 0.0, colour[:, 3])
+            pixels["colour"][live] += (passed[live] * alpha)[:, None] * colour[:, :3]
+            first = (alpha > 0) & (pixels["part"][live] < 0)
+            self._describe(pixels, live, hits, first, directions, travelled)
+            passed[live] *= 1 - alpha
+            travelled[live] += STEP * self._size
+            live = live[passed[live] > 1 - OPAQUE]
+        return _finished(pixels, passed, camera.size)
+
+    def _describe(
+        self,
+        pixels: dict[str, np.ndarray],
+        live: np.ndarray,
+        hits: _Hits,
+        first: np.ndarray,
+        directions: np.ndarray,
+        travelled: np.ndarray,
+    ) -> None:
+        """Write what is known of the surface nearest to the camera."""
+        hits = _Hits(*(column[first] for column in hits))
+        at = live[first]
+        normal = self.normals(hits)
+        side = -np.sign(np.einsum("nk,nk->n", normal, directions[at]))
+        pixels["normal"][at] = normal * side[:, None]
+        pixels["depth"][at] = travelled[at]
+        pixels["part"][at] = hits.part
+        pixels["slot"][at] = self._slot[hits.part]
+        for part in np.unique(hits.part):
+            mine = hits.part == part
+            finish = self._glosses[part](hits.face[mine], hits.weights[mine])
+            pixels["finish"][at[mine]] = finish
+
+
+def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views:
+    """Render an asset, by default from 15 cameras on its upper hemisphere."""
+    cameras = tuple(cameras or hemisphere(asset.bounds, up=asset.up))
+    _check_one_size([camera.size for camera in cameras])
+    caster = Caster(asset)
+    pictures = [caster.view(camera) for camera in cameras]
+    pixels = {key: np.stack([picture[key] for picture in pictures]) for key in pictures[0]}
+    return Views(
+        cameras,
+        part_names=caster.part_names,
+        slot_names=caster.slot_names,
+        up=asset.up,
+        **pixels,
+    )
+
+
+def load_photographs(path: str | Path) -> Views:
+    """Load the photographs and cameras of a ``transforms.json``; their alpha is the opacity."""
+    shots = read_transforms(path)
+    _check_one_size([shot.camera.size for shot in shots])
+    pixels = np.stack([_pixels(shot) for shot in shots])
+    return Views(
+        tuple(shot.camera for shot in shots),
+        colour=pixels[..., :3] * (pixels[..., 3:] > 0),
+        opacity=pixels[..., 3],
+    )
+
+
+def _pixels(shot: Shot) -> Float[np.ndarray, "height width 4"]:
+    from PIL import Image
+
+    with Image.open(shot.path) as image:
+        return np.asarray(image.convert("RGBA"), dtype=np.float32) / 255
+
+
+def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
+    if len(set(sizes)) != 1:
+        raise InputError(f"views must be of one size, got {sorted(set(sizes))} (height, width)")
+
+
+def _empty(count: int) -> dict[str, np.ndarray]:
+    return {
+        "colour": np.zeros((count, 3)),
+        "depth": np.full(count, np.inf),
+        "normal": np.zeros((count, 3)),
+        "part": np.full(count, -1),
+        "slot": np.full(count, -1),
+        "finish": np.zeros((count, 3)),
+    }
+
+
+def _finished(
+    pixels: dict[str, np.ndarray], passed: np.ndarray, size: tuple[int, int]
+) -> dict[str, np.ndarray]:
+    """Compact types; the colour of what was met, without the background it lets through."""
+    cover = 1 - passed
+    cover[pixels["part"] < 0] = 0
+    pixels["colour"] /= np.maximum(cover, HOLE)[:, None]
+    types = {"part": np.int32, "slot": np.int32}
+    result = {k: v.astype(types.get(k, np.float32)) for k, v in pixels.items()}
+    result["opacity"] = cover.astype(np.float32)
+    return {key: value.reshape(*size, *value.shape[1:]) for key, value in result.items()}
+
+
+# Pinhole cameras around an object: made on a hemisphere, or read from a transforms.json.
+
+FIELD_OF_VIEW = np.deg2rad(40.0)  # of the made cameras: a portrait lens, little distortion
+MARGIN = 1.05  # share of the image that the bounding sphere leaves free around itself
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+Pixels = tuple[float, float]  # (x, y) [px]
+RING_HEIGHT = 0.25  # a little above the horizon: 14 degrees
+PIXELS = 256  # side of a made image: 15 of them are a million rays
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera; its own axes are x right, y up, looking along -z.
+
+    Parameters
+    ----------
+    pose
+        Camera to world, shape (4, 4): rotation and position [m].
+    focal
+        Focal lengths (x, y) [px].
+    center
+        Principal point (x, y) [px] from the upper left corner.
+    size
+        Image (height, width) [px].
+    """
+
+    pose: Float[np.ndarray, "4 4"]
+    focal: tuple[float, float]
+    center: tuple[float, float]
+    size: tuple[int, int]
+
+    @property
+    def position(self) -> Float[np.ndarray, "3"]:
+        """Centre of projection [m]."""
+        return self.pose[:3, 3]
+
+    def resized(self, height: int, width: int) -> Camera:
+        """Return the same camera with another number of pixels over the same field of view."""
+        fy, fx = height / self.size[0], width / self.size[1]
+        focal = (self.focal[0] * fx, self.focal[1] * fy)
+        center = (self.center[0] * fx, self.center[1] * fy)
+        return Camera(self.pose, focal, center, (height, width))
+
+    def framing(self, points: Float[np.ndarray, "n 3"], *, rim: float) -> Camera:
+        """Return the same camera with all points [m] in its picture, less a ``rim`` as a share."""
+        seen = self.project(points)[:, :2]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        height, width = self.size
+        zoom = (1 - 2 * rim) * float(np.min([width, height] / np.maximum(high - low, 1e-9)))
+        x, y = [width, height] - (low + high - 2 * np.array(self.center)) * zoom
+        focal = (zoom * self.focal[0], zoom * self.focal[1])
+        return Camera(self.pose, focal, (float(x) / 2, float(y) / 2), self.size)
+
+    def directions(self) -> Float[np.ndarray, "height width 3"]:
+        """Unit direction in the world of the ray through every pixel centre."""
+        rows, columns = np.meshgrid(*(np.arange(n) + 0.5 for n in self.size), indexing="ij")
+        x = (columns - self.center[0]) / self.focal[0]
+        y = (self.center[1] - rows) / self.focal[1]
+        rays = np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.pose[:3, :3].T
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    def project(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Pixel position (x, y) [px] of points [m] and their depth along the optical axis [m]."""
+        local = (points - self.position) @ self.pose[:3, :3]
+        depth = -local[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = self.center[0] + self.focal[0] * local[:, 0] / depth
+            y = self.center[1] - self.focal[1] * local[:, 1] / depth
+        return np.stack([x, y, depth], axis=1)
+
+
+class Shot(NamedTuple):
+    """A photograph's file and the camera that took it."""
+
+    path: Path
+    camera: Camera
+
+
+def hemisphere(
+    bounds: Float[np.ndarray, "2 3"],
+    *,
+    count: int = 15,
+    lower: int = 0,
+    up: UpAxis = "z",
+    pixels: int = PIXELS,
+) -> tuple[Camera, ...]:
+    """Return cameras spread evenly over the upper hemisphere of a box, looking at its centre.
+
+    A spiral of golden angles with even steps of height gives every camera the same solid angle.
+
+    Parameters
+    ----------
+    bounds
+        Lower and upper corner [m] of the object, shape (2, 3).
+    count
+        Cameras above the horizon (AutoPhyX 3.3: 15).
+    lower
+        Further cameras below the horizon.
+    up
+        Axis that points up.
+    pixels
+        Side of the square images.
+    """
+    cameras = []
+    for i in range(count + lower):
+        height = (i + 0.5) / count if i < count else -(i - count + 0.5) / lower
+        cameras.append(_around(bounds, height, i * GOLDEN_ANGLE, up=up, pixels=pixels))
+    return tuple(cameras)
+
+
+def ring(
+    bounds: Float[np.ndarray, "2 3"],
+    *,
+    count: int,
+    height: float = RING_HEIGHT,
+    up: UpAxis = "z",
+    pixels: int = PIXELS,
+) -> tuple[Camera, ...]:
+    """Return cameras evenly around a box [m], all at sin(elevation) ``height``, looking at it."""
+    return tuple(
+        _around(bounds, height, 2 * np.pi * i / count, up=up, pixels=pixels) for i in range(count)
+    )
+
+
+def _around(bounds: np.ndarray, height: float, turn: float, *, up: UpAxis, pixels: int) -> Camera:
+    """A camera whose picture holds the sphere about a box, ``turn`` [rad] about its upright."""
+    center, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2
+    distance = MARGIN * radius / np.sin(FIELD_OF_VIEW / 2)
+    axis = up_vector(up)
+    side = np.roll(axis, 1)
+    level = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)
+    outward = np.sqrt(1 - height**2) * level + height * axis
+    return look_at(center + distance * outward, center, up=up, pixels=pixels)
+
+
+def look_at(
+    position: Float[np.ndarray, "3"],
+    target: Float[np.ndarray, "3"],
+    *,
+    up: UpAxis = "z",
+    pixels: int = PIXELS,
+    field_of_view: float = FIELD_OF_VIEW,
+) -> Camera:
+    """Return a square camera at ``position`` [m] that looks at ``target`` [m]."""
+    back = (position - target) / np.linalg.norm(position - target)
+    right = np.cross(up_vector(up), back)
+    if np.linalg.norm(right) < 1e-6:  # straight from above: any upright will do
+        right = np.roll(up_vector(up), 1)
+    right = right / np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(back, right), back, position], axis=1)
+    focal = pixels / 2 / np.tan(field_of_view / 2)
+    return Camera(pose, (focal, focal), (pixels / 2, pixels / 2), (pixels, pixels))
+
+
+def read_transforms(path: str | Path) -> tuple[Shot, ...]:
+    """Read the photographs and cameras of a ``transforms.json`` (NeRF's convention).
+
+    Intrinsics may stand once for all frames or in each: ``fl_x``, ``fl_y``, ``cx``, ``cy`` [px], or
+    ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera.
+
+    Raises
+    ------
+    InputError
+        Where the file or a photograph is missing or invalid, or lies outside the file's folder.
+    """
+    path = Path(path)
+    try:
+        document = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: no readable transforms.json: {error}") from error
+    frames = document.get("frames") if isinstance(document, dict) else None
+    if not isinstance(frames, list) or not frames:
+        raise InputError(f"{path}: wanted a list 'frames' with at least one photograph")
+    return tuple(_shot(path, number, {**document, **frame}) for number, frame in enumerate(frames))
+
+
+def _shot(path: Path, number: int, frame: dict[str, Any]) -> Shot:
+    from PIL import Image
+
+    try:
+        photo = _photograph(path.parent, str(frame["file_path"]))
+        pose = np.array(frame["transform_matrix"], dtype=np.float64)
+        with Image.open(photo) as image:
+            width, height = image.size
+        focal, center = _intrinsics(frame, width, height)
+    except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
+        raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
+    return Shot(photo, Camera(pose, focal, center, (height, width)))
+
+
+def _intrinsics(frame: dict[str, Any], width: int, height: int) -> tuple[Pixels, Pixels]:
+    """Focal lengths and centre, each (x, y) [px] of the photograph; the file's may be others."""
+    w = float(frame.get("w", width))
+    h = float(frame.get("h", height * w / width))
+    if "fl_x" in frame:
+        focal = float(frame["fl_x"]), float(frame.get("fl_y", frame["fl_x"]))
+    else:
+        focal = (w / 2 / np.tan(float(frame["camera_angle_x"]) / 2),) * 2
+    center = float(frame.get("cx", w / 2)), float(frame.get("cy", h / 2))
+    across, down = width / w, height / h
+    return (focal[0] * across, focal[1] * down), (center[0] * across, center[1] * down)
+
+
+def _photograph(folder: Path, name: str) -> Path:
+    """The file of a frame, which NeRF's own data sets name without a suffix."""
+    for candidate in (folder / name, folder / f"{name}.png", folder / f"{name}.jpg"):
+        if candidate.is_file():
+            if not candidate.resolve().is_relative_to(folder.resolve()):
+                raise InputError(f"{name} lies outside {folder}: move the photographs beside it")
+            return candidate
+    raise InputError(f"photograph {name} is missing in {folder}")

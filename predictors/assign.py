@@ -1,0 +1,163 @@
+"""From clauses to the material of every part: words where they settle it, else a predictor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..fem.errors import UsageError
+from ..fem.table import MaterialTable, key, load_table
+from .appearance.features import Appearance
+from .asset import UpAxis
+from .grid import PartVoxels
+from .lookup.lookup import lookup_of
+from .partition import alike, merged
+from .prediction import PartChoice, Prediction
+from .predictor import PREDICTORS, Predictor
+from .text.clauses import Bound
+
+
+def predict_materials(
+    parts: PartVoxels,
+    bound: Bound,
+    *,
+    predictor: Predictor | str,
+    overrides: Mapping[str, str] | None = None,
+    materials: Mapping[str, str] | None = None,
+    values: Mapping[str, Mapping[str, float]] | None = None,
+    alpha: float | None = None,
+    samples: int = 0,
+    volumes: Sequence[float] | None = None,
+    usual: Mapping[str, tuple[str, str]] | None = None,
+    up: UpAxis = "z",
+    appearance: Callable[[], Appearance] | None = None,
+    table: MaterialTable | None = None,
+) -> Prediction:
+    """Return the material of every part; what is one thing several times is found once.
+
+    Parameters
+    ----------
+    parts
+        The cells [m] of every part.
+    bound
+        What the user says of the object, and of which part.
+    predictor
+        Who finds what words leave open, or its name in ``PREDICTORS``.
+    overrides, materials, values, alpha, volumes
+        As ``Lookup.settle`` takes them; volumes [m^3].
+    samples
+        How many plausible materials to draw of every part that words leave open.
+    usual
+        By part a kind of thing and its usual material, for where no word names another.
+    up
+        The axis that points up.
+    appearance
+        Gives what is seen of the cells; called only where words leave a part open.
+    table
+        The materials, by default those of the package.
+
+    Raises
+    ------
+    UsageError
+        Where a part, a material or the predictor is unknown, a part is stated twice, ``alpha`` is
+        to move, or ``samples`` to draw, what a predictor finds that cannot do it.
+    """
+    _check_once(overrides or {}, materials or {})
+    predictor, table = _named(predictor, table, samples), table or load_table()
+    settled = lookup_of(table).settle(
+        parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
+        alpha=alpha, volumes=volumes,
+    )  # fmt: skip
+    choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
+    made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
+    if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
+        _check_alpha(alpha, predictor, choices[left_open[0]].part)
+        first = alike(parts, left_open, [choice.clause for choice in choices])
+        known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
+        found = predictor.predict(merged(parts, first), bound.sentence, **known)
+        made = _for_each(found, parts, first)
+    return replace(made, warnings=settled.warnings)
+
+
+def _named(predictor: Predictor | str, table: MaterialTable | None, samples: int) -> Predictor:
+    """Return the predictor of a name; a table that is the user's own is its table too."""
+    if not isinstance(predictor, str):
+        return predictor
+    kind = PREDICTORS[predictor]
+    if samples < 0:
+        raise UsageError(f"--samples {samples}: wanted a number from 0 on")
+    if samples and not kind.takes_samples:
+        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
+        raise UsageError(f"--samples: {predictor} finds one material a part: --predictor {able}")
+    given = {"table": table, "samples": samples or None}
+    return kind(**{name: value for name, value in given.items() if value is not None})
+
+
+def _check_once(overrides: Mapping[str, str], materials: Mapping[str, str]) -> None:
+    """Refuse a part that two options state."""
+    if both := {key(name) for name in overrides} & {key(name) for name in materials}:
+        raise UsageError(
+            f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
+        )
+
+
+def _check_alpha(alpha: float | None, predictor: Predictor, part: str) -> None:
+    if alpha is not None and not predictor.takes_alpha:
+        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
+        raise UsageError(
+            f"--alpha moves a material within its range, and no word names one for part {part!r}: "
+            f"name it, or use --predictor {able}"
+        )
+
+
+def _usual(
+    choice: PartChoice, table: MaterialTable, usual: Mapping[str, tuple[str, str]]
+) -> PartChoice:
+    """The choice, or the usual material of its kind where no word of text or name decided it."""
+    kind, material = usual.get(choice.part, ("", ""))
+    if not (material and choice.guessed) or choice.clause or not choice.understood:
+        return choice
+    row = table.exact(material)
+    why = f"usual for a {kind}"
+    return PartChoice(
+        choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why, guessed=True
+    )
+
+
+def _for_each(made: Prediction, parts: PartVoxels, first: Sequence[int]) -> Prediction:
+    """Give each part the answer, and the pieces, of the ``first`` part that it is like."""
+    if list(first) == sorted(set(first)):
+        return made
+    of_piece = made.parts.part
+    label = np.full_like(of_piece, -1)
+    main: list[_Share] = []
+    others: list[_Share] = []
+    for i, k in enumerate(first):
+        pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
+        main.append(_Share(i, pieces[0]))
+        others += [_Share(i, piece) for piece in pieces[1:]]
+    shares = [*main, *others]
+    for number, (part, piece) in enumerate(shares):
+        label[(parts.part == part) & (of_piece == piece)] = number
+    names = tuple(
+        parts.part_names[part]
+        + made.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
+        for part, piece in shares
+    )
+    pieces = PartVoxels(parts.grid, label, names, tuple(parts.labels[s.part] for s in shares))
+    choices = (replace(made.choices[s.piece], part=n) for s, n in zip(shares, names, strict=True))
+    field = replace(made.field, part=label, part_names=names)
+    return replace(
+        made, parts=pieces, parents=tuple(s.part for s in shares), field=field,
+        choices=tuple(choices),
+    )  # fmt: skip
+
+
+class _Share(NamedTuple):
+    """What of a part lies in a piece of the answer, by their numbers."""
+
+    part: int
+    piece: int

@@ -1,0 +1,293 @@
+"""What a sentence says: clauses, each about some parts, and the words that none of them took."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+from .lexicon import HEAD, LABEL, WORD, PartLabels, PartMatch, known_parts, part_words, parts_named
+from .numerals import Blend, Comparison, Quantity
+
+# What a clause speaks of: parts by name, the object as a whole, what no other clause names, or
+# nothing that it says ("oak" alone).
+Scope = Literal["parts", "whole", "rest", "none"]
+# How stiff or heavy a thing is said to be, from 1 (very soft, very light) to 5 (very stiff, very
+# heavy); 3 is "medium".
+Degree = Literal[1, 2, 3, 4, 5]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a clause speaks of.
+
+    Parameters
+    ----------
+    scope
+        Parts, the whole, the rest, or nothing that is said.
+    names
+        For each part that is spoken of the words that name it, its head last: ("front", "leg").
+    exceptions
+        Parts that a whole or a rest leaves out: "all but the seat".
+    holds
+        Whether it is said to have parts itself: "a bookcase with a plywood back".
+    count
+        How many of the parts so called, 0 for "some"; None where it is not said.
+    """
+
+    scope: Scope
+    names: tuple[tuple[str, ...], ...] = ()
+    exceptions: tuple[tuple[str, ...], ...] = ()
+    holds: bool = False
+    count: int | None = None
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One statement of a sentence: what is said of one subject.
+
+    Parameters
+    ----------
+    text
+        Its words as they were written.
+    span
+        First and one past last character of them in the sentence.
+    subject
+        What it speaks of.
+    material
+        Name of the row of the table that it names, or None.
+    phrase
+        The words that name the row: "soft foam"; "" without a material.
+    kind
+        Category of the table, where only that is named: "some kind of metal", "ceramic".
+    unknown
+        Words that stand where a material is named and that no row answers to.
+    nearest
+        Names of the rows that are written most like ``unknown``.
+    excluded
+        Rows and categories that it rules out: "not metal".
+    stiffness, density
+        How stiff and heavy it is said to be, or None; within the row's range where one is named.
+    character
+        Words for behaviour, each a key of the table of characters: brittle, tough, bouncy, floats.
+    numbers
+        What was said in numbers, SI.
+    comparisons
+        Relations to other parts.
+    coating, filling
+        Rows of what lies on it, and of what it is full of.
+    blend
+        A second matter in it.
+    doubts
+        What was guessed or left out in reading it, each a sentence without its subject.
+    certainty
+        1 where it was read as it stands; lower where spelling or structure was guessed.
+    says_matter
+        Whether it says anything of a material: a name, a kind, a level, a number, a relation.
+    """
+
+    text: str
+    span: tuple[int, int]
+    subject: Subject
+    material: str | None = None
+    phrase: str = ""
+    kind: str | None = None
+    unknown: str = ""
+    nearest: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
+    stiffness: Degree | None = None
+    density: Degree | None = None
+    character: tuple[str, ...] = ()
+    numbers: tuple[Quantity, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    coating: str | None = None
+    filling: str | None = None
+    blend: Blend | None = None
+    doubts: tuple[str, ...] = ()
+    certainty: float = 1.0
+
+    says_matter: bool = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        says = (
+            self.material or self.kind or self.unknown or self.excluded or self.stiffness
+            or self.density or self.character or self.numbers or self.comparisons
+        )  # fmt: skip
+        object.__setattr__(self, "says_matter", bool(says))
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A text, read once: every later stage takes its clauses and not its characters.
+
+    Parameters
+    ----------
+    text
+        The text.
+    clauses
+        What it says, in its order.
+    unread
+        Words, or numbers with their units, that no clause took.
+    notes
+        What the reader took upon itself, each a sentence for the user: a spelling that was mended,
+        a language that is not English.
+    thing
+        Words of its first noun phrase, without plurals: what it says that the object is.
+    """
+
+    text: str
+    clauses: tuple[Clause, ...] = ()
+    unread: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    thing: tuple[str, ...] = ()
+
+
+# Which clauses speak of which part of an asset.
+
+How = Literal["name", "label", "synonym", "rest", "whole"]
+_HOW: dict[int, How] = {HEAD: "name", WORD: "name", LABEL: "label"}
+GENERAL: tuple[How, ...] = ("rest", "whole")  # not by a word for the part
+
+
+class BoundPart(NamedTuple):
+    """Indices of the clauses that speak of a part, the most specific first, and how each does."""
+
+    clauses: tuple[int, ...] = ()
+    how: tuple[How, ...] = ()
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A sentence, and which of its clauses speak of every part.
+
+    Parameters
+    ----------
+    sentence
+        What was read.
+    parts
+        One for each part of the asset.
+    unbound
+        Indices of clauses that speak of no part of it.
+    """
+
+    sentence: Sentence
+    parts: tuple[BoundPart, ...]
+    unbound: tuple[int, ...]
+
+
+def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
+    """Say which clauses speak of which part.
+
+    Parameters
+    ----------
+    sentence
+        What was read.
+    labels
+        For each part its name, then all other words that the asset has for it.
+    """
+    clauses = sentence.clauses
+    parts = [PartLabels(tuple(names)) for names in labels]
+    matches: list[dict[int, PartMatch]] = [{} for _ in parts]
+    for other in (False, True):  # "the other legs" are those that nothing else names
+        for k, clause in enumerate(clauses):
+            if clause.subject.scope == "parts" and _is_other(clause) == other:
+                for i, match in _spoken_of(clause, parts).items():
+                    if not (other and matches[i]):
+                        matches[i][k] = match
+    lost = [k for k, c in enumerate(clauses) if c.subject.scope == "parts"]
+    lost = [k for k in lost if not any(k in found for found in matches)]
+    whole, rest, lost = _general(clauses, lost, matches, parts)
+    bound = []
+    for i, found in enumerate(matches):
+        ks = sorted(found, key=lambda k: (-found[k].words, -found[k].tier, k))
+        naming = [k for k in ks if clauses[k].material]
+        # "the back of the seat" is not what "the seat" speaks of.
+        ks = [k for k in ks if k not in naming or found[k].words == found[naming[0]].words]
+        how: list[How] = [_HOW.get(found[k].tier, "synonym") for k in ks]
+        generals: tuple[tuple[list[int], How], ...] = ((rest, "rest"), (whole, "whole"))
+        for general, name in generals:
+            settled = any(clauses[k].material or clauses[k].unknown for k in ks)
+            if settled or (name == "rest" and any(clauses[k].says_matter for k in ks)):
+                continue
+            new = [k for k in general if k not in ks and not _is_excepted(i, parts, clauses[k])]
+            ks += new
+            how.extend(name for _ in new)
+        bound.append(BoundPart(tuple(ks), tuple(how)))
+    taken = {k for part in bound for k in part.clauses}
+    idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
+    kept = {k for k, clause in enumerate(clauses) if _only_excludes(clause)}  # "no plastic"
+    left = sorted({*lost, *whole, *rest} - taken - idle - kept)
+    counted = tuple(_counted(clause, k, bound) for k, clause in enumerate(clauses))
+    return Bound(replace(sentence, clauses=counted), tuple(bound), tuple(left))
+
+
+def _counted(clause: Clause, k: int, bound: Sequence[BoundPart]) -> Clause:
+    """A clause, with a doubt where it speaks of fewer parts than are called so: "3 of the legs"."""
+    said, there = clause.subject.count, sum(k in part.clauses for part in bound)
+    if said is None or said >= there or there == 1:
+        return clause
+    doubt = f"{said or 'some'} of {there} such parts are spoken of, and not which: all have it"
+    return replace(clause, doubts=(*clause.doubts, doubt))
+
+
+def _is_other(clause: Clause) -> bool:
+    return clause.subject.names[0][:1] == ("other",)
+
+
+def _spoken_of(clause: Clause, parts: Sequence[PartLabels]) -> dict[int, PartMatch]:
+    """Parts that a clause names, less its exceptions."""
+    if _is_other(clause):
+        return {i: PartMatch(HEAD, 1) for i in parts_named(clause.subject.names[0][1:], parts)}
+    found = {i: m for name in clause.subject.names for i, m in parts_named(name, parts).items()}
+    return {i: m for i, m in found.items() if not _is_excepted(i, parts, clause)}
+
+
+def _only_excludes(clause: Clause) -> bool:
+    whole = clause.subject.scope != "parts"
+    return whole and not replace(clause, excluded=()).says_matter
+
+
+def _general(
+    clauses: Sequence[Clause],
+    lost: list[int],
+    matches: Sequence[dict[int, PartMatch]],
+    parts: Sequence[PartLabels],
+) -> tuple[list[int], list[int], list[int]]:
+    """Clauses about the whole, about the rest, and about parts that are not there."""
+    rest, whole, unnamed = (
+        [k for k, c in enumerate(clauses) if c.subject.scope == scope]
+        for scope in ("rest", "whole", "none")
+    )
+
+    def is_thing(k: int) -> bool:
+        """Whether parts are called after what a clause names ("table_top"), or it has parts."""
+        named = [i for i, found in enumerate(matches) if k in found]
+        heads = {name[-1] for name in clauses[k].subject.names}
+        return clauses[k].subject.holds or not any(heads & set(parts[i].tail) for i in named)
+
+    # A thing that has parts, or the only one that is spoken of, is the object.
+    saying = [k for k, c in enumerate(clauses) if c.says_matter]
+    things = [k for k in lost if _is_object(clauses[k], alone=len(saying) == 1)]
+    only = [k for k in saying if len(saying) == 1 and k not in lost and is_thing(k)]
+    whole += [k for k in things[:1] + only if k not in whole]
+    if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
+        whole += [k for k in unnamed if k not in whole]
+    else:
+        lost = lost + unnamed
+    return whole, rest, [k for k in lost if k not in whole]
+
+
+def _is_object(clause: Clause, *, alone: bool) -> bool:
+    heads = {name[-1] for name in clause.subject.names}
+    thing = clause.subject.holds or alone or names_object(clause)
+    return thing and not heads & known_parts()
+
+
+def names_object(clause: Clause) -> bool:
+    """Whether its subject is a word for a thing that has parts: "the chair"."""
+    heads = {name[-1] for name in clause.subject.names}
+    return bool(heads) and heads <= {*part_words()["objects"]}
+
+
+def _is_excepted(i: int, parts: Sequence[PartLabels], clause: Clause) -> bool:
+    return any(i in parts_named(name, parts) for name in clause.subject.exceptions)

@@ -1,0 +1,268 @@
+"""A text read once for an asset: by the built-in reader, or by a language model that it checks.
+
+The built-in reader stays the fall-back, and the check: what the model left out or reads otherwise
+is told. A clause that quotes words which the text does not have, or numbers that are not in it, is
+left out with its reason.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import urllib.error
+import urllib.request
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, get_args
+
+from ...fem.errors import InputError, UsageError
+from ...fem.table import CATEGORIES, MaterialTable, key
+from .clauses import Bound, Clause, Degree, Scope, Sentence, Subject, bind
+from .numerals import Measure, Quantity
+from .reader import parse
+
+MOST_CLAUSES = 100  # of a text of 4,000 characters
+_PROMPT = """Read what this sentence says about the materials of an object's parts.
+Sentence: {text!r}
+Parts of the object: {names}.
+Answer with JSON alone: {{"clauses": [CLAUSE, ...]}}. A CLAUSE has
+"text": the exact words of the sentence that it comes from;
+"scope": "parts" (it names parts), "whole" (the object), "rest" (everything else) or "none";
+"parts": for each part it names a list of words, the head last, as [["front", "leg"]];
+"exceptions": the same for parts that it leaves out;
+"material": the bulk material in plain words ("soft foam", "6061-T6"), never a coating; or null;
+"coating", "filling": words for what lies on it and what it is full of; or null;
+"excluded": materials it is said not to be;
+"stiffness", "density": 1 (very soft, very light) to 5 (very stiff, very heavy), or null;
+"numbers": [{{"measure": one of {measures}, "value": in Pa, 1, kg/m3, kg, m, "text": exact words}}].
+Leave out what the sentence does not say. Guess nothing."""
+
+
+def read_sentence(
+    text: str,
+    labels: Sequence[Sequence[str]],
+    table: MaterialTable,
+    *,
+    interpreter: ChatEndpoint | None = None,
+) -> Bound:
+    """Read a text, and say which of its clauses speak of which part.
+
+    Parameters
+    ----------
+    text
+        What the user says of the object.
+    labels
+        For each part its name, then all other words that the asset has for it.
+    table
+        Whose rows are materials.
+    interpreter
+        A language model that reads the text.
+    """
+    names = [own[0] for own in labels]
+    if interpreter is None:
+        return bind(parse(text, table, names), labels)
+    return bind(interpret(interpreter, text, table, names), labels)
+
+
+def interpret(
+    endpoint: ChatEndpoint, text: str, table: MaterialTable, names: Sequence[str] = ()
+) -> Sentence:
+    """Return a text's clauses as a language model reads them.
+
+    Where it cannot be reached or answers nothing usable, the built-in reader's clauses, and a note
+    that says so.
+    """
+    own = parse(text, table, names)
+    prompt = _PROMPT.format(
+        text=text, names=", ".join(names) or "not known", measures=", ".join(get_args(Measure))
+    )
+    try:
+        given = endpoint.ask(prompt).get("clauses")
+        if not isinstance(given, list) or not given:
+            raise InputError(f"{endpoint.model} answered no clauses")
+    except InputError as error:
+        note = f"the interpreter was not used, the built-in reader was: {error}"
+        return replace(own, notes=(*own.notes, note))
+    clauses, notes = [], []
+    for number, item in enumerate(given[:MOST_CLAUSES], 1):
+        try:
+            clauses.append(_clause(item, text, table))
+        except InputError as error:
+            notes.append(f"clause {number} of the interpreter is left out: {error}")
+    if not clauses:
+        notes.append("the interpreter's clauses were all left out: the built-in reader was used")
+        return replace(own, notes=(*own.notes, *notes))
+    notes += _differences(own, clauses)
+    return Sentence(text, tuple(clauses), (), tuple(notes), own.thing)
+
+
+def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
+    """Check one clause of the model's answer."""
+    if not isinstance(item, Mapping):
+        raise InputError(f"wanted an object, got {type(item).__name__}")
+    said = _quote(item.get("text"), text)
+    start = text.lower().index(said.lower())
+    scopes: tuple[Scope, ...] = get_args(Scope)
+    if item.get("scope") not in scopes:
+        raise InputError(f"scope {item.get('scope')!r} is none of {', '.join(scopes)}")
+    scope = scopes[scopes.index(item["scope"])]
+    subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
+    phrase = _words(item.get("material"))
+    row = table.phrases.get(key(phrase)) if phrase else None
+    return Clause(
+        text=said,
+        span=(start, start + len(said)),
+        subject=subject,
+        material=row.name if row else None,
+        phrase=phrase if row else "",
+        unknown=phrase if phrase and not row else "",
+        nearest=tuple(table.near(phrase)) if phrase and not row else (),
+        excluded=tuple(_ruled_out(word, table) for word in _strings(item.get("excluded"))),
+        stiffness=_degree(item.get("stiffness")),
+        density=_degree(item.get("density")),
+        numbers=tuple(_quantity(number, text) for number in _list(item.get("numbers"))),
+        coating=_words(item.get("coating")) or None,
+        filling=_words(item.get("filling")) or None,
+        certainty=0.9,  # read by someone else: below what stands in the text as it is
+    )
+
+
+def _quote(value: Any, text: str) -> str:
+    words = _words(value)
+    if not words or words.lower() not in text.lower():
+        raise InputError(f"it quotes {words!r}, which the text does not say")
+    return words
+
+
+def _quantity(item: Any, text: str) -> Quantity:
+    if not isinstance(item, Mapping) or item.get("measure") not in get_args(Measure):
+        raise InputError(f"{item!r} is no number of {', '.join(get_args(Measure))}")
+    value = item.get("value")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{value!r} is no number")
+    if value <= 0 and item["measure"] != "nu":
+        raise InputError(f"{item['measure']} = {value:g} is not positive")
+    return Quantity(item["measure"], float(value), _quote(item.get("text"), text))
+
+
+def _degree(value: Any) -> Degree | None:
+    if value is None or (value in get_args(Degree) and not isinstance(value, bool)):
+        return value
+    raise InputError(f"{value!r} is no degree from 1 to 5")
+
+
+def _ruled_out(word: str, table: MaterialTable) -> str:
+    row = table.phrases.get(key(word))
+    if row is None and word not in CATEGORIES:
+        raise InputError(f"it rules out {word!r}, which the table does not have")
+    return row.name if row else word
+
+
+def _words(value: Any) -> str:
+    return " ".join(value.split()) if isinstance(value, str) else ""
+
+
+def _list(value: Any) -> list:
+    return value if isinstance(value, list) else []
+
+
+def _strings(value: Any) -> list[str]:
+    return [item for item in _list(value) if isinstance(item, str)]
+
+
+def _names(value: Any) -> tuple[tuple[str, ...], ...]:
+    named = (tuple(w.lower() for w in _strings(words)) for words in _list(value))
+    return tuple(words for words in named if words)
+
+
+def _differences(own: Sentence, clauses: Sequence[Clause]) -> list[str]:
+    """What the built-in reader found in the text and the model did not give."""
+    mine = {m: c.text for c in own.clauses for m in [c.material] if m}
+    theirs = {clause.material for clause in clauses}
+    notes = [
+        f"the interpreter does not give {material!r}, which the built-in reader reads in {said!r}"
+        for material, said in mine.items()
+        if material not in theirs
+    ]
+    numbers = {number.measure for clause in clauses for number in clause.numbers}
+    notes += [
+        f"the interpreter does not give the number {number.text!r}"
+        for clause in own.clauses
+        for number in clause.numbers
+        if number.measure not in numbers
+    ]
+    return notes
+
+
+# A language model behind an OpenAI-compatible endpoint, here or elsewhere: text in, JSON out.
+#
+# What it answers is data of unknown quality: bounded in size, read as JSON alone, checked by
+# whoever asked.
+
+MAX_ANSWER = 1_000_000  # bytes; what is asked for here is a few thousand
+
+
+@dataclass(frozen=True)
+class ChatEndpoint:
+    """An endpoint such as ``http://localhost:8000/v1`` and the model to ask there."""
+
+    url: str
+    model: str
+    key: str = field(default="", repr=False)
+    timeout: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not self.url.startswith(("http://", "https://")):
+            raise UsageError(f"the endpoint must be an http or https address, got {self.url!r}")
+
+    @classmethod
+    def at(cls, address: str) -> ChatEndpoint:
+        """Return the endpoint of ``http://HOST/v1#MODEL``; its key is in the environment."""
+        url, _, model = address.partition("#")
+        return cls(url, model or "default", os.environ.get("AUTOPHYX_INTERPRETER_KEY", ""))
+
+    def ask(self, prompt: str) -> dict[str, Any]:
+        """Return the JSON object that the model answers (POST /chat/completions).
+
+        Raises
+        ------
+        InputError
+            Where the endpoint cannot be reached or answers no JSON object.
+        """
+        answer = self._content(self._post(prompt))
+        try:
+            document = json.loads(answer)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise InputError(
+                f"{self.model} answered no JSON ({error}): ask another model"
+            ) from error
+        if not isinstance(document, dict):
+            raise InputError(f"{self.model} answered no JSON object: ask another model")
+        return document
+
+    def _post(self, prompt: str) -> bytes:
+        body = {
+            "model": self.model,
+            "messages": [{"role": "user", "content": prompt}],
+            "response_format": {"type": "json_object"},
+        }
+        request = urllib.request.Request(
+            f"{self.url.rstrip('/')}/chat/completions",
+            data=json.dumps(body).encode(),
+            headers={"Content-Type": "application/json", "Authorization": f"Bearer {self.key}"},
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=self.timeout) as response:
+                data = response.read(MAX_ANSWER + 1)
+        except (urllib.error.URLError, OSError) as error:
+            raise InputError(f"cannot reach {self.url}: {error}") from error
+        if len(data) > MAX_ANSWER:
+            raise InputError(f"{self.url} answered more than {MAX_ANSWER} bytes")
+        return data
+
+    def _content(self, data: bytes) -> str:
+        try:
+            return str(json.loads(data)["choices"][0]["message"]["content"])
+        except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
+            raise InputError(f"{self.url} does not answer as a chat endpoint: {error}") from error

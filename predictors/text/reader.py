@@ -1,0 +1,873 @@
+"""The reader: a text to a Sentence, once.
+
+Its lexemes are joined to tokens (a part, what is said of one, or both, and what stands between
+them), the grammar joins these to statements, and each statement becomes a clause.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise, takewhile
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from ...fem.errors import UsageError
+from ...fem.table import Material, MaterialTable
+from .clauses import Clause, Scope, Sentence, Subject
+from .lexicon import SHORT, Phrase, ReaderLexicon, known_parts, lexicon_of, places, words
+from .lexing import (
+    Lexed,
+    Lexeme,
+    bare_numbers,
+    first_phrase,
+    implied,
+    is_hue,
+    join_comparisons,
+    lex,
+    lone_grades,
+    point_back,
+    puts_hue,
+)
+from .numerals import Blend, Comparison, Quantity, counted_by
+
+LONGEST = 4000  # characters: a page of notes; a book is a mistake
+_GROUPED = (
+    "word material part number stiffness density character degree fake coat coating look attributes"
+    " empty compare idle factors vague digits size told sign hyphen nobody all"
+).split()
+
+
+def parse(text: str, table: MaterialTable, names: Sequence[str] = ()) -> Sentence:
+    """Return what a text says of materials, read once.
+
+    Parameters
+    ----------
+    text
+        Plain English, as a sentence, a list, a table or a note.
+    table
+        Whose rows are materials.
+    names
+        What the asset calls its parts: a word of theirs is a part before it is a material.
+
+    Raises
+    ------
+    UsageError
+        Where the text is longer than ``LONGEST`` characters.
+    InputError
+        Where the English model is not installed.
+    """
+    if len(text) > LONGEST:
+        raise UsageError(f"the text has {len(text)} characters: at most {LONGEST} are read")
+    lexicon = lexicon_of(table)
+    lexed = lex(text, lexicon, names)
+    lexed.lexemes = point_back(lone_grades(bare_numbers(lexed.lexemes)))
+    cascade = Cascade(list(_tokens(join_comparisons(lexed.lexemes), lexicon)), lexicon)
+    left = cascade.run()
+    told = {name for draft in left if draft.says for name in draft.names}
+    for draft in left:
+        if draft.named and not draft.says and not told & {*draft.names}:
+            take_strange(draft, lexed.lexemes)
+    drafts = [draft for draft in left if draft.says]
+    settle(drafts, lexed)
+    unread = unread_lexemes(drafts, lexed, cascade.dropped)
+    tell(unread, drafts, lexed.lexemes)
+    return Sentence(
+        text,
+        tuple(clause_of(text, draft, lexicon) for draft in drafts),
+        tuple(x.text for x in unread),
+        tuple(dict.fromkeys([*lexed.notes, *(x.note for x in lexed.lexemes if x.note)])),
+        first_phrase(lexed.lexemes, {*grammar()["signs"], "sign"} - {"word"}),
+    )
+
+
+def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Constituent]:
+    """Cut lexemes into connectors and the runs between them, and these into groups."""
+    signs, before, last, at, draft = grammar()["signs"], "", (), 0, Draft()
+    while at < len(lexemes):
+        end = _run_end(lexemes, at, before)
+        after = signs.get(lexemes[end].role, "") if end < len(lexemes) else ""
+        if end > at:
+            for token in _groups(lexemes[at:end], lexicon, before, after, last):
+                draft = token.draft or draft
+                last = draft.names[-1] if draft.names else last
+                before = ""
+                yield token
+            at = end
+            continue
+        lexeme = lexemes[at]
+        sign = signs.get(lexeme.role, "p")
+        if sign == "W":
+            scope = "rest" if lexeme.role == "rest" else "whole"
+            yield Constituent("W", Draft(scope, lexemes=[lexeme]))
+        elif sign == "O":
+            yield Constituent("O", Draft("parts", [("other", *last[-1:])]))
+        elif sign == "m":
+            yield Constituent("m", Draft(same=()))
+        elif sign in "tY":
+            yield Constituent(sign, Draft("whole"))
+        else:
+            after = next((x.role for x in lexemes[at + 1 :] if x.tag != "DT"), "")
+            draft.holds = draft.holds or (sign == "w" and after not in ("number", "told"))
+            yield Constituent(sign)
+        before, at = sign, at + 1
+
+
+def _run_end(lexemes: Sequence[Lexeme], at: int, before: str) -> int:
+    """Where a run of grouped lexemes ends; "the legs are oak the seat is foam" are two."""
+    end = at
+    while end < len(lexemes) and _is_grouped(lexemes, end, at):
+        after = lexemes[end + 1].role if end + 1 < len(lexemes) else ""
+        owed = before == "=" and any(x.role == "material" for x in lexemes[at:end])
+        if owed and after == "is":
+            break
+        end += 1
+    return end
+
+
+def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
+    """Whether a lexeme is of a group; a verb is, as the participle before a noun."""
+    lexeme, run = lexemes[i], lexemes[start:i]
+    role = lexemes[i + 1].role if i + 1 < len(lexemes) else ""
+    if lexeme.part and lexeme.role not in ("is", "of", "and", "comma"):
+        return True
+    changed = (lexeme.text.lower() in words()[said]["words"] for said in ("conditions", "states"))
+    if role in ("material", "word") and any(changed):
+        return True
+    if lexeme.role == "coat" and role in ("with", "of"):
+        return bool(run) and run[-1].end == lexeme.start  # "leather-covered in ..."
+    if lexeme.role == "word" and lexeme.tag.startswith("V") and lexeme.known:
+        return bool(run) and lexeme.dep == "amod" and role in ("material", "word")
+    return lexeme.role in _GROUPED
+
+
+def _groups(
+    run: Sequence[Lexeme], lexicon: ReaderLexicon, before: str, after: str, last: Phrase
+) -> Iterator[Constituent]:
+    """Tokens of a run, ``before`` and ``after`` which signs stand."""
+    opens = after in ("=", "o") or before in ("x", "F")
+    owes = before in tuple("=o^cf!mTAW~") and not opens
+    said = next((i for i, x in enumerate(run) if x.text.lower() in ("whole", "entire")), None)
+    if said is not None:
+        if any(x.part for x in run[:said]):
+            yield from _groups(run[:said], lexicon, before, "", last)
+            run = run[said:]
+        run = [x for x in run if x.role != "word" or x.part]
+        yield Constituent("W", Draft("whole", lexemes=[x for x in run if x.role == "all"]))
+    for group in groups_of(run, lexicon, owes=owes, opens=opens):
+        part = _full_name(group, last)
+        if part and part[-1] in words()["attributes"]["matter"] and after == "=":
+            part = part[:-1]
+            if not part:
+                yield Constituent("W", Draft("whole", lexemes=group.lexemes))
+                continue
+        yield _token(replace(group, part=part), lexicon, last, mixed=is_mixed(run))
+        last = part or last
+
+
+def _full_name(group: Group, last: Phrase) -> Phrase:
+    """A number or a side alone has the noun that came before it: "leg 1, 2", "the second"."""
+    if last and group.part and all(word.isdigit() for word in group.part):
+        return (*(word for word in last if not word.isdigit()), *group.part)
+    side = group.part[-1:] and group.part[-1] in places() and not group.named
+    own = group.values and side and group.part[-1] in known_parts()  # "a glass top"
+    return (*group.part, last[-1]) if last and side and not own else group.part
+
+
+def _token(group: Group, lexicon: ReaderLexicon, last: Phrase, *, mixed: bool) -> Constituent:
+    """A group as a token: S a part, V what is said, N that without a matter, B and P both."""
+    draft = Draft(
+        "parts" if group.part else "none", [group.part] if group.part else [],
+        named=group.named, count=group.count, mixed=mixed, own=group.own, loose=group.modifiers,
+        article=any(x.tag in ("DT", "PRP$") for x in group.lexemes), lexemes=list(group.lexemes),
+        holds=group.is_thing and not (last and group.values),
+    )  # fmt: skip
+    for mention in group.values:
+        draft.take(mention, lexicon)
+    if not group.part:
+        return Constituent("V" if draft.material or draft.unknown else "N", draft)
+    sign = "S" if group.own or not group.values else "P" if group.part_first else "B"
+    return Constituent(sign if group.named else sign.lower(), draft)
+
+
+# The grammar: constituents of a text, joined by rules over the signs of their sequence.
+#
+# Each has a sign of one character (``data/grammar.toml`` lists them). A rule is a regular
+# expression over the signs of a text with named groups: the one called ``head`` takes what the
+# others say, each in the role that its name says, and stands for all of them. Rules are tried in
+# their order, each until it fits nowhere: a cascade of finite-state transducers (Hobbs et al.
+# 1997, FASTUS).
+
+SAYING = "VNXBbPpDGSsWtOEmY"  # signs of tokens that have a draft
+
+
+@dataclass(eq=False)
+class Constituent:
+    """One sign of a text: a connector without a draft, or what a draft says."""
+
+    sign: str
+    draft: Draft | None = None
+
+
+class Rule(NamedTuple):
+    """Where a rule fits, the sign of what it makes, and the role that it leaves standing after."""
+
+    find: re.Pattern
+    to: str
+    keep: str
+
+
+@lru_cache(maxsize=1)
+def grammar() -> dict[str, Any]:
+    """Signs by role, and rules: ``data/grammar.toml``."""
+    data = tomllib.loads((Path(__file__).parent / "data/grammar.toml").read_text(encoding="utf-8"))
+
+    def spelt(pattern: str) -> str:
+        return re.sub(r"<([A-Z_]+)>", lambda m: spelt(data["sets"][m[1]]), pattern)
+
+    rules = [
+        Rule(re.compile(spelt(r["find"])), r.get("to", ""), r.get("keep", "")) for r in data["rule"]
+    ]
+    return {"signs": data["signs"], "rules": rules}
+
+
+class Cascade:
+    """The tokens of a text, which rules join to statements."""
+
+    def __init__(self, tokens: list[Constituent], lexicon: ReaderLexicon) -> None:
+        self.tokens, self.lexicon = tokens, lexicon
+        self.dropped: list[Lexeme] = []  # read, and of nothing that is there
+
+    def run(self) -> list[Draft]:
+        """Apply every rule until it fits nowhere; return the drafts that are left."""
+        for rule in grammar()["rules"]:
+            for _ in range(len(self.tokens)):
+                signs = "".join(token.sign for token in self.tokens)
+                if not any(self._apply(rule, match) for match in rule.find.finditer(signs)):
+                    break
+        return [token.draft for token in self.tokens if token.draft is not None]
+
+    def _apply(self, rule: Rule, match: re.Match) -> bool:
+        """Join what a match spans, and say whether its sequence is another then."""
+        span = self.tokens[slice(*match.span())]
+        groups = {
+            role: self.tokens[slice(*match.span(role))]
+            for role in rule.find.groupindex if match[role]
+        }  # fmt: skip
+        said = [(role, t.draft) for role, tokens in groups.items() for t in tokens if t.draft]
+        made = next((t for t in groups.get("head", []) if t.draft), Constituent(rule.to))
+        draft = made.draft = made.draft or Draft()
+        if any(not _GUARDS[role](self, draft, other) for role, other in said if role in _GUARDS):
+            return False
+        for role, other in said:
+            if other is not draft and role != "keep":
+                _ROLES[role](self, draft, other)
+                kept = role in ("exceptions", "outside", rule.keep)
+                into = self.dropped if role == "drop" else draft.lexemes
+                into += [] if kept else other.lexemes
+        if "last" in groups:
+            self._compare_with_last(draft, match.start())
+        if made not in span and made.sign not in SAYING:
+            made.draft = None
+        made.sign = rule.to.strip("-") or made.sign
+        if rule.to == "W":
+            draft.scope = "whole"
+        for token in groups.get("exceptions", []):
+            token.sign = token.sign.replace("E", "S")
+        stays = [t for t in span if t is made or t in groups.get(rule.keep, [])]
+        new = [] if rule.to == "-" else stays if made in stays else [made, *stays]
+        self.tokens[slice(*match.span())] = new
+        return "".join(t.sign for t in new) != match[0]
+
+    def _compare_with_last(self, draft: Draft, at: int) -> None:
+        """Compare with the last part that was named before: "lighter than them"."""
+        said = [t.draft for t in reversed(self.tokens[:at]) if t.draft and t.draft.names]
+        before = (other.names[-1] for other in said if other.names[-1] not in draft.names)
+        draft.compare_with(next(before, ()))
+
+
+def _names(_: Cascade, head: Draft, other: Draft) -> None:
+    head.scope = other.scope if head.scope == "none" else head.scope
+    head.names += other.names
+    head.exceptions += other.exceptions
+    head.named, head.holds = head.named or other.named, head.holds or other.holds
+    head.filling = head.filling or other.filling
+
+
+def _more(cascade: Cascade, head: Draft, other: Draft) -> None:
+    _names(cascade, head, other)
+    head.add(other)
+
+
+def _owned(_: Cascade, head: Draft, other: Draft) -> None:
+    """Put the owner before a name: "the top of the table" is the table's top."""
+    head.names[-1:] = [(*other.names[-1], *name) for name in head.names[-1:]]
+    head.named = head.named or other.named
+
+
+def _renamed(_: Cascade, head: Draft, other: Draft) -> None:
+    head.scope, head.names, head.named = "parts", other.names, other.named
+    head.add(other)
+
+
+def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
+    row = other.material.name if other.material else None
+    head.filling = cascade.lexicon.contents_called(other.said) or row or head.filling
+
+
+def _holds_contents(cascade: Cascade, head: Draft, other: Draft) -> bool:
+    """Whether "of" says what is in a thing: "a bag of sand", "a box of books"."""
+    containers, row = words()["containers"], other.material
+    heads = {name[-1] for name in head.names if name}
+    fills = row is None or row.category in containers["matter"]
+    loose = cascade.lexicon.contents_called(other.said) not in (None, row and row.name)
+    plural = bool(other.lexemes) and other.lexemes[-1].text.lower().endswith("s")
+    return bool(heads & set(containers["words"])) and loose and (fills or plural)
+
+
+def _is_strange(cascade: Cascade, head: Draft, other: Draft) -> bool:
+    """Whether a noun in the place of a material is meant for one that nobody knows."""
+    strange = any(not x.known and x.tag != "RB" for x in other.lexemes) and not other.named
+    adjective = cascade.lexicon.model.is_word(other.names[-1][-1], ("adj",))
+    return strange or (_is_stuff(cascade, head, other) and not adjective)
+
+
+def _is_stuff(_: Cascade, __: Draft, other: Draft) -> bool:
+    """Whether a name after "of" or "from" is of a matter: "cut from King StarBoard"."""
+    return not (other.article or other.named or other.names[-1][-1] in known_parts())
+
+
+def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
+    head.unknown = " ".join(x.text for x in other.lexemes if x.words)
+
+
+def _negated(cascade: Cascade, head: Draft, other: Draft) -> None:
+    other.rule_out(cascade.lexicon)
+    _more(cascade, head, other)
+
+
+def _coat(_: Cascade, head: Draft, other: Draft) -> None:
+    head.coating = other.material.name if other.material else other.coating
+
+
+# What a rule's groups say of its head.
+_ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
+    "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned,
+    "coating": _coat, "filling": _fill, "contents": _fill, "unknown": _unknown,
+    "strange": _unknown, "stuff": _unknown, "excluded": _negated,
+    "values": lambda _, head, other: head.add(other),
+    "made": lambda _, head, other: head.add(other),
+    "first": lambda _, head, other: head.add(other),
+    "instead": lambda _, head, other: head.add(other, instead=True),
+    "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
+    "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
+    "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
+    "renamed": _renamed, **dict.fromkeys(("drop", "keep", "last", "outside"), lambda *_: None),
+}  # fmt: skip
+_GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
+    "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,
+    "first": lambda _, head, other: head.material is None and not head.unknown,
+    "bearers": lambda _, head, other: not head.comparisons,
+    "names": lambda _, head, other: not other.own,
+    "pure": lambda _, head, other: not (other.mixed or other.own),
+    "strange": lambda _, head, other: any(not x.known for x in other.lexemes),
+}  # fmt: skip
+
+
+# Groups of words between connectors: a part, what is said of one, or both, in either order.
+
+_SAYING = ("material", "level", "number", "unknown")
+# Roles of words that a part may be called by all the same: "cover", "core", "body".
+_SMALL = "character empty attributes coating idle look factors fill vague coat".split()
+Kind = Literal["part", "modifier", "material", "level", "number", "coating", "filling", "unknown",
+               "left", "kin"]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mention:
+    """A lexeme in its group: what it is for the statement, and what it says."""
+
+    kind: Kind
+    lexeme: Lexeme
+    value: Any = None  # a Material, Quantity, Blend or Comparison; a level with its role
+
+    @property
+    def says(self) -> bool:
+        """Whether it says something of a part, and is none."""
+        return self.kind not in ("part", "modifier")
+
+
+@dataclass
+class Group:
+    """A part and what is said of it in the same breath; either may be missing."""
+
+    part: Phrase = ()
+    values: list[Mention] = field(default_factory=list)
+    lexemes: list[Lexeme] = field(default_factory=list)
+    named: bool = False  # a part of the asset has this head
+    part_first: bool = False  # "hull teak"
+    own: bool = False  # what is said of it is its name alone: "bones"
+
+    @property
+    def modifiers(self) -> list[str]:
+        """Nouns before a material that may make another of it: "polymer clay"."""
+        start = next((m.lexeme.start for m in self.values), 0)
+        nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
+        return [] if self.named else [x.text for x in nouns if x.end < start]
+
+    @property
+    def count(self) -> int | None:
+        """How many of a kind are spoken of, 0 for "some": "three legs"."""
+        before = takewhile(lambda x: not x.part, self.lexemes)
+        return next((n for n in map(counted_by, (x.text for x in before)) if n is not None), None)
+
+    @property
+    def is_thing(self) -> bool:
+        """Whether its noun is introduced as the thing that the text is about: "a bookcase"."""
+        return any(x.text.lower() in ("a", "an") for x in self.lexemes)
+
+
+def groups_of(
+    run: Sequence[Lexeme], lexicon: ReaderLexicon, *, owes: bool, opens: bool
+) -> list[Group]:
+    """Cut a run of words into groups.
+
+    ``owes`` says that a subject waits for its material, ``opens`` that the run is itself a subject:
+    a word for a part and for a material is the material there, and the part here.
+    """
+    mentions = _one_material(_mentions(list(run), owes=owes), lexicon)
+    if not any(m.kind == "material" for m in mentions):
+        mentions = [Mention("material", *found) for found in implied(run, lexicon)] + mentions
+    if opens:
+        mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
+    return _paired(_blocks(mentions))
+
+
+def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
+    """Say of every lexeme what it is for the statement; coats and looks take what names them."""
+    out: list[Mention] = []
+    degree, fake = "", False
+    for i, lexeme in enumerate(run):
+        small = lexeme.part or (len(lexeme.words) == 1 and {*lexeme.words} & places())
+        role = "word" if small and lexeme.role in _SMALL else lexeme.role
+        if role == "degree":
+            degree = lexeme.value
+        elif role == "fake":
+            fake = True
+        elif role == "material" and lexeme.names and len(lexeme.words) > 1:
+            # "cardboard box" of a part "box", "spring steel" of a spring: the phrase names the
+            # matter, one word of it the part.
+            out.append(Mention("material", replace(lexeme, part=False), lexeme.value))
+            out.append(Mention("part", replace(lexeme, words=lexeme.names)))
+        elif role == "material":
+            out.append(_material(lexeme, run, i, owes=owes, fake=fake))
+            fake = False
+        elif role == "coat" and puts_hue(lexeme, [m.value for m in out[-1:]], run[i + 1 : i + 2]):
+            fake = True
+        elif role in ("coat", "coating", "look", "attributes", "fill"):
+            _dress(out, lexeme, role, last=i + 1 == len(run))
+        elif role == "density" and lexeme.text.lower() == "light" and is_hue(run[i + 1 : i + 2]):
+            continue  # "light oak", "light grey"
+        elif role in ("stiffness", "density", "character"):
+            out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
+            degree = ""
+        elif role in ("number", "compare"):
+            out.append(Mention("number", lexeme, lexeme.value))
+        elif role in ("word", "part"):
+            out.append(_word(lexeme, run, i))
+        elif counted_by(lexeme.text) is not None and not _hyphened(run, i):
+            out.append(Mention("modifier", replace(lexeme, words=())))  # "three legs"
+        elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
+            out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
+    return out
+
+
+def _scaled(level: int | str, degree: str) -> int | str:
+    """Move a level outwards where the degree is high: "very soft"."""
+    if not isinstance(level, int) or degree != "more":
+        return level
+    return max(1, level - 1) if level < 3 else min(5, level + 1)
+
+
+def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bool) -> Mention:
+    """A material, or the part that is called after one: "loose soil", "the glass is sapphire"."""
+    others = any(x.role == "material" for x in run if x is not lexeme)
+    alone = not any(x.role == "word" for x in run if x is not lexeme)
+    owes = owes and not any(x.text.lower() == "the" for x in run[:i])
+    if lexeme.part and not owes and (others or alone or run[-1] is lexeme):
+        return Mention("part", lexeme, None if others else lexeme.value)
+    return Mention("coating" if fake else "material", lexeme, lexeme.value)
+
+
+def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
+    """A part's word, a modifier, or a name that nobody knows beside a part of the asset."""
+    plain = replace(lexeme, words=())
+    after = next((x for x in run[i + 1 :] if x.role != "hyphen"), None)
+    if not lexeme.part and {*lexeme.words} & places():
+        if after and (after.part or {*after.words} & places()):
+            return Mention("modifier", lexeme)  # "back left leg", "back-left leg"
+        if i and run[i - 1].role == "material" and {*lexeme.words} & known_parts():
+            return Mention("part", lexeme)  # "a leather back", whatever its tag
+    strange = not lexeme.known
+    compound = _hyphened(run, i) and i + 1 < len(run)
+    if not lexeme.part and (compound or (strange and lexeme.text.lower().endswith("ed"))):
+        return Mention("modifier", plain)  # "hot-dip", "rotomoulded"
+    if lexeme.part or strange or lexeme.tag.startswith(("NN", "FW", "XX", "ADD")):
+        others = [x for x in run if x is not lexeme]
+        beside = any(x.part for x in others) and not any(x.role == "material" for x in others)
+        return Mention("unknown" if strange and beside else "part", lexeme)
+    is_adjective = lexeme.tag.startswith(("JJ", "CD", "V", "RP"))
+    return Mention("modifier", lexeme if is_adjective else plain)
+
+
+def _hyphened(run: list[Lexeme], i: int) -> bool:
+    return any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2])
+
+
+def _dress(out: list[Mention], lexeme: Lexeme, role: str, *, last: bool) -> None:
+    """Turn the material before a coat, a look or "-filled" into what it is there for."""
+    before = out[-1] if out else None
+    if before is None:
+        return
+    close = lexeme.start - before.lexeme.end <= 1
+    if before.kind == "material" and (role != "coat" or len(out) == 1 or not last):
+        out[-1] = replace(before, kind="filling" if role == "fill" else "coating")
+    elif not before.says and close and not before.lexeme.part:
+        out.pop()  # "powder-coated"
+
+
+def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Mention]:
+    """Of materials side by side keep the one that is meant: "ABS plastic", "walnut MDF"."""
+    out: list[Mention] = []
+    for mention in mentions:
+        last = next((m for m in reversed(out) if m.kind not in ("modifier", "level")), None)
+        if mention.kind == "material" and last is not None and last.kind == "material":
+            if lexicon.repeats(mention.value, mention.lexeme.words, last.value):
+                out.append(replace(mention, kind="kin", value=None))
+                continue
+            # The later of two is the head; what the other says is told, but "steel St37".
+            repeats = lexicon.repeats(last.value, last.lexeme.words, mention.value)
+            kin = repeats or _is_like(last, mention)
+            out[out.index(last)] = replace(last, kind="kin" if kin else "left", value=None)
+        out.append(mention)
+    return out
+
+
+def _is_like(said: Mention, after: Mention) -> bool:
+    """Whether one of two only says more of the other: "beech ply", "music wire A228", a colour."""
+    beside = after.lexeme.start - said.lexeme.end <= 1 and said.lexeme.dep != "punct"
+    alike = said.value.category == after.value.category
+    return (alike and beside) or said.lexeme.text.lower() in words()["hues"]["colours"]
+
+
+def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
+    """Cut where parts and what is said of them alternate; modifiers go with what follows."""
+    blocks: list[list[Mention]] = []
+    waiting: list[Mention] = []
+    for mention in mentions:
+        if mention.kind == "modifier":
+            waiting.append(mention)
+            continue
+        if blocks and blocks[-1][-1].says == mention.says:
+            blocks[-1] += [*waiting, mention]
+        else:
+            blocks.append([*waiting, mention])
+        waiting = []
+    placed = not blocks and any(word in places() for m in waiting for word in m.lexeme.words)
+    if placed or (waiting and waiting[-1].lexeme.part):
+        blocks.append(waiting)  # "the second is pine"
+    return blocks
+
+
+def _paired(blocks: list[list[Mention]]) -> list[Group]:
+    """Join each part with what is said of it, before it or after it."""
+    says = [block[-1].says for block in blocks]
+    if says == [False, True, False]:
+        # "top beech ply" of a part "top"; "bench: oak slats" would have its colon.
+        if not any(m.lexeme.part for m in blocks[2]):
+            return [_group(blocks[0], blocks[1], part_first=True)]
+        return [_group(blocks[0], []), _group(blocks[2], blocks[1])]
+    part_first = bool(says) and not says[0]
+    out: list[Group] = []
+    while blocks:
+        first, *blocks = blocks
+        if blocks and first[-1].says != part_first:
+            second, *blocks = blocks
+            parts, values = (_up_to_name(first), second) if part_first else (second, first)
+            out.append(_group(parts, values, part_first=part_first))
+        else:
+            out.append(_group([], first) if first[-1].says else _group(first, []))
+    return out
+
+
+def _up_to_name(parts: list[Mention]) -> list[Mention]:
+    """Words up to the asset's own: "blade damascus steel" speaks of the blade."""
+    named = [i for i, m in enumerate(parts) if m.lexeme.part]
+    return parts[: named[-1] + 1] if named else parts
+
+
+def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = False) -> Group:
+    nouns = [m for m in parts if m.kind == "part"]
+    own = [replace(m, kind="material") for m in nouns if isinstance(m.value, Material)]
+    return Group(
+        part=tuple(word for m in parts for word in m.lexeme.words),
+        values=[m for m in values if m.says] or own,
+        lexemes=[m.lexeme for m in (*parts, *values)],
+        named=any(m.lexeme.part for m in parts),
+        part_first=part_first,
+        own=bool(own) and not any(m.says for m in values),
+    )
+
+
+# Drafts of clauses: what is said of one subject while a text is read, and what it becomes.
+
+SURE, MENDED = 1.0, 0.8  # certainty: as it stands; with something mended, guessed or left out
+_BESIDE = 12  # letters between a state and its matter: "rusty galvanised steel"
+_LISTS = ("character", "numbers", "comparisons")  # fields that a clause has from its draft
+_SAME = ("phrase", "kind", "coating", "filling", "blend")
+_SAYS = ("material", "unknown", "excluded", "levels", *_LISTS, "coating", "filling", "blend")
+_NAMING = ("word", "part", "digits", "told", "sign", "hyphen", "idle", "size", "empty")
+
+
+@dataclass(eq=False)
+class Draft:
+    """A clause in the making: its subject and what was said of it up to here."""
+
+    scope: Scope = "none"
+    names: list[Phrase] = field(default_factory=list)
+    exceptions: list[Phrase] = field(default_factory=list)
+    named: bool = False  # a part of the asset is called so
+    count: int | None = None  # how many of its kind, 0 for some
+    holds: bool = False  # it has parts, by what is said: "a bookcase with ..."
+    mixed: bool = False  # numbers or strange words stand beside its name
+    own: bool = False  # its matter is but what its name says: "bones", "glass"
+    article: bool = False  # "a", "the", "its" stands before it
+    material: Material | None = None
+    phrase: str = ""
+    kind: str | None = None
+    unknown: str = ""
+    excluded: list[str] = field(default_factory=list)
+    levels: dict[str, Any] = field(default_factory=dict)
+    character: list[str] = field(default_factory=list)
+    numbers: list[Quantity] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    coating: str | None = None
+    filling: str | None = None
+    blend: Blend | None = None
+    same: Phrase | None = None  # the other part whose matter it has; () for the one before
+    left: list[str] = field(default_factory=list)  # words that say a matter and were not taken
+    notes: list[str] = field(default_factory=list)  # on numbers beside it that are not used
+    loose: list[str] = field(default_factory=list)  # nouns before its matter
+    lexemes: list[Lexeme] = field(default_factory=list)
+
+    def take(self, mention: Mention, lexicon: ReaderLexicon) -> None:
+        """Take what a mention says."""
+        value = mention.value
+        if isinstance(value, Material):
+            kind = lexicon.kinds.get(" ".join(mention.lexeme.words))
+            if mention.kind in ("coating", "filling"):
+                setattr(self, mention.kind, value.name)
+            elif self.material is None or self.kind:
+                self.material, self.kind, self.phrase = value, kind, mention.lexeme.text
+        elif isinstance(value, Comparison):
+            self.comparisons.append(value)
+        elif isinstance(value, Quantity):
+            self.numbers.append(value)
+        elif isinstance(value, Blend):
+            self.blend = value
+        elif isinstance(value, tuple):
+            role, level = value
+            bends = mention.lexeme.text.lower() in words()["bending"]["words"]
+            self.character += [level] if role == "character" else ["flexible"] if bends else []
+            if role != "character":
+                self.levels.setdefault(role, level)
+        elif mention.kind == "unknown":
+            self.unknown = f"{self.unknown} {mention.lexeme.text}".strip()
+        elif mention.kind == "left":
+            self.left.append(mention.lexeme.text)
+
+    def add(self, other: Draft, *, instead: bool = False) -> None:
+        """Take what another says of the same; its matter ``instead`` of the own."""
+        if other.material and self.material and not (self.kind or self.own or instead):
+            self.left += [other.phrase] if other.material is not self.material else []
+        elif other.material:
+            self.material, self.kind, self.phrase = other.material, other.kind, other.phrase
+            self.own = other.own
+        for name in ("excluded", "character", "numbers", "comparisons", "left"):
+            getattr(self, name).extend(getattr(other, name))
+        self.left += other.loose
+        self.levels = {**other.levels, **self.levels}
+        for name in ("coating", "filling", "blend", "unknown"):
+            setattr(self, name, getattr(self, name) or getattr(other, name))
+        self.same = other.same if self.same is None else self.same
+
+    def rule_out(self, lexicon: ReaderLexicon) -> None:
+        """Turn what is said into what is not: "not steel" and none of its kin, "not soft"."""
+        if self.material:
+            self.excluded += (
+                [self.kind] if self.kind else lexicon.family(self.material, self.phrase)
+            )
+        self.levels = {k: 2 if v > 3 else 4 for k, v in self.levels.items()}
+        self.material, self.kind, self.phrase, self.character, self.unknown = None, None, "", [], ""
+
+    def like(self, other: Draft) -> None:
+        """Take the matter of another; its own kind must not be against it."""
+        if self.kind and self.material and other.material:
+            if other.material.category != self.material.category:
+                return
+        elif self.material:
+            return
+        self.material, self.phrase, self.kind = other.material, other.phrase, other.kind
+        self.levels = {**other.levels, **self.levels}
+        own = {"mass", *(q.measure for q in self.numbers)}
+        self.numbers += [q for q in other.numbers if q.measure not in own]
+        self.blend, self.unknown = self.blend or other.blend, self.unknown or other.unknown
+
+    @property
+    def says(self) -> bool:
+        """Whether anything was said."""
+        return self.same is not None or any(getattr(self, name) for name in _SAYS)
+
+    @property
+    def said(self) -> list[str]:
+        """All words that were said of it, without plurals."""
+        return [word for x in self.lexemes for word in x.words]
+
+    def compare_with(self, part: Phrase) -> None:
+        """Say which part the last comparison is with."""
+        if self.comparisons:
+            self.comparisons[-1] = replace(self.comparisons[-1], other=part)
+
+
+def settle(drafts: list[Draft], lexed: Lexed) -> None:
+    """Give drafts that are "the same as" others the matter of these."""
+    for i, draft in enumerate(drafts):
+        if draft.same is None:
+            continue
+        before = [*reversed(drafts[:i]), *drafts[i + 1 :]]
+        others = [d for d in before if d.material or d.levels or d.numbers]
+        head = draft.same[-1:]
+        called = [d for d in others if any(name[-1:] == head for name in d.names)]
+        alike = called if head else others[:1]
+        if not alike and draft.material and head:  # "the lid is oak like the box"
+            draft.names.append(draft.same)
+        elif not alike:
+            who = " ".join(draft.same) or "what came before"
+            lexed.notes.append(f"'the same as {who}': nothing is said of it")
+        for other in alike:
+            draft.like(other)
+
+
+def take_strange(draft: Draft, lexemes: Sequence[Lexeme]) -> None:
+    """Take for an unknown matter what may be one of a mute part: "horsehair tail", "pin QT-500"."""
+    ordinary, start = known_parts() | places(), draft.lexemes[0].start
+    before = [
+        noun for noun, part in pairwise(draft.lexemes)
+        if part.part and not noun.part and (noun.role, noun.tag) == ("word", "NN")
+        and not {*noun.words} & ordinary
+    ]  # fmt: skip
+    here = takewhile(lambda x: x.role in _NAMING, (x for x in lexemes if x.start >= start))
+    last = max(x.start for x in draft.lexemes if x.part)
+    codes = [x for x in here if x.is_code or (x.start > last and x.is_name and not x.part)]
+    draft.unknown = " ".join(dict.fromkeys(x.text for x in (*before, *codes)))
+    if draft.unknown:
+        draft.names = [tuple(w for x in draft.lexemes if x.part for w in x.words)]
+
+
+def is_mixed(run: Sequence[Lexeme]) -> bool:
+    """Whether more than a part's name stands in a run, as an unread matter after it does."""
+    last = max((x.start for x in run if x.part), default=sys.maxsize)
+    return any(x.is_code or (x.start > last and x.is_name) for x in run)
+
+
+def unread_lexemes(
+    drafts: Sequence[Draft], lexed: Lexed, dropped: Sequence[Lexeme]
+) -> tuple[Lexeme, ...]:
+    """Materials, numbers and strange words that no clause took."""
+    # A strange word is taken where it is told with its clause; as a mere name it is not.
+    taken = [
+        x for draft in drafts for x in draft.lexemes
+        if x.text in draft.unknown
+        or ((x.known or x.part or x.role != "word" or draft.material) and not x.is_measure)
+    ]  # fmt: skip
+    taken += dropped
+    spoken = {word for draft in drafts for name in draft.names for word in name}
+    return tuple(
+        x for x in lexed.lexemes
+        if (x.role in ("number", "told", "material") or not x.known or x.is_measure)
+        and not any(y.start <= x.start < y.end for y in taken)
+        and not (x.part and set(x.words) <= spoken)  # "the soil is moist soil"
+    )  # fmt: skip
+
+
+def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Lexeme]) -> None:
+    """Tell what is unread with the statement that it stands in or after, else with the next."""
+    begins = [(min(x.start for x in d.lexemes), d) for d in drafts if d.lexemes]
+    begins.sort(key=itemgetter(0))
+    stops = [x.start for x in lexemes if x.role == "stop"]
+    for lexeme in unread:
+        start = max((at for at in stops if at < lexeme.start), default=-1)
+        end = min((at for at in stops if at > lexeme.start), default=sys.maxsize)
+        near = [(at, d) for at, d in begins if start < at < end]
+        before = [d for at, d in near if at <= lexeme.start]
+        for draft in before[-1:] or [d for _, d in near[:1]]:
+            draft.notes += [lexeme.note] if lexeme.note else []
+            draft.left += [] if lexeme.note else [lexeme.text]
+
+
+def _doubts(draft: Draft, lexicon: ReaderLexicon) -> tuple[str, ...]:
+    """What of a draft was guessed or left out."""
+    strange = (
+        x.text for x in draft.lexemes
+        if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
+        and not x.text.endswith("ed")  # a treatment that no dictionary has: "rotomoulded"
+    )  # fmt: skip
+    left = [*draft.left, *(strange if draft.material else ())]
+    told = [f"{word!r} beside it is left out" for word in left]
+    if draft.material:
+        states = {*words()["states"]["words"]} - lexicon.row_words(draft.material)
+        at = next((x.start for x in draft.lexemes if x.text == draft.phrase), 0)
+        said = (
+            x.text for x in draft.lexemes if x.text.lower() in states and 0 < at - x.end <= _BESIDE
+        )
+        told += [f"{word!r} is not used: its values are those of {draft.phrase}" for word in said]
+    noted = [x.note for x in draft.lexemes if x.note]
+    return tuple(dict.fromkeys([*noted, *draft.notes, *told]))
+
+
+def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
+    """Return the clause that a draft has become."""
+    start = min((x.start for x in draft.lexemes), default=0)
+    end = max((x.end for x in draft.lexemes), default=0)
+    names = tuple(dict.fromkeys(name for name in draft.names if name))
+    liquid = lexicon.contents_called(draft.unknown.lower().split())
+    meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
+    if meant and len(draft.unknown) > SHORT:
+        draft.material, draft.phrase = lexicon.rows[meant], meant[0]
+        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
+    heads, fired = {name[-1] for name in names}, words()["fired"]
+    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
+        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
+    unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft, lexicon)
+    scope = "none" if draft.scope == "parts" and not names else draft.scope
+    same: dict[str, Any] = {name: getattr(draft, name) for name in _SAME}
+    same |= {name: tuple(dict.fromkeys(getattr(draft, name))) for name in _LISTS}
+    return Clause(
+        text[start:end],
+        (start, end),
+        Subject(scope, names, tuple(draft.exceptions), draft.holds, draft.count),
+        draft.material.name if draft.material else None,
+        unknown=unknown,
+        nearest=lexicon.nearest(unknown),
+        stiffness=draft.levels.get("stiffness"),
+        density=draft.levels.get("density"),
+        excluded=tuple(x for x in draft.excluded if not draft.material or x != draft.material.name),
+        doubts=doubts,
+        certainty=MENDED if doubts else SURE,
+        **same,
+    )

@@ -1,0 +1,227 @@
+"""The verbs `train` and `evaluate`."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..fem.errors import InputError, UsageError
+from ..predictors.encoders import speaking_encoder
+from ..toolkit.asset import sweethome3d
+from ..toolkit.asset.child import Progress
+from ..toolkit.asset.document import check_folder
+from .datasets.real import RealObject, load_real
+from .prepare import RANGES, TEXT, TRAINING, VALIDATION, furniture
+
+if TYPE_CHECKING:
+    from ..predictors.encoders import Encoder
+    from .evaluation.held_out import HeldOutSet, ImageFeatures
+    from .evaluation.paper.tables import TableName
+    from .training.film.config import TrainingConfig
+
+WEIGHTS, RANGE_WEIGHTS = "film.safetensors", "unipixie.safetensors"
+KINDS, KIND_WEIGHTS = "kinds", "matter.json"  # kinds of matter by looks: seconds on any processor
+# AutoPhyX table 1, on a data set that is not published: beside our numbers, not among them.
+PAPER = {"AutoPhyX (OpenCLIP), its own data": (0.042, 0.051, 0.083)}
+PAPER_MASS = {"AutoPhyX, ABO-500": (0.652, 9.433, 0.901, 0.582)}
+FURNITURE = ("validation", "merged")
+_UNTIL = 10**9  # steps: time ends the run
+
+
+def train(
+    config: Path | str, *, data: Path, output: Path, start: Path | None = None
+) -> dict[str, Any]:
+    """Train a network as a TOML file says (or a preset), or go on where it stopped.
+
+    "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
+    network trains on several GPUs. ``output`` holds the whole state, so that the same command
+    continues an interrupted run, and the weights at the end; ``start`` are weights to
+    begin with.
+    """
+    from .training.film.recipe import train_film
+    from .training.unipixie.config import PRESETS as RANGE_PRESETS
+    from .training.unipixie.recipe import train_matter
+
+    check_folder(output)
+    real = data / TRAINING
+    if str(config) == KINDS:
+        return _train_kinds(real, output)
+    if str(config) in RANGE_PRESETS:
+        weights, ranges = output / RANGE_WEIGHTS, data / RANGES
+        trained = train_matter(
+            RANGE_PRESETS[str(config)], ranges=ranges, real=real if real.is_file() else None,
+            resume=output, output=weights,
+        )  # fmt: skip
+        return {"files": [weights], "steps": trained.steps, "history": trained.history}
+    options = _config(config)
+    if not real.is_file():
+        real = None
+        options = replace(options, mixture=replace(options.mixture, real=0.0))
+    weights = output / WEIGHTS
+    trained = train_film(
+        options, text=data / TEXT, real=real, start=start, resume=output, output=weights
+    )
+    return {"files": [weights], "steps": trained.steps, "history": trained.history}
+
+
+def _train_kinds(real: Path, output: Path) -> dict[str, Any]:
+    """Fit kinds of matter to the looks of real slots."""
+    from .training.kinds_by_looks import train_kinds
+
+    found, slots = train_kinds(load_real(real))
+    output.mkdir(parents=True, exist_ok=True)
+    found.save(output / KIND_WEIGHTS)
+    return {"files": [output / KIND_WEIGHTS], "slots": slots}
+
+
+def _config(config: Path | str) -> TrainingConfig:
+    """Return the preset of that name, or what the TOML file says."""
+    from .training.film.config import TrainingConfig
+    from .training.film.presets import PRESETS
+
+    if str(config) in PRESETS:
+        return PRESETS[str(config)]
+    try:
+        return TrainingConfig.from_dict(tomllib.loads(Path(config).read_text()))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        presets = ", ".join(PRESETS)
+        raise InputError(
+            f"cannot read the training config {config}: {error}; presets are {presets}"
+        ) from error
+
+
+def evaluate(
+    split: str,
+    *,
+    predictors: Sequence[str] = (),
+    data: Path | None = None,
+    weights: Path | None = None,
+    objects: int = 64,
+    cells: int = 64,
+    seed: int = 0,
+    texts: int = 1,
+    encoder: str | None = None,
+    renders: int = 0,
+    swing: bool = False,
+    memory: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Score predictors on objects of a split, or on a folder of examples.
+
+    Parameters
+    ----------
+    split
+        "procedural", or "validation" and "merged" as in ``HeldOutSet``, or a folder of examples.
+    predictors
+        Rows of the table; those of the split by default.
+    data
+        Folder that ``build_dataset`` wrote, in which cells have no looks; else it is fetched.
+    weights
+        Checkpoint of the network; the shipped one by default.
+    objects, cells, seed, texts
+        How many objects, on how fine a grid, drawn how; how often something is said of each.
+    encoder, memory
+        Image encoder that looks at the furniture, and the folder of what it saw before.
+    renders, swing
+        How many objects are put under load, and whether their motions are compared, not the rest.
+    progress
+        Called with the stage and the seconds so far.
+    """
+    from .evaluation.held_out import HeldOutSet
+    from .evaluation.held_out_evaluation import evaluate_held_out
+    from .evaluation.rows import DEFAULT_ROWS
+
+    if encoder and (split not in FURNITURE or data):
+        raise UsageError("--encoder wants --split validation or merged, and no --data")
+    if split not in ("procedural", *FURNITURE):
+        if renders:
+            raise UsageError("--renders wants --split procedural, validation or merged")
+        return _evaluate_folder(Path(split), predictors, weights)
+    words = speaking_encoder(encoder) if encoder else None
+    held_out = HeldOutSet("procedural", objects, cells, seed, texts)
+    if split in FURNITURE:
+        held_out = replace(held_out, split=split)
+        if data:
+            held_out = replace(held_out, real=load_real(data / VALIDATION))
+        else:
+            held_out = with_furniture(held_out, words, memory=memory, tell=progress)
+    rows = evaluate_held_out(
+        held_out, predictors or DEFAULT_ROWS, weights=weights, words=words, renders=renders,
+        swing=swing, progress=progress,
+    )  # fmt: skip
+    return {"rows": [row.to_dict() for row in rows], "papers": {"mse": PAPER}}
+
+
+def _evaluate_folder(
+    folder: Path, predictors: Sequence[str], weights: Path | None
+) -> dict[str, Any]:
+    """Score predictors on objects of anyone's, and their masses."""
+    from .evaluation.folder_evaluation import FOLDER_ROWS, evaluate_folder
+
+    rows, masses = evaluate_folder(folder, predictors or FOLDER_ROWS, weights=weights)
+    return {
+        "rows": [row.to_dict() for row in rows],
+        "masses": {name: errors._asdict() for name, errors in masses.items()},
+        "papers": {"mse": PAPER, "mass": PAPER_MASS},
+    }
+
+
+def evaluate_table(
+    table: TableName,
+    *,
+    data: Path,
+    weights: Path | None = None,
+    minutes: float | None = None,
+    device: str = "cpu",
+    objects: int = 96,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Make one of UniPixie's tables on our objects; the paper's figures stand beside.
+
+    Networks that it trains are on a CPU those of the preset ``unipixie-cpu``: the way is the same,
+    the figures are not. ``minutes`` are each row's; by default all take the steps of the preset.
+    ``weights`` are of the network that is asked as it is (S5, theta), by default the shipped one.
+    """
+    from ..predictors.unipixie.inference import WEIGHTS as SHIPPED
+    from .evaluation.paper.tables import TableRun, table_of
+    from .training.unipixie.config import PRESETS
+
+    base = replace(PRESETS["unipixie-cpu" if device == "cpu" else "unipixie"], device=device)
+    base = base if minutes is None else replace(base, minutes=minutes, steps=_UNTIL)
+    real, began = data / TRAINING, time.monotonic()
+    run = TableRun(
+        base=base, ranges=data / RANGES, real=real if real.is_file() else None, objects=objects,
+        weights=weights or SHIPPED,
+        progress=(lambda row: progress(row, time.monotonic() - began)) if progress else None,
+    )  # fmt: skip
+    found = table_of(table, run)
+    return {"rows": [row._asdict() for row in found.rows], "papers": found.papers}
+
+
+def with_furniture(
+    held_out: HeldOutSet,
+    encoder: Encoder | None = None,
+    *,
+    memory: Path | None = None,
+    tell: Progress | None = None,
+) -> HeldOutSet:
+    """Return the set with furniture of the validation source, and what an encoder sees of it."""
+    from .image_features import cached_image_features
+
+    real: list[RealObject] = []
+    features: list[ImageFeatures | None] = []
+    began = time.monotonic()
+    for voxels, asset in islice(furniture(sweethome3d.VALIDATION), held_out.objects):
+        if tell:
+            tell(f"object {len(real) + 1}, {voxels.name}", time.monotonic() - began)
+        real.append(voxels)
+        if encoder:
+            features.append(
+                cached_image_features(asset, voxels, encoder, cells=held_out.cells, memory=memory)
+            )
+    return replace(held_out, real=real, features=features)

@@ -1,0 +1,145 @@
+"""Results on disk, keyed by all that they depend on: one folder, any number of processes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...converters.files import UNFINISHED, load_npz, save_npz
+from ...fem.errors import AutophyxError, InputError, UsageError
+from .child import Progress, run_guarded
+from .engines import Arrays
+
+log = logging.getLogger(__name__)
+
+MOST_BYTES = 2 * 2**30  # of all results of a folder together
+ABANDONED = 86_400.0  # s after which an unfinished file has no writer any more
+# The packages that compute the results: another version of one of them is another result.
+ENGINE_PACKAGES = ("autophyx-tet", "pytetwild", "numpy")
+
+
+@dataclass(frozen=True)
+class Runner:
+    """Runs engine tasks in guarded children and remembers their results.
+
+    Parameters
+    ----------
+    time_limit, memory_limit
+        Seconds and bytes for one run.
+    progress
+        Called with (stage, seconds) while a child works.
+    cache
+        Folder of the results, or None to remember nothing.
+    """
+
+    time_limit: float
+    memory_limit: int | None = None
+    progress: Progress | None = None
+    cache: Path | None = None
+
+    def checked(self) -> Runner:
+        """Return itself, or say what is out of range."""
+        if not self.time_limit > 0:
+            raise UsageError(f"--time-limit must be > 0 s, got {self.time_limit:g}")
+        return self
+
+    def run(
+        self, task: str, arrays: Mapping[str, np.ndarray], options: Mapping[str, Any]
+    ) -> Arrays:
+        """Return what the task gives, from the cache if it has been run before."""
+        path = None if self.cache is None else self.cache / f"{digest(task, arrays, options)}.npz"
+        if path is not None and (known := recalled(path)) is not None:
+            return known
+        result = run_guarded(
+            task,
+            arrays,
+            options,
+            time_limit=self.time_limit,
+            memory_limit=self.memory_limit,
+            progress=self.progress,
+        )
+        if path is not None:
+            remember(path, result)
+        return result
+
+
+def digest(
+    task: str,
+    arrays: Mapping[str, np.ndarray],
+    options: Mapping[str, Any],
+    *,
+    packages: Sequence[str] = ENGINE_PACKAGES,
+) -> str:
+    """SHA-256 of a task, its options, the bytes of its arrays and the versions of ``packages``."""
+    head = [task, dict(options), {name: version(name) for name in packages}]
+    sha = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        sha.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        sha.update(array.tobytes())
+    return sha.hexdigest()
+
+
+def recalled(path: Path) -> Arrays | None:
+    """Arrays remembered in a file; one that cannot be read is forgotten."""
+    if not path.exists():
+        return None
+    try:
+        arrays = load_npz(path)
+    except AutophyxError as error:
+        log.warning("%s is damaged and is made again: %s", path, error)
+        path.unlink(missing_ok=True)
+        return None
+    with suppress(OSError):  # forgotten by another process since, or not ours to touch
+        os.utime(path)
+    log.info("from the cache: %s", path.name)
+    return arrays
+
+
+def remember(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Keep arrays in a file of a folder that others may use too, at most ``MOST_BYTES`` in all.
+
+    What has not been used for longest goes first. Where nothing can be written nothing is kept.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_npz(path, **arrays)
+    except (OSError, InputError) as error:
+        log.warning("%s is not remembered: %s", path, error)
+        return
+    _forget(path.parent)
+
+
+def _forget(folder: Path) -> None:
+    """Delete results beyond the bound, and what writers that were killed left unfinished.
+
+    A file that another process is writing now is younger than ``ABANDONED``, and stays.
+    """
+    total = 0
+    for file, known in _last_used_first(folder):
+        if file.name.startswith(UNFINISHED):
+            old = time.time() - known.st_mtime > ABANDONED
+        else:
+            total += known.st_size
+            old = total > MOST_BYTES
+        if old:
+            file.unlink(missing_ok=True)
+
+
+def _last_used_first(folder: Path) -> list[tuple[Path, os.stat_result]]:
+    found = []
+    for file in folder.glob("*.npz"):
+        with suppress(FileNotFoundError):  # another process forgot it meanwhile
+            found.append((file, file.stat()))
+    return sorted(found, key=lambda one: one[1].st_mtime, reverse=True)

@@ -1,0 +1,176 @@
+"""The guarded child process: native code that may hang or crash runs in here, never in ours.
+
+``run_guarded`` writes the arrays to a temporary folder, starts ``python -m ...asset.child`` on it
+in a process group of its own, and reads the arrays that it leaves. On a time-out, on Ctrl-C or on
+any other way out the whole group is killed and the folder removed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from .engines import TASKS, Arrays, TooLong
+from .guard import guard
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[str, float], None]
+Kind = Literal["time", "memory", "crash", "error"]
+
+POLL = 0.05  # s between two looks at the child: unnoticeable beside a process start of 0.3 s
+MEMORY_SHARE = 0.75  # of the machine's memory: the child fails before the machine swaps
+_KINDS: dict[str, Kind] = {"MemoryError": "memory", TooLong.__name__: "time"}
+_JOB, _RESULT, _FAILURE, _LOG = "job.npz", "result.npz", "failure.txt", "log.txt"
+
+
+class ChildFailure(RuntimeError):
+    """A child that left no result, with the kind of its end."""
+
+    def __init__(self, kind: Kind, reason: str, seconds: float) -> None:
+        super().__init__(reason)
+        self.kind = kind
+        self.seconds = seconds
+
+
+def run_guarded(
+    task: str,
+    arrays: Mapping[str, np.ndarray],
+    options: Mapping[str, Any] | None = None,
+    *,
+    time_limit: float,
+    memory_limit: int | None = None,
+    progress: Progress | None = None,
+) -> Arrays:
+    """Run a task of ``engines.TASKS`` in a child process and return its arrays.
+
+    Parameters
+    ----------
+    task
+        Name in ``engines.TASKS``.
+    arrays, options
+        What the task gets: arrays by name, and values that JSON can carry.
+    time_limit
+        Seconds of wall clock after which the child is killed.
+    memory_limit
+        Bytes of address space; by default three quarters of the machine's memory.
+    progress
+        Called with (stage, seconds so far) while the child works.
+
+    Raises
+    ------
+    ChildFailure
+        Where the child ran out of time or memory, crashed, or reported an error.
+    """
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="autophyx-tet-") as name:
+        folder = Path(name)
+        job = {"task": task, "options": dict(options or {}), "memory": memory_limit or _memory()}
+        np.savez(folder / _JOB, **arrays, __job__=np.array(json.dumps(job)))  # type: ignore[arg-type]
+        with (folder / _LOG).open("wb") as output:
+            child = subprocess.Popen(
+                [sys.executable, "-P", "-m", f"{__package__}.child", name, str(os.getpid())],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        try:
+            _wait(child, folder, started, time_limit, progress)
+        finally:
+            _kill_group(child)
+        return _result(child, folder, time.monotonic() - started)
+
+
+def _memory() -> int:
+    share = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    ours, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return share if ours == resource.RLIM_INFINITY else min(share, ours)
+
+
+def _wait(
+    child: subprocess.Popen[bytes],
+    folder: Path,
+    started: float,
+    time_limit: float,
+    progress: Progress | None,
+) -> None:
+    while child.poll() is None:
+        seconds = time.monotonic() - started
+        if seconds > time_limit:
+            raise ChildFailure("time", f"no result within {time_limit:g} s", seconds)
+        if progress is not None:
+            progress(_stage(folder), seconds)
+        time.sleep(POLL)
+
+
+def _stage(folder: Path) -> str:
+    """What the child said it is doing: its last line of the form ``stage: WORD``."""
+    with (folder / _LOG).open("rb") as log_file:
+        log_file.seek(max(0, log_file.seek(0, os.SEEK_END) - 4096))
+        lines = log_file.read().decode(errors="replace").splitlines()
+    stages = [line.partition("stage: ")[2] for line in lines if "stage: " in line]
+    return stages[-1] if stages else "working"
+
+
+def _kill_group(child: subprocess.Popen[bytes]) -> None:
+    """Kill the child and whatever it started; nothing is left behind."""
+    try:
+        os.killpg(child.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        log.debug("the child process group had already ended")
+    child.wait()
+
+
+def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:
+    from ...converters.files import load_npz
+
+    if child.returncode == 0 and (folder / _RESULT).exists():
+        return load_npz(folder / _RESULT)
+    if (folder / _FAILURE).exists():
+        kind, _, reason = (folder / _FAILURE).read_text().partition(": ")
+        raise ChildFailure(_KINDS.get(kind, "error"), reason or kind, seconds)
+    words = (folder / _LOG).read_bytes()[-2000:].decode(errors="replace")
+    if "bad_alloc" in words:
+        raise ChildFailure("memory", "the engine ran out of its memory limit", seconds)
+    code = child.returncode
+    end = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+    raise ChildFailure("crash", f"the engine crashed ({end})", seconds)
+
+
+def main(folder: Path, parent: int) -> int:
+    """Do the job that lies in ``folder``: the child's side."""
+    from ...converters.files import load_npz
+
+    arrays = load_npz(folder / _JOB)
+    job = json.loads(str(arrays.pop("__job__")))
+    guard(parent, job["memory"])
+    try:
+        result = TASKS[job["task"]](arrays, **job["options"])
+        np.savez(folder / "partial.npz", **result)  # type: ignore[arg-type]
+    except Exception as error:  # told to the parent, who decides
+        traceback.print_exc()
+        (folder / _FAILURE).write_text(f"{type(error).__name__}: {error}")
+        return 1
+    os.replace(folder / "partial.npz", folder / _RESULT)
+    return 0
+
+
+if __name__ == "__main__":
+    code = main(Path(sys.argv[1]), int(sys.argv[2]))
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)  # engines and their arrays need not be taken apart

@@ -1,0 +1,491 @@
+"""Pictures of results: panels side by side as PNG, in motion as GIF; no GPU and no display needed.
+
+The rays are traced on the CPU, so that a picture comes out alike on every machine.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...converters.files import writing
+from ...converters.points.gaussians import SH_C0, standard_columns
+from ...converters.points.table import XYZ, PointTable
+from ...converters.points.views import splat_view
+from ...fem.errors import InputError, UsageError
+from ...fem.mesh import TetMesh
+from ...fem.scene.up import up_vector
+from ...fem.solve.result import ParticleRun
+from ...predictors.appearance.features import VoxelFeatures
+from ...predictors.appearance.surface import skin_of
+from ...predictors.appearance.views import Camera, hemisphere, look_at
+from ...predictors.asset import Asset, UpAxis
+from ...predictors.grid import Grid
+from ..verdict.simulation import Simulation
+from ..verdict.verdict import si
+from .tracer import ColouredSurface, trace
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+
+# Moving pictures that Pillow writes, by suffix.
+ANIMATIONS = {".gif": "GIF", ".webp": "WEBP", ".png": "PNG"}
+FIELD_OF_VIEW = np.deg2rad(28)  # a long lens: little perspective
+MARGIN = 1.08  # of the distance at which the shape just fills the picture
+SHOWN = 0.06  # the largest displacement is drawn this long, as a share of the diagonal
+PLAIN = str.maketrans({"\u00a0": " ", "µ": "u"})  # Pillow's own font lacks them
+INK, FAINT = (34, 38, 42), (112, 118, 124)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One picture beside others: a surface, or one per frame, with a title and a colour scale."""
+
+    frames: tuple[ColouredSurface, ...]
+    title: str = ""
+    scale: Scale | None = None
+
+
+def asset_panel(asset: Asset, *, title: str = "") -> Panel:
+    """Panel of an asset as it looks: textures, vertex and base colours."""
+    points, faces, colors, count = [], [], [], 0
+    corners = np.eye(3, dtype=np.float32)
+    for part in asset.parts:
+        ids, skin = np.arange(len(part.mesh.faces)), skin_of(part.mesh)
+        weights = (np.repeat(corners[k : k + 1], len(ids), axis=0) for k in range(3))
+        colors.append(np.stack([skin(ids, w)[:, :3] for w in weights], axis=1).astype(float))
+        points.append(np.asarray(part.mesh.vertices))
+        faces.append(np.asarray(part.mesh.faces) + count)
+        count += len(points[-1])
+    surface = ColouredSurface(np.vstack(points), np.vstack(faces), np.concatenate(colors))
+    return Panel((surface,), title)
+
+
+def mesh_panel(
+    mesh: TetMesh,
+    values: Float[np.ndarray, "*n"] | None = None,
+    *,
+    on: Literal["tets", "points"] = "tets",
+    scale: Scale | None = None,
+    title: str = "",
+    displacement: Float[np.ndarray, "*frames points 3"] | None = None,
+    factor: float = 1.0,
+) -> Panel:
+    """Panel of a tet mesh, coloured by values or else by its regions.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    values
+        One value per tet or point, with a row per frame where they change, and their ``scale``.
+    displacement
+        Displacement [m], shape (points, 3), or (frames, points, 3) for a motion.
+    factor
+        Exaggeration of the displacement.
+    """
+    steps = np.zeros((1, *mesh.points.shape)) if displacement is None else displacement
+    steps = steps.reshape(-1, *mesh.points.shape)
+    faces = mesh.boundary.faces
+    shades = _part_shades(mesh) if values is None else _shades(mesh, values, on, scale)
+    frames = (
+        ColouredSurface(
+            mesh.points + factor * steps[i % len(steps)],
+            faces,
+            np.broadcast_to(shades[i % len(shades)], (len(faces), 3, 3)),
+        )
+        for i in range(max(len(steps), len(shades)))
+    )
+    return Panel(tuple(frames), title, scale)
+
+
+def _part_shades(mesh: TetMesh) -> Float[np.ndarray, "1 faces 1 3"]:
+    """Colour of the region behind every boundary face."""
+    parts = np.array([rgb(color) for color in PARTS])
+    return parts[mesh.region[mesh.boundary.tet] % len(PARTS)][None, :, None]
+
+
+def _shades(
+    mesh: TetMesh, values: np.ndarray, on: str, scale: Scale | None
+) -> Float[np.ndarray, "frames faces corners 3"]:
+    """Colour of every boundary face: one of its tet, or one at each of its corners."""
+    if scale is None:
+        raise UsageError("values need the scale that colours them")
+    count = len(mesh.tets if on == "tets" else mesh.points)
+    if values.shape[-1] != count:
+        raise InputError(f"values on {on} must have {count} columns, got {values.shape}")
+    rows, boundary = np.atleast_2d(values), mesh.boundary
+    shown = rows[:, boundary.tet, None] if on == "tets" else rows[:, boundary.faces]
+    return scale.colors(shown)
+
+
+def exaggeration(mesh: TetMesh, displacement: Float[np.ndarray, "*frames points 3"]) -> float:
+    """Round factor (1, 2 or 5 times a power of ten, at least 1) that makes a displacement seen."""
+    largest = np.linalg.norm(displacement, axis=-1).max()
+    diagonal = np.linalg.norm(mesh.bounds[1] - mesh.bounds[0])
+    wanted = SHOWN * diagonal / largest if largest > 0 else 1.0
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(1.0, power * max(m for m in (1, 2, 5) if m * power <= wanted * (1 + 1e-9))))
+
+
+def story(
+    asset: Asset,
+    mesh: TetMesh,
+    displacement: Float[np.ndarray, "points 3"],
+    *,
+    title: str = "Sag under its own weight",
+) -> list[Panel]:
+    """Three panels that tell a run: the asset, its stiffness, and what becomes of it."""
+    if mesh.material is None:
+        raise InputError("the mesh has no material yet: run `assign` first")
+    E, moved = mesh.material.E, np.linalg.norm(displacement, axis=1)
+    factor = exaggeration(mesh, displacement)
+    stiffness = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
+    sag = Scale.around(moved, label="Displacement", unit="m", palette="displacement")
+    drawn = f", drawn {factor:g} times larger" if factor > 1 else ""
+    return [
+        asset_panel(asset, title="Asset"),
+        mesh_panel(mesh, E, scale=stiffness, title="Stiffness"),
+        mesh_panel(
+            mesh,
+            moved,
+            on="points",
+            scale=sag,
+            title=f"{title}{drawn}",
+            displacement=displacement,
+            factor=factor,
+        ),
+    ]
+
+
+def render_png(
+    path: str | os.PathLike[str],
+    panels: Sequence[Panel],
+    *,
+    up: UpAxis = "z",
+    pixels: int = 480,
+    samples: int = 10,
+) -> Path:
+    """Write the first frame of panels side by side, seen alike; ``pixels`` is a panel's side."""
+    camera, ground = _view(panels, up, pixels)
+    shots = [trace(p.frames[0], camera, up=up, ground=ground, samples=samples) for p in panels]
+    path = Path(path)
+    with writing(path) as target:
+        _sheet(panels, shots).save(target, format="PNG", optimize=True)
+    return path
+
+
+def render_animation(
+    path: str | os.PathLike[str],
+    panels: Sequence[Panel],
+    *,
+    up: UpAxis = "z",
+    pixels: int = 320,
+    seconds: float = 2.0,
+    samples: int = 4,
+) -> Path:
+    """Write panels in motion, endlessly repeated, as ``.gif``, ``.webp`` or animated ``.png``."""
+    path = Path(path)
+    if path.suffix.lower() not in ANIMATIONS:
+        raise InputError(
+            f"unknown suffix {path.suffix!r} of {path}, wanted {', '.join(ANIMATIONS)}"
+        )
+    camera, ground = _view(panels, up, pixels)
+    count = max(len(panel.frames) for panel in panels)
+    sheets = []
+    for i in range(count):
+        surfaces = (panel.frames[i % len(panel.frames)] for panel in panels)
+        shots = [trace(s, camera, up=up, ground=ground, samples=samples) for s in surfaces]
+        sheets.append(_sheet(panels, shots))
+    form = ANIMATIONS[path.suffix.lower()]
+    with writing(path) as target:
+        duration = round(1000 * seconds / count)
+        sheets[0].save(
+            target, form, save_all=True, append_images=sheets[1:], duration=duration, loop=0
+        )
+    return path
+
+
+def _view(panels: Sequence[Panel], up: UpAxis, pixels: int) -> tuple[Camera, float]:
+    """Camera that sees all frames of all panels, from the front, the right and above; the floor."""
+    if not panels:
+        raise InputError("a picture needs at least one panel, got none")
+    boxes = np.array([frame.bounds for panel in panels for frame in panel.frames])
+    lo, hi = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    middle, half = (lo + hi) / 2, (hi - lo) / 2
+    axis = up_vector(up)
+    front = np.roll(axis, 1)
+    right = np.cross(axis, front)
+    toward = 0.74 * front + 0.50 * right + 0.45 * axis
+    toward /= np.linalg.norm(toward)
+    pose = look_at(middle + toward, middle, up=up).pose[:3, :3]
+    signs = np.stack(np.meshgrid(*[(-1, 1)] * 3), axis=-1).reshape(-1, 3)
+    x, y, z = (signs * half @ pose).T
+    distance = MARGIN * np.max(z + np.maximum(abs(x), abs(y)) / np.tan(FIELD_OF_VIEW / 2))
+    eye = middle + max(distance, 1e-9) * toward
+    camera = look_at(eye, middle, up=up, pixels=pixels, field_of_view=float(FIELD_OF_VIEW))
+    return camera, float(min(axis @ lo, axis @ hi))
+
+
+def _sheet(panels: Sequence[Panel], shots: Sequence[np.ndarray]) -> Image:
+    """Put the traced pictures side by side, each below its title and above its scale."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    side = shots[0].shape[0]
+    size = max(11, side // 30)
+    top = int(2.6 * size) if any(panel.title for panel in panels) else 0
+    bottom = int(5 * size) if any(panel.scale for panel in panels) else 0
+    sheet = Image.new("RGB", (side * len(panels), top + side + bottom), "white")
+    draw = ImageDraw.Draw(sheet)
+    title, small = (ImageFont.load_default(size * s) for s in (1.15, 0.9))
+    for i, (panel, shot) in enumerate(zip(panels, shots, strict=True)):
+        pixels = (255 * shot + 0.5).astype(np.uint8)
+        sheet.paste(Image.fromarray(pixels), (i * side, top))
+        draw.text((i * side + side / 2, 1.6 * size), panel.title, INK, font=title, anchor="mm")
+        if panel.scale:
+            _bar(draw, panel.scale, (i * side + side // 8, top + side), 3 * side // 4, size, small)
+    return sheet
+
+
+def _bar(draw, scale: Scale, corner: tuple[int, int], width: int, size: int, font) -> None:
+    """Colour bar from ``corner`` to the right, its ends in words and its label between them."""
+    x, y = corner
+    stops = np.array([rgb(stop) for stop in PALETTES[scale.palette]])
+    at = np.linspace(0, len(stops) - 1, width)
+    strip = np.stack([np.interp(at, np.arange(len(stops)), stops[:, k]) for k in range(3)], axis=1)
+    for i, color in enumerate((255 * strip + 0.5).astype(int)):
+        draw.line([(x + i, y + size), (x + i, y + 1.7 * size)], fill=tuple(color.tolist()))
+    below = y + 2.8 * size
+    for place, value, anchor in ((0, scale.lo, "lm"), (1, scale.hi, "rm")):
+        words = si(value, scale.unit).translate(PLAIN)
+        draw.text((x + place * width, below), words, INK, font=font, anchor=anchor)
+    label = scale.label + (" (log)" if scale.log and not scale.single else "")
+    draw.text((x + width / 2, below), label, FAINT, font=font, anchor="mm")
+
+
+# A picture of lifted features: their first three principal components as red, green and blue.
+
+CAPTION = (
+    "What the image encoder sees, lifted onto voxels: the first three principal components of its "
+    "features as red, green and blue. Parts of one colour look alike to it."
+)
+
+
+class VoxelShell(NamedTuple):
+    """Faces between full and empty cells: points (points, 3) [m], triangles, the cell of each."""
+
+    points: np.ndarray
+    faces: np.ndarray
+    cell: np.ndarray
+
+
+def feature_panel(voxels: VoxelFeatures, *, title: str = "") -> Panel:
+    """Panel of the cells of an asset, coloured by what their features have in common."""
+    shell = voxel_shell(voxels.occupied, voxels.grid)
+    row = np.full(voxels.grid.shape, -1)
+    row[tuple(voxels.cells.T)] = np.arange(len(voxels.cells))
+    colours = voxels.picture()[row[tuple(shell.cell.T)]]
+    corners = np.repeat(colours[:, None], 3, axis=1).astype(np.float64)
+    return Panel((ColouredSurface(shell.points, shell.faces, corners),), title)
+
+
+def feature_png(
+    path: str | os.PathLike[str],
+    voxels: VoxelFeatures,
+    asset: Asset | None = None,
+    *,
+    up: UpAxis = "z",
+) -> Path:
+    """Write the picture of the features, beside the asset as it looks where there is one."""
+    panel = feature_panel(voxels, title=f"features of {voxels.encoder}")
+    panels = [panel] if asset is None else [asset_panel(asset, title=asset.name), panel]
+    return render_png(path, panels, up=up if asset is None else asset.up)
+
+
+def voxel_shell(occupied: Bool[np.ndarray, "nx ny nz"], grid: Grid) -> VoxelShell:
+    """Two triangles for every face that a full cell turns to an empty one, facing outwards."""
+    corners, cells = [], []
+    padded = np.pad(occupied, 1)
+    for axis in range(3):
+        for side in (0, 1):
+            beside = np.roll(padded, 1 - 2 * side, axis=axis)[1:-1, 1:-1, 1:-1]
+            bare = np.argwhere(occupied & ~beside)
+            cells.append(bare)
+            corners.append(bare[:, None] + _square(axis, side))
+    quads: Int[np.ndarray, "quads 4 3"] = np.concatenate(corners)
+    points, index = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.reshape(-1, 4)
+    faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
+    world: Float[np.ndarray, "points 3"] = grid.to_world(points - 0.5)
+    return VoxelShell(world, faces, np.tile(np.concatenate(cells), (2, 1)))
+
+
+def _square(axis: int, side: int) -> Int[np.ndarray, "4 3"]:
+    """Corners of a unit cell's face, counter-clockwise seen from outside."""
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    corners = np.insert(square, 0, side, axis=1)  # the face across the first axis, outward +
+    return np.roll(corners if side else corners[::-1], axis, axis=1)
+
+
+# One picture of a simulation: its last state as PNG, its whole motion as GIF or WebP.
+#
+# Particles are drawn as balls: in a crack the surface of a mesh is stretched, they are apart.
+
+STILL = ".png"
+SUFFIXES = (STILL, ".gif", ".webp")
+# A loop of this many frames looks smooth, takes about ten seconds of a core and stays near 1 MB.
+FRAMES = 24
+PARTICLES = "The particles in motion, coloured by part"
+# Standard deviation of a particle's ball in spacings of the grid: particles are half of one apart.
+BALL = 0.22
+# Particles differ in brightness by up to this share, or nobody would see them move.
+GRAIN = 0.3
+
+
+def write_picture(path: Path, simulation: Simulation, *, up: UpAxis) -> Path:
+    """Write what becomes of a mesh, beside its stiffness where the picture stands still."""
+    if path.suffix.lower() == STILL:
+        panels = [_stiffness(simulation), _answer(simulation, simulation.displacement[None])]
+        return render_png(path, panels, up=up)
+    frames = simulation.animation.displacement
+    shown = np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)
+    return render_animation(path, [_answer(simulation, frames[shown])], up=up)
+
+
+def _stiffness(simulation: Simulation) -> Panel:
+    mesh = simulation.mesh
+    assert mesh.material is not None, "a simulated mesh has a material"
+    E = mesh.material.E
+    scale = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
+    return mesh_panel(mesh, E, scale=scale, title="Stiffness")
+
+
+def _answer(simulation: Simulation, displacement: np.ndarray) -> Panel:
+    """The moving mesh, coloured by how far its points are from where they were."""
+    mesh, moved = simulation.mesh, np.linalg.norm(displacement, axis=-1)
+    factor = exaggeration(mesh, displacement)
+    drawn = f", drawn {factor:g} times larger" if factor > 1 else ""
+    return mesh_panel(
+        mesh,
+        moved,
+        on="points",
+        scale=Scale.around(moved, label="Displacement", unit="m", palette="displacement"),
+        title=f"{simulation.title}{drawn}",
+        displacement=displacement,
+        factor=factor,
+    )
+
+
+def particle_film(run: ParticleRun, *, up: UpAxis) -> bytes:
+    """GIF of about ``FRAMES`` frames of a run, from aside and above."""
+    from PIL import Image
+
+    shown = np.linspace(0, len(run.positions) - 1, min(FRAMES, len(run.positions)))
+    states = run.positions[shown.round().astype(int)]
+    ends = np.stack([states.min(axis=(0, 1)), states.max(axis=(0, 1))]).astype(np.float64)
+    camera = hemisphere(ends, count=5, up=up)[1]
+    table = PointTable(_balls(run))
+    sheets = []
+    for places in states:
+        moved = table.with_columns(dict(zip(XYZ, places.T, strict=True)))
+        drawn = splat_view(moved, camera)
+        sheets.append(Image.fromarray((255 * drawn).round().astype(np.uint8)))
+    out = BytesIO()
+    each = round(2000 / len(sheets))  # two seconds, as other loops
+    sheets[0].save(out, "GIF", save_all=True, append_images=sheets[1:], duration=each, loop=0)
+    return out.getvalue()
+
+
+def _balls(run: ParticleRun) -> dict[str, np.ndarray]:
+    """Columns of splats: a round one at every particle, of the colour of its part."""
+    count = len(run.part)
+    colours = np.array([rgb(colour) for colour in PARTS])[run.part % len(PARTS)]
+    shade = 1 - GRAIN * np.random.default_rng(0).random((count, 1))
+    return standard_columns(
+        means=run.positions[0],
+        log_scales=np.full((count, 3), np.log(BALL * run.spacing)),
+        rotations=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        opacity=np.full(count, 0.95),
+        f_dc=(shade * colours - 0.5) / SH_C0,
+    )
+
+
+# Colour scales: values to colours, and the round numbers that stand beside them.
+
+# Perceptually ordered maps (viridis, cividis, plasma, inferno, mako), cut where they are nearly
+# black; the report draws with the same.
+PALETTES: dict[str, tuple[str, ...]] = {
+    "E": ("#472d7b", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b",
+          "#fde725"),
+    "nu": ("#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55",
+           "#fee838"),
+    "rho": ("#35264c", "#403a75", "#3d5296", "#366da0", "#3487a6", "#35a1ab", "#43bbad", "#6cd3ad",
+            "#ade3c0", "#def5e5"),
+    "displacement": ("#46039f", "#7201a8", "#9c179e", "#bd3786", "#d8576b", "#ed7953", "#fb9f3a",
+                     "#fdca26", "#f0f921"),
+    "von_mises": ("#420a68", "#6a176e", "#932667", "#bc3754", "#dd513a", "#f37819", "#fca50a",
+                  "#f6d746", "#fcffa4"),
+}  # fmt: skip
+# Colours of parts: muted, told apart by hue, repeated after the last.
+PARTS = (
+    "#5b8db8", "#d19a55", "#6fa86a", "#b7656c", "#8d7fb5", "#5fb0ac", "#c2a847", "#a0785f",
+    "#8a9099", "#d08fb4",
+)  # fmt: skip
+SINGLE = 1e-6  # relative span below which all values count as one
+
+
+def rgb(words: str) -> Float[np.ndarray, "3"]:
+    """Colour in [0, 1] of ``#rrggbb``."""
+    return np.array([int(words[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Values from ``lo`` to ``hi`` on a palette, with a label and a unit; ``log`` by decades."""
+
+    label: str
+    unit: str
+    palette: str
+    lo: float
+    hi: float
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        if self.palette not in PALETTES:
+            raise InputError(f"unknown palette {self.palette!r}, wanted {', '.join(PALETTES)}")
+        if not self.lo <= self.hi or (self.log and not self.lo > 0):
+            raise InputError(f"scale from {self.lo} to {self.hi}: wanted lo <= hi, above 0 if log")
+
+    @classmethod
+    def around(cls, values, *, label: str, unit: str, palette: str, log: bool = False) -> Scale:
+        """Return the scale that spans all ``values``."""
+        return cls(label, unit, palette, float(np.min(values)), float(np.max(values)), log)
+
+    @property
+    def single(self) -> bool:
+        """Whether the scale holds one value only."""
+        return self.hi - self.lo <= SINGLE * max(abs(self.lo), abs(self.hi))
+
+    def share(self, values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Place of values on the scale, in [0, 1]; one half where it holds one value only."""
+        if self.single:
+            return np.full(np.shape(values), 0.5)
+        inside = np.clip(values, self.lo, self.hi)
+        if self.log:
+            return np.log(inside / self.lo) / np.log(self.hi / self.lo)
+        return (inside - self.lo) / (self.hi - self.lo)
+
+    def colors(self, values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Colour (sRGB, [0, 1]) of values."""
+        stops = np.array([rgb(stop) for stop in PALETTES[self.palette]])
+        at = self.share(values)
+        places = np.linspace(0, 1, len(stops))
+        return np.stack([np.interp(at, places, stops[:, i]) for i in range(3)], axis=-1)

@@ -1,0 +1,223 @@
+"""What `assign` returns: a mesh with E, nu and rho, and why each part got them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...fem.errors import BandError, InputError, UsageError
+from ...fem.mesh import TetMesh
+from ...fem.table import AS_STATED, FIELDS, MaterialValue, Span, outside_band
+from ...fem.uncertainty import MIDDLE
+from ...predictors.construction import MassInterval
+from ...predictors.field import MaterialField
+from ..asset.document import BodyRecord, Sidecar, mesh_document
+from ..meshing.messages import listed
+from ..walls import FAR_APART, BuiltPart
+from .verdict import ADVICE, Verdict, as_table, in_a_line
+
+if TYPE_CHECKING:
+    from ...converters.transfer import SampledMesh
+    from ...predictors.prediction import PartChoice
+
+# A network's own E that leaves the range of the nearest row by more than this is told.
+UNLIKE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """A mesh with E, nu, rho on every tet, their field, and the choice made for every part.
+
+    ``doubts`` are those of the ``warnings`` that are about words: not understood, or a guess.
+    """
+
+    mesh: TetMesh
+    text: str
+    field: MaterialField
+    choices: tuple[PartChoice, ...]
+    sampling: SampledMesh
+    sidecar: Sidecar
+    built: tuple[BuiltPart, ...]
+    warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
+
+    def part_rows(self) -> list[dict[str, Any]]:
+        """One row a part: material, values, ranges, source, why, volume [m^3], mass [kg].
+
+        Values are those of the material that is said; where its walls are smeared over the mesh,
+        ``construction`` has the apparent ones, and ``mass_interval`` [kg] what it may weigh.
+        """
+        volumes = self.mesh.region_volumes()
+        masses = np.bincount(
+            self.mesh.region,
+            weights=_material(self.mesh).rho * self.mesh.volumes,
+            minlength=len(volumes),
+        )
+        return [
+            {
+                "name": choice.part,
+                "material": choice.material,
+                "class": choice.matter_class,
+                **choice.value._asdict(),
+                "ranges": _ranges(choice),
+                "source": choice.source,
+                "estimated": choice.row.estimated,
+                "why": choice.why,
+                "derivation": choice.derivation,
+                "exact": choice.exact,
+                "guessed": choice.guessed,
+                "understood": choice.understood,
+                "weight": choice.weight,
+                "binding": choice.binding,
+                "draws": self.draws.get(choice.part, ()),
+                "volume": volume,
+                "mass": mass,
+                "mass_interval": list(built.mass),
+                "construction": built.row(),
+            }
+            for choice, built, volume, mass in zip(
+                self.choices, self.built, volumes, masses, strict=True
+            )
+        ]
+
+    @property
+    def record(self) -> BodyRecord:
+        """What those that solve the body take of it: that of its mesh, and of its parts."""
+        return replace(
+            BodyRecord.of(self.sidecar),
+            materials={choice.part: choice.material for choice in self.choices},
+            classes={choice.part: choice.matter_class for choice in self.choices},
+            draws=self.draws,
+            exact={choice.part: choice.exact for choice in self.choices if choice.exact},
+        )
+
+    @property
+    def draws(self) -> dict[str, tuple[MaterialValue, ...]]:
+        """Materials that a predictor drew, by part; where its walls are smeared, apparent ones."""
+        return {
+            choice.part: tuple(map(built.as_built, choice.draws))
+            for choice, built in zip(self.choices, self.built, strict=True)
+            if choice.draws
+        }
+
+    def mass_interval(self) -> MassInterval:
+        """Masses [kg] between which the whole lies."""
+        return MassInterval(
+            *(sum(ends) for ends in zip(*(b.mass for b in self.built), strict=True))
+        )
+
+    def check_bands(self) -> None:
+        """Raise ``BandError`` where a part's E, nu or rho leave the band of its category."""
+        for choice in self.choices:
+            complaints = outside_band(choice.row.category, *choice.value)
+            if complaints:
+                raise BandError(f"part {choice.part!r}, {choice.material}: {'; '.join(complaints)}")
+
+    def check_doubts(self) -> None:
+        """Raise ``UsageError`` where anything was not understood, not used, or is a guess."""
+        if self.doubts:
+            first, *others = self.doubts
+            more = f" (and {len(others)} more)" if others else ""
+            raise UsageError(f"--strict: {first}{more}")
+
+    def _bands(self) -> list[Verdict]:
+        """Whether the E, nu and rho of every part are usual for its category."""
+        found = [
+            Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
+            for choice in self.choices
+            for complaint in outside_band(choice.row.category, *choice.value)
+        ]
+        found += self._unlike()
+        stated = [repr(c.part) for c in self.choices if c.row.category == AS_STATED]
+        if len(stated) < len(self.choices) and not found:
+            said = "E, nu and rho of every part are usual for its kind."
+            found.append(Verdict("good", said, "inside band"))
+        if stated:
+            said = f"{', '.join(stated)}: no strength is known of what is only numbers, as stated."
+            found.append(Verdict("note", said, "as stated"))
+        return found
+
+    def _unlike(self) -> Iterator[Verdict]:
+        """Say where a network's own E is far from the row that it is said to be like."""
+        for choice in self.choices:
+            E, row = choice.value.E, choice.row
+            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
+                said = f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row"
+                span = f"({row.E.min:.3g} to {row.E.max:.3g})"
+                yield Verdict("note", f"{said} {span}.", "inside band", ADVICE["inside band"])
+
+    def verdicts(self) -> list[Verdict]:
+        """Whether E, nu and rho are usual, and how well the mass is known."""
+        return [*self._bands(), *self._mass()]
+
+    def _mass(self) -> Iterator[Verdict]:
+        """How far the mass may be off, where nothing says whether parts are hollow."""
+        low, high = self.mass_interval()
+        parts = [b.construction.part for b in self.built if b.construction.form == "unknown"]
+        if parts and high > FAR_APART * low:
+            yield Verdict(
+                "note",
+                f"It weighs {_material(self.mesh) and self.mesh.mass:.3g} kg if {listed(parts)} "
+                f"{'are' if len(parts) > 1 else 'is'} solid as drawn, "
+                f"{low:.2g} to {high:.2g} kg by what may be hollow, its density and its volume.",
+                "mass",
+                ADVICE["mass"],
+            )
+
+    def _drawn_mass(self) -> Iterator[Verdict]:
+        """What it weighs in nine of ten samples of what is unknown."""
+        if not self.draws:
+            return
+        each = {row["name"]: row["mass"] for row in self.part_rows()}
+        known = sum(mass for name, mass in each.items() if name not in self.draws)
+        drawn = [
+            each[choice.part] / built.as_built(choice.value).rho
+            * np.array([value.rho for value in self.draws[choice.part]])
+            for choice, built in zip(self.choices, self.built, strict=True)
+            if choice.part in self.draws
+        ]  # fmt: skip
+        low, high = np.quantile(known + sum(drawn), MIDDLE)
+        count = len(drawn[0])
+        said = f"Nine times in ten of {count} samples it weighs {low:.3g} to {high:.3g} kg."
+        yield Verdict("good", said, "range", "")
+
+    def described(self) -> Sidecar:
+        """Return the sidecar of the mesh, with the choices on record."""
+        return self.sidecar.with_record(assign=self.document())
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``assign --json`` prints."""
+        return {
+            "files": self.files,
+            "text": self.text,
+            **mesh_document(self.mesh),
+            "mass_interval": list(self.mass_interval()),
+            "parts": self.part_rows(),
+            "verdicts": [*self.verdicts(), *self._drawn_mass()],
+            "doubts": self.doubts,
+            "warnings": self.warnings,
+        }
+
+
+def _material(mesh: TetMesh):
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
+    return mesh.material
+
+
+def _ranges(choice: PartChoice) -> dict[str, Span]:
+    """What E, nu and rho may be: as the row says, but those that were stated in numbers."""
+    rows = {name: getattr(choice.row, name) for name in FIELDS}
+    values = choice.value._asdict()
+    return rows | {name: Span(values[name], values[name]) for name in choice.exact}

@@ -1,0 +1,497 @@
+"""What `simulate` returns, whatever the body does: all told, written and shown alike."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fem.laws.law import LAWS
+from ...fem.mesh import TetMesh, piece_names
+from ...fem.safety import PartStresses, Safety, part_safety, part_stresses
+from ...fem.scene.scene import Scene
+from ...fem.solve.method import SCENARIOS
+from ...fem.solve.result import Modes, MotionResult, ParticleRun, SagResult
+from ...fem.uncertainty import Draws, Exact, ranged_answers
+from ..asset.document import mesh_document
+from ..driving import DriveRecord
+from .description import describe, vector_words
+from .verdict import Verdict, as_table, in_a_line, si, with_doubts
+
+if TYPE_CHECKING:
+    from ...fem.verdicts import Check
+
+
+class Animation(NamedTuple):
+    """A motion: times [s] and the displacement [m] of the mesh points at each."""
+
+    times: Float[np.ndarray, "frames"]
+    displacement: Float[np.ndarray, "frames points 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation(ABC):
+    """The answer of a ``scene`` of the kind ``scenario``, and the ``seconds`` it took.
+
+    ``stated`` says whether a user changed what the scenario holds or loads; ``driven`` is what
+    moved with the mesh, ``materials`` the row of the table that each part is of, ``draws`` what a
+    predictor drew of parts that are of none, ``exact`` which numbers of a part were stated,
+    ``differences`` what the mesh has otherwise than the file that it was made of; ``size_stated``:
+    the user gave the size or the unit of that file.
+    """
+
+    scene: Scene
+    scenario: str
+    stated: bool = False
+    seconds: float = 0.0
+    driven: DriveRecord | None = None
+    materials: Mapping[str, str] = field(default_factory=dict)
+    differences: tuple[str, ...] = ()
+    size_stated: bool = False
+    draws: Draws = field(default_factory=dict)
+    exact: Exact = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+
+    # Name of the answer's numbers in the document.
+    kind: ClassVar[str]
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return as_table(self)
+
+    @property
+    def mesh(self) -> TetMesh:
+        """The mesh that was loaded."""
+        return self.scene.mesh
+
+    @property
+    @abstractmethod
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] of the state that a picture shows."""
+
+    @property
+    @abstractmethod
+    def animation(self) -> Animation:
+        """The motion that a report plays."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> dict[str, Any]:
+        """The numbers of the answer, in SI."""
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """How it was solved, label and words."""
+        return ()
+
+    @property
+    def particles(self) -> ParticleRun | None:
+        """The particles that found it, where it was particles."""
+        return None
+
+    @property
+    def cell_data(self) -> Mapping[str, np.ndarray]:
+        """Fields of the answer on the tets."""
+        return {}
+
+    @property
+    def point_data(self) -> Mapping[str, np.ndarray]:
+        """Fields of the answer at the points: displacement [m]."""
+        return {"displacement": self.displacement}
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """First natural frequencies [Hz], where they are known."""
+        return ()
+
+    @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations, where they are known."""
+        return None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed."""
+        return self.scene.warnings
+
+    @property
+    def title(self) -> str:
+        """What happens, in a few words."""
+        return "Under the stated loads" if self.stated else SCENARIOS[self.scenario].title
+
+    def checks(self) -> Sequence[Check]:
+        """What the answer is held against, each with its number and threshold."""
+        return ()
+
+    def verdicts(self) -> list[Verdict]:
+        """Findings in plain words: whether the mesh is the file's body, then every check."""
+        return with_doubts(list(self._judged), self.differences)
+
+    @cached_property
+    def _judged(self) -> tuple[Verdict, ...]:
+        """Every check in words; what is printed, written and reported is judged once."""
+        return tuple(map(Verdict.of, self.checks()))
+
+    def write(self, path: Path) -> list[Path]:
+        """Write the state shown as .vtu or .vtk, the motion as .pvd or .glb; return the files."""
+        if path.suffix.lower() == ".glb":
+            from ...converters.mesh.gltf_motion import write_motion_glb
+
+            return [write_motion_glb(path, self.mesh, *self.animation, up=self.scene.up)]
+        if path.suffix.lower() != ".pvd":
+            from ...converters.mesh.meshdata import write_mesh
+
+            fields = {"point_data": self.point_data, "cell_data": self.cell_data}
+            write_mesh(path, self.mesh, **fields)
+            return [path]
+        from ...converters.mesh.vtk import write_pvd
+
+        frames = zip(self.animation.times.tolist(), self.animation.displacement, strict=True)
+        return write_pvd(path, self.mesh, ((time, {"displacement": u}) for time, u in frames))
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``simulate --json`` prints."""
+        return {
+            "files": self.files,
+            **mesh_document(self.mesh),
+            "scenario": self.scenario,
+            "scene": [acting._asdict() for acting in describe(self.scene)],
+            self.kind: {**self.numbers, "verdicts": self.verdicts()},
+            "seconds": self.seconds,
+            **({} if self.driven is None else {"drive": self.driven.document()}),
+            "warnings": (*self.warnings, *(self.driven.warnings if self.driven else ())),
+        }
+
+
+# A body at rest under its load, as `simulate` returns it.
+
+# Share of the load in each frame of a static answer's motion: it comes on slowly and linearly.
+RAMP = np.linspace(0, 1, 6)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Settled(Simulation):
+    """A body at rest under its load."""
+
+    solved: SagResult
+    modes: Modes | None = None
+
+    kind = "sag"
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] at rest."""
+        return self.solved.displacement
+
+    @property
+    def animation(self) -> Animation:
+        """The load comes on slowly; its share takes the place of the time."""
+        return Animation(RAMP, RAMP[:, None, None] * self.displacement)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Displacement [m], ratio, stress [Pa], frequencies [Hz], residual of the solver."""
+        static, factor = self.solved.static, self.solved.load_factor
+        return {
+            "max_displacement": self.solved.max_displacement,
+            "sag_ratio": self.solved.sag_ratio,
+            "height": self.solved.height,
+            "max_von_mises": self.max_von_mises,
+            "load_factor": factor and factor.value,
+            "safety": [{**s._asdict(), "factor": s.factor} for s in self.safety],
+            "intervals": self.intervals,
+            "reaction": static.reaction.sum(axis=0),
+            "frequencies": self.frequencies,
+            "order": static.order,
+            "gap": self.solved.discretisation_error,
+            "residual": static.residual,
+            "iterations": static.iterations,
+            "solver": static.solver,
+        }
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """Law and elements, solver, and what the supports carry."""
+        static = self.solved.static
+        solver = static.solver or "Newton's method"
+        if static.iterations and not static.solver.count(" after "):  # which counts them itself
+            solver += f", {static.iterations} iterations"
+        elements = "quadratic" if static.order == 2 else "linear"
+        return (
+            ("Law and elements", f"{LAWS[static.law].title}, {elements} tets"),
+            ("Solver", f"{solver}, residual {static.residual:.1g}"),
+            ("Force of the supports", vector_words(static.reaction.sum(axis=0), "N")),
+        )
+
+    @cached_property
+    def max_von_mises(self) -> float:
+        """Largest von Mises stress [Pa], at the points as verdicts judge it."""
+        return max(here.largest for here in self._stresses)
+
+    @cached_property
+    def safety(self) -> tuple[Safety, ...]:
+        """Stress beside strength of every part whose material has one; none where it collapsed."""
+        if not self.solved.trusted:
+            return ()
+        return part_safety(self.solved.static, self.materials, self._stresses)
+
+    @cached_property
+    def _stresses(self) -> tuple[PartStresses, ...]:
+        return part_stresses(self.solved.static)
+
+    @cached_property
+    def intervals(self) -> dict[str, Any] | None:
+        """Lowest and highest mass [kg], displacement [m] and frequencies [Hz]; None: not known."""
+        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        return ranged_answers(self.scene, self.materials, result=self.solved, **known)
+
+    @property
+    def cell_data(self) -> Mapping[str, np.ndarray]:
+        """Von Mises stress [Pa]."""
+        return {"von_mises": self.solved.von_mises}
+
+    @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations of the body as it stands."""
+        return self.modes
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """First natural frequencies [Hz] of the body as it stands."""
+        return () if self.modes is None else tuple(self.modes.frequencies.tolist())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the solver assumed."""
+        return self.solved.warnings
+
+    def checks(self) -> Sequence[Check]:
+        """Shape, buckling, mesh, explicit step, size, standing, strength, frequency, range."""
+        from ...fem.verdicts import (
+            first_frequency,
+            span_of_answers,
+            static_checks,
+            stays_upright,
+            strength,
+            with_unmade,
+        )
+
+        checks = [
+            *static_checks(self.solved, size_stated=self.size_stated),
+            *stays_upright(self.solved, self.scene),
+            *map(strength, self.safety),
+        ]
+        if self.modes is not None:
+            checks.append(first_frequency(self.modes))
+        if self.intervals is not None:
+            checks.append(span_of_answers(*self.intervals.values()))
+        return with_unmade(checks)
+
+
+# A body in motion, as `simulate` returns it.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Moving(Simulation):
+    """A body that falls, is squeezed, blown at or torn."""
+
+    motion: MotionResult
+
+    kind = "motion"
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Displacement [m] in the last frame."""
+        return self.motion.displacements[-1]
+
+    @property
+    def animation(self) -> Animation:
+        """The motion as it is."""
+        return Animation(np.array([f.time for f in self.motion.frames]), self.motion.displacements)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Frames, step [s], largest motion and smallest gap [m], forces [N], energies [J]."""
+        frames = self.motion.frames
+        pushes = np.linalg.norm(self.motion.obstacle_forces, axis=2)
+        forces = pushes.max(axis=0)
+        return {
+            "frames": len(frames),
+            "dt": self.motion.dt,
+            "max_displacement": float(np.linalg.norm(self.motion.displacements, axis=2).max()),
+            "smallest_gap": self.motion.smallest_gap,
+            "max_contact_force": float(forces.max(initial=0.0)),
+            "max_obstacle_forces": forces.tolist(),
+            "obstacle_forces": pushes.tolist(),
+            **self._contact(),
+            "energy": [f.energy for f in frames],
+            "energy_balance": self._energy(),
+            "order": self.motion.order,
+            "newton_iterations": sum(f.iterations for f in frames),
+            "model_error": self.motion.model_error,
+            "stiffening": self.motion.stiffening,
+            **({} if self.motion.particles is None else {"particles": self._particles()}),
+        }
+
+    def _energy(self) -> dict[str, float] | None:
+        """Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]."""
+        from ...fem.solve.energy import energy_balance
+
+        found = energy_balance(self.motion, self.scene)
+        return found and found._asdict()
+
+    def _contact(self) -> dict[str, Any]:
+        """Largest pressures [Pa], and forces [N] of the pieces on each other: largest and last."""
+        found: dict[str, Any] = {}
+        if (pressures := self.motion.largest_pressures) is not None:
+            found["max_obstacle_pressures"] = pressures.obstacles.tolist()
+            found["max_own_pressure"] = pressures.own
+        forces, names = self.motion.piece_forces, self._piece_names
+        found["piece_forces"] = [
+            {
+                "on": names[on],
+                "by": names[by],
+                "largest": float(np.linalg.norm(force, axis=1).max()),
+                "last": force[-1].tolist(),
+            }
+            for (on, by), force in forces.items()
+        ]
+        return found
+
+    @cached_property
+    def _piece_names(self) -> tuple[str, ...]:
+        return piece_names(self.mesh)
+
+    def _particles(self) -> dict[str, Any]:
+        """Counts of the particles, steps, and what was expected before them."""
+        run = self.motion.particles
+        assert run is not None
+        counts = ("substeps", "outside", "stationary", "rigid", "bodies", "capped", "lagrangian")
+        known = {name: getattr(run, name) for name in (*counts, "spacing", "nodes", "plan")}
+        return {"count": len(run.part), **known}
+
+    @property
+    def particles(self) -> ParticleRun | None:
+        """The particles that found it, where it was particles."""
+        return self.motion.particles
+
+    @property
+    def solution(self) -> tuple[tuple[str, str], ...]:
+        """Particles, grid and steps, where particles moved it; else what the method says."""
+        run = self.motion.particles
+        if run is None:
+            count = len(self.motion.frames) - 1
+            steps = ("Steps", f"{count:,} of {si(self.motion.dt, 's')}")
+            return (*self._elements, *self.motion.solution, steps)
+        grid = "x".join(map(str, run.nodes))
+        words = f"{len(run.part):,} particles on {grid} nodes, {run.spacing:.3g} m apart"
+        law = ("Law", "; ".join(run.laws))
+        return (law, ("Material points", words), ("Steps", f"{run.substeps:,}"))
+
+    @property
+    def _elements(self) -> tuple[tuple[str, str], ...]:
+        order = {1: "linear", 2: "quadratic"}.get(self.motion.order)
+        return (("Elements", f"{order} tets"),) if order else ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed of the scene, of the body, and of the particles."""
+        run = self.motion.particles
+        return (*self.scene.warnings, *self.motion.notes, *(run.notes if run is not None else ()))
+
+    def checks(self) -> Sequence[Check]:
+        """Nothing goes through an obstacle or gains energy; who presses whom; fit elements."""
+        from ...fem.verdicts import (
+            contact_forces,
+            follows,
+            in_the_grid,
+            keeps_energy,
+            locking,
+            no_penetration,
+        )
+
+        energy = keeps_energy(self.motion, self.scene)
+        if self.motion.particles is not None:
+            return [in_the_grid(self.motion.particles), *energy]
+        met = (no_penetration(self.motion), contact_forces(self.motion, self._piece_names))
+        suits = [locking(self.motion)] if self.motion.order else []
+        return [*met, *energy, *suits, *follows(self.motion)]
+
+
+# The vibrations of a body, as `simulate` returns them.
+
+# Frames of one period of a natural vibration.
+SWING = np.arange(24) / 24
+# A vibration is drawn with this largest displacement, as a share of the diagonal: its size is free.
+DRAWN = 0.05
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Ringing(Simulation):
+    """The natural vibrations of a body as it stands."""
+
+    modes: Modes
+
+    kind = "modal"
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "points 3"]:
+        """Shape of the first vibration, at its largest."""
+        shape = self.modes.shapes[0, : len(self.mesh.points)]
+        diagonal = float(np.linalg.norm(np.ptp(self.mesh.bounds, axis=0)))
+        return shape * (DRAWN * diagonal / np.linalg.norm(shape, axis=1).max())
+
+    @property
+    def animation(self) -> Animation:
+        """One period of the first vibration."""
+        period = 1.0 / self.modes.frequencies[0]
+        swing = np.sin(2 * np.pi * SWING)
+        return Animation(SWING * period, swing[:, None, None] * self.displacement)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Frequencies [Hz] and the residual of the eigensolver."""
+        known = {"frequencies": self.frequencies, "residual": self.modes.residual}
+        return {**known, "intervals": self.intervals}
+
+    @cached_property
+    def intervals(self) -> dict[str, Any] | None:
+        """Lowest and highest mass [kg] and frequencies [Hz]; None where no range is known."""
+        known = {"draws": self.draws, "exact": self.exact, "modes": self.modes}
+        return ranged_answers(self.scene, self.materials, **known)
+
+    @property
+    def point_data(self) -> Mapping[str, np.ndarray]:
+        """Shapes of unit modal mass [1/sqrt(kg)] beside the drawn displacement [m]."""
+        count = len(self.mesh.points)
+        shapes = {f"mode_{i}": shape[:count] for i, shape in enumerate(self.modes.shapes, 1)}
+        return {"displacement": self.displacement, **shapes}
+
+    @property
+    def vibrations(self) -> Modes | None:
+        """Natural vibrations of the body as it stands."""
+        return self.modes
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Natural frequencies [Hz], the slowest first."""
+        return tuple(self.modes.frequencies.tolist())
+
+    def checks(self) -> Sequence[Check]:
+        """Rings or wobbles; within which range."""
+        from ...fem.verdicts import first_frequency, span_of_answers
+
+        checks = [first_frequency(self.modes)]
+        if (known := self.intervals) is not None:
+            checks.append(
+                span_of_answers(known["mass"], None, known["frequencies"], known["likely"])
+            )
+        return checks

@@ -1,0 +1,574 @@
+"""Walls that texts state: known before there is a mesh, so that it can have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import numpy as np
+import tyro
+from jaxtyping import Float
+
+from ..fem.errors import UsageError
+from ..fem.mesh import TetMesh, boundary_faces, face_areas
+from ..fem.table import (
+    Material,
+    MaterialTable,
+    MaterialValue,
+    WallShare,
+    apparent_material,
+    key,
+    load_contents,
+    load_table,
+)
+from ..predictors.asset import Asset, Part
+from ..predictors.construction import (
+    Construction,
+    MassInterval,
+    ThingWords,
+    construction_of,
+    densities_of,
+    mass_interval,
+    middle,
+)
+from ..predictors.field import MaterialField
+from ..predictors.prediction import GUESS, PartChoice, Prediction
+from ..predictors.text.clauses import GENERAL, Bound, BoundPart, Clause
+from ..predictors.text.numerals import Quantity, wall_said
+from .asset.document import Sidecar
+from .asset.repair import repair
+from .asset.solids import SAMPLES, Shell, hull_share, inner_surface, wall_share
+from .options import ConvertOptions, Repeated, pairs
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def with_stated_walls(
+    asset: str | Path | Asset,
+    texts: Sequence[str],
+    walls: WallOptions | None,
+    options: ConvertOptions | None,
+) -> tuple[str | Path | Asset, WallOptions | None]:
+    """Return an asset, and the walls that options and texts say for its conversion.
+
+    It is loaded where every text speaks of walls. Options go first; a wall on which texts do not
+    agree, and one that holds something, are left to the material, as are those of a tet mesh.
+    """
+    from .asset.load import load_asset
+    from .meshing.import_tets import SUFFIXES
+
+    given, options = walls or WallOptions(), options or ConvertOptions()
+    spoken = bool(texts) and all("wall" in text.lower() for text in texts)
+    if not spoken or given.wall is not None or given.solid or given.fill:
+        return asset, walls
+    if not isinstance(asset, Asset):
+        if Path(asset).suffix.lower() in SUFFIXES:
+            return asset, walls
+        asset = load_asset(asset, size=options.size, units=options.units, up=options.up)
+    said = [_stated(asset, text) for text in texts]
+    agreed = {
+        name: wall
+        for name, wall in said[0].items()
+        if name not in given.by_part() and all(other.get(name) == wall for other in said)
+    }
+    stated = tuple(f"{name}={wall!r}" for name, wall in agreed.items())
+    return asset, replace(given, part_wall=(*given.part_wall, *stated))
+
+
+def _stated(asset: Asset, text: str) -> dict[str, float]:
+    """Walls [m] of empty parts, by their names, as the built-in reader reads a text."""
+    from ..fem.table import load_table
+    from ..predictors.text.interpreter import read_sentence
+
+    labels = [(part.name, *part.labels) for part in asset.parts]
+    bound = read_sentence(text, labels, load_table())
+    main = main_parts(np.array([abs(part.mesh.volume) for part in asset.parts]))
+    clauses = bound.sentence.clauses
+    return {
+        name: wall.value
+        for name, wall, part in zip(
+            asset.part_names, walls_said(asset.part_names, main, bound), bound.parts, strict=True
+        )
+        if wall and not any(clauses[k].filling for k in part.clauses)
+    }
+
+
+# Options of walls: what closed parts are inside.
+
+EVERY = "*"  # in place of a part's name
+
+
+@dataclass(frozen=True)
+class WallOptions:
+    """What closed parts are inside: solid, or a wall around something."""
+
+    wall: float | None = None
+    """Wall [m] of every closed part; by default what its kind of thing has, else it is solid."""
+    part_wall: Annotated[tuple[str, ...], Repeated] = ()
+    """Wall [m] of one part, NAME=METRES, or NAME=solid; may be repeated."""
+    fill: Annotated[tuple[str, ...], Repeated] = ()
+    """What walls hold: MATERIAL, or NAME=MATERIAL for one part; may be repeated."""
+    solid: bool = False
+    """Closed parts are solid, whatever they are called."""
+    held: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Parts whose walls the mesh has by itself: what a conversion found."""
+    contents: Annotated[tuple[str, ...], tyro.conf.Suppress] = ()
+    """Material of parts that are what walls hold, NAME=MATERIAL: what a conversion made."""
+
+    def geometry(self) -> dict[str, Any]:
+        """Return what the tetrahedraliser makes of it: walls [m] of parts that hold nothing."""
+        walls, full = self.by_part(), self.fillings()
+        hollow = {name: wall for name, wall in walls.items() if wall and EVERY not in full}
+        return {
+            "wall": None if EVERY in full or self.solid else self.wall,
+            "part_wall": hollow,
+            "solid": (
+                *full,
+                *self.held,
+                *pairs(self.contents),
+                *(name for name, wall in walls.items() if wall is None),
+            ),
+        }
+
+    def wall_of(self, part: str) -> float | None:
+        """Return the wall [m] that is said of a part, None where it is solid or nothing is said."""
+        return self.by_part().get(part, None if self.solid else self.wall)
+
+    def filling_of(self, part: str) -> str | None:
+        """Return the material that a part is said to be full of."""
+        full = self.fillings()
+        return full.get(part, full.get(EVERY))
+
+    def by_part(self) -> dict[str, float | None]:
+        """Return the walls [m] of single parts, None for solid ones."""
+        walls = pairs(self.part_wall).items()
+        return {name: None if said == "solid" else _metres(said) for name, said in walls}
+
+    def fillings(self) -> dict[str, str]:
+        """Return the material that each part is full of; ``EVERY`` stands for all."""
+        return pairs([said if "=" in said else f"{EVERY}={said}" for said in self.fill])
+
+
+def _metres(value: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        raise UsageError(
+            f"wanted a wall in metres, NAME=0.003, or NAME=solid, got {value!r}"
+        ) from error
+
+
+# What the parts of a mesh are called, and what a text says that they are and hold.
+
+MAIN_SHARE = 0.5  # of the volume: the part that a file's name and "this is a ..." speak of
+
+
+def material_inside(name: str, table: MaterialTable) -> Material:
+    """Return what is called so: contents first ("coffee" is ground, no wood), then materials."""
+    contents = load_contents()
+    return contents.exact(name) if key(name) in contents.phrases else table.exact(name)
+
+
+class Held(NamedTuple):
+    """What a part is full of, and whether that is said of it or of the whole."""
+
+    material: Material
+    own: bool
+
+
+@dataclass(frozen=True)
+class Called:
+    """What the parts of a mesh and the whole of it are called, and what a text says of them.
+
+    Parameters
+    ----------
+    labels
+        For each part its name, then all other words that the asset has for it.
+    main
+        Whether each is the main part: what is said of the whole speaks of it.
+    object_name, thing
+        What the asset is called, and what the text says that it is.
+    held
+        What each part is said to be full of, by itself or with the whole; None for nothing.
+    walls
+        The thickness of the wall [m] that each part is said to have, None where nothing is said.
+    """
+
+    labels: tuple[tuple[str, ...], ...]
+    main: tuple[bool, ...]
+    object_name: str
+    thing: tuple[str, ...]
+    held: tuple[Held | None, ...]
+    walls: tuple[Quantity | None, ...]
+
+    @classmethod
+    def of(cls, mesh: TetMesh, sidecar: Sidecar, bound: Bound, table: MaterialTable) -> Called:
+        """Gather the words for the regions of a mesh, of which so much is said."""
+        main = main_parts(mesh.region_volumes())
+        return cls(
+            labels=sidecar.labels_of(mesh.region_names),
+            main=main,
+            object_name=sidecar.source.get("name") or "",
+            thing=bound.sentence.thing,
+            held=tuple(_held(part, bound.sentence.clauses, table) for part in bound.parts),
+            walls=walls_said(mesh.region_names, main, bound),
+        )
+
+    def divided(self, mesh: TetMesh, sidecar: Sidecar, parents: Sequence[int]) -> Called:
+        """Return the same of a mesh whose regions are pieces of these parts."""
+        return replace(
+            self,
+            labels=sidecar.labels_of(mesh.region_names),
+            main=main_parts(mesh.region_volumes()),
+            held=tuple(self.held[part] for part in parents),
+            walls=tuple(self.walls[part] for part in parents),
+        )
+
+    def usual_materials(self) -> dict[str, tuple[str, str]]:
+        """Return, by part, the kind of hollow thing that it is called and its usual material."""
+        found = ((own[0], self.words(i).usual_material()) for i, own in enumerate(self.labels))
+        return {part: usual for part, usual in found if usual}
+
+    def words(self, part: int) -> ThingWords:
+        """Return the words for a part; what the whole is called only for its main part."""
+        if not self.main[part]:
+            return ThingWords.of(self.labels[part])
+        return ThingWords.of(self.labels[part], thing=self.thing, object_name=self.object_name)
+
+    def filling(self, part: int) -> Material | None:
+        """Return what is in a part; what the whole is full of, is in its main part."""
+        held = self.held[part]
+        return held.material if held and (held.own or self.main[part]) else None
+
+    def said_filling(self, part: int) -> str:
+        """Return the row of what a part is said to be full of, "" where another part has it."""
+        held = self.held[part]
+        says = held and (held.own or self.main[part] or not any(self.main))
+        return held.material.name if held and says else ""
+
+
+def _held(part: BoundPart, clauses: Sequence[Clause], table: MaterialTable) -> Held | None:
+    """What the first clause that fills a part says is in it."""
+    found = (
+        Held(material_inside(name, table), how not in GENERAL)
+        for k, how in zip(part.clauses, part.how, strict=True)
+        if (name := clauses[k].filling)
+    )
+    return next(found, None)
+
+
+def walls_said(
+    names: Sequence[str], main: Sequence[bool], bound: Bound
+) -> tuple[Quantity | None, ...]:
+    """The wall that a text gives each part; that of the whole is of its main part, or of all."""
+
+    def of(part: int) -> Quantity | None:
+        general = main[part] or not any(main)
+        spoken = zip(bound.parts[part].clauses, bound.parts[part].how, strict=True)
+        clauses = [bound.sentence.clauses[k] for k, how in spoken if general or how not in GENERAL]
+        return next(filter(None, (wall_said(names[part], one.numbers) for one in clauses)), None)
+
+    return tuple(of(part) for part in range(len(names)))
+
+
+def main_parts(volumes: Float[np.ndarray, "parts"]) -> tuple[bool, ...]:
+    """Return which parts are the main one, by their volumes [m^3]."""
+    return tuple((volumes >= MAIN_SHARE * volumes.sum()).tolist())
+
+
+# What walls hold as tets of its own: a part for the room inside a wall, and its material.
+
+SUFFIX = " contents"
+
+
+class FilledAsset(NamedTuple):
+    """An asset with a part for the room in each wall; the material of each, by its name."""
+
+    asset: Asset
+    contents: Mapping[str, str]
+
+    @property
+    def walls(self) -> tuple[str, ...]:
+        """Names of the parts around them."""
+        return tuple(name.removesuffix(SUFFIX) for name in self.contents)
+
+
+def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> FilledAsset:
+    """Add a part for what is inside each part with a wall and a filling by options.
+
+    A wall below ``thinnest`` [m], and one that leaves no room, is left to the material.
+    ``UsageError`` where the asset has a part of that name.
+    """
+    rooms, contents = [], {}
+    for part in asset.parts:
+        wall, filling = options.wall_of(part.name), options.filling_of(part.name)
+        if filling is None or wall is None or not thinnest <= wall < np.inf:
+            continue
+        room = _room(part, wall)
+        if room is None:
+            continue
+        if part.name + SUFFIX in asset.part_names:
+            raise UsageError(
+                f"what {part.name!r} is filled with would be a part {part.name + SUFFIX!r}, which "
+                f"the asset has: --fill only the others, NAME=MATERIAL, or rename that part"
+            )
+        rooms.append(Part(part.name + SUFFIX, room))
+        contents[part.name + SUFFIX] = filling
+    return FilledAsset(replace(asset, parts=(*asset.parts, *rooms)), contents)
+
+
+def _room(part: Part, wall: float) -> Trimesh | None:
+    """Closed surface a ``wall`` [m] inside that of a part; None where nothing is that deep."""
+    from trimesh import Trimesh
+
+    surface, _ = repair((part,))
+    shell = Shell(surface.points, surface.faces, surface.part)
+    (points, faces), kept = inner_surface(shell, wall)
+    return Trimesh(points, faces[kept], process=False) if kept.any() else None
+
+
+def with_fillings(found: Prediction, contents: Mapping[str, Material]) -> Prediction:
+    """Give the parts that are contents their materials, whatever words say of them."""
+    alpha = 0.5 if found.field.alpha is None else found.field.alpha
+    chosen = {
+        number: PartChoice(name, contents[name], contents[name].value(alpha), 1.0, alpha, "--fill")
+        for number, name in enumerate(found.parts.part_names)
+        if name in contents
+    }
+    return found.with_choices(chosen) if chosen else found
+
+
+# Walls that no element shows: parts of a mesh that are hollow get the apparent material for it.
+
+FEW_SAMPLES = 2_000  # of the ends of an interval: to 2 %, which its drawn sizes are not known to
+FAR_APART = 2.0  # high / low: below it a mass is known well enough to say nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One region of a mesh [m], and what can be measured of its outside."""
+
+    points: np.ndarray
+    faces: np.ndarray
+    volume: float
+
+    @cached_property
+    def smallest_side(self) -> float:
+        """Smallest side [m] of its box, along its axes."""
+        return float(np.ptp(self.points, axis=0).min())
+
+    @cached_property
+    def area(self) -> float:
+        """Area [m^2] of its outside."""
+        return float(face_areas(self.points, self.faces).sum())
+
+    def share(self, wall: float, *, samples: int = SAMPLES) -> WallShare:
+        """Share of a wall [m] in its volume and in its bending."""
+        return wall_share(self.points, self.faces, wall, samples=samples)
+
+    def hull_share(self) -> float:
+        """Its volume by that of its convex hull [1]."""
+        return hull_share(self.points, self.faces)
+
+
+def bodies_of(mesh: TetMesh) -> list[Body]:
+    """Return every region with its outward boundary, and without the others' points."""
+    order = np.argsort(mesh.region, kind="stable")
+    ends = np.searchsorted(mesh.region[order], np.arange(len(mesh.region_names) + 1))
+    volumes, bodies = mesh.region_volumes(), []
+    for region, (start, end) in enumerate(pairwise(ends)):
+        used, tets = np.unique(mesh.tets[order[start:end]], return_inverse=True)
+        faces = boundary_faces(tets.reshape(-1, 4)).faces
+        bodies.append(Body(mesh.points[used], faces, float(volumes[region])))
+    return bodies
+
+
+@dataclass(frozen=True)
+class BuiltPart:
+    """How a part is built, the material that stands for it, and its mass.
+
+    ``apparent`` E [Pa], nu [1], rho [kg/m^3] where its walls are smeared over its elements;
+    ``said_filling`` is the row of what it is said to be full of, ``unused_wall`` the words for a
+    wall that options overrule.
+    """
+
+    construction: Construction
+    mass: MassInterval
+    apparent: MaterialValue | None = None
+    share: WallShare | None = None
+    inside_E: float = 0.0
+    solid_mass: float = 0.0
+    said_filling: str = ""
+    unused_wall: str = ""
+
+    def as_built(self, value: MaterialValue) -> MaterialValue:
+        """The material that stands for the part if what it is made of is ``value``."""
+        if self.share is None:
+            return value
+        inside = {"inside_rho": middle(self.construction.inside), "inside_E": self.inside_E}
+        return apparent_material(value, self.share, **inside)
+
+    @property
+    def warning(self) -> str:
+        """What a user must know: that the material is apparent, or that the mass is anyone's."""
+        built, part = self.construction, self.construction.part
+        between = f"{self.mass.low:.2g} to {self.mass.high:.2g} kg"
+        if self.apparent is not None:
+            return (
+                f"{part!r} is {built.sentence} (mass {between}, solid {self.solid_mass:.2g} kg); "
+                f"the mesh has no such wall, so E {self.apparent.E:.2g} Pa and rho "
+                f"{self.apparent.rho:.3g} kg/m3 are apparent: mass and bending are "
+                f"kept, dents are not; --part-wall '{part}=solid' keeps it solid"
+            )
+        return ""
+
+    @property
+    def doubt(self) -> str:
+        """What was said of its wall, or to be in it, and is not counted."""
+        built = self.construction
+        if self.unused_wall:
+            return f"part {built.part!r}: {self.unused_wall!r} is not used: {built.sentence}"
+        if not self.said_filling or built.filling:
+            return ""
+        return (
+            f"part {built.part!r} is said to hold {self.said_filling}: its mass does not count it, "
+            f"for it is {built.sentence}; --part-wall '{built.part}=METRES' makes room"
+        )
+
+    def row(self) -> dict[str, Any]:
+        """What a part's row says of it."""
+        built = self.construction
+        return {
+            "form": built.form,
+            "wall": None if built.wall is None else list(built.wall),
+            "inside": list(built.inside),
+            "filling": built.filling,
+            "why": built.why,
+            "source": built.source,
+            "apparent": None if self.apparent is None else self.apparent._asdict(),
+            "share": self.share,
+        }
+
+
+@dataclass(frozen=True)
+class Walls:
+    """What is said for certain of walls: for all parts, for parts by name, and their fillings."""
+
+    options: WallOptions
+    fillings: Mapping[str, Material]
+    contents: Mapping[str, Material]
+
+    @classmethod
+    def said(cls, options: WallOptions | None, sidecar: Sidecar, parts: Sequence[str]) -> Walls:
+        """Return what options say, by default those of the conversion; what it made stays made.
+
+        Raises
+        ------
+        UsageError
+            Where a part or a material is unknown, or a wall is no length.
+        """
+        record = sidecar.record.get("walls", {})
+        lists = ("part_wall", "fill", "held", "contents")
+        known = WallOptions(**{**record, **{name: tuple(record.get(name, ())) for name in lists}})
+        if options in (None, WallOptions()):
+            options = known
+        else:
+            held, contents = options.held or known.held, options.contents or known.contents
+            options = replace(options, held=held, contents=contents)
+        walls, fillings = options.by_part(), options.fillings()
+        for name in (*walls, *fillings):
+            if name not in (*parts, EVERY):
+                raise UsageError(f"the mesh has no part {name!r}: its parts are {', '.join(parts)}")
+        for wall in filter(None, (options.wall, *walls.values())):
+            if not 0 < wall < np.inf:
+                raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {wall:g}")
+        table = load_table()
+        inside = (
+            {name: material_inside(said, table) for name, said in some.items()}
+            for some in (fillings, pairs(options.contents))
+        )
+        return cls(options, *inside)
+
+    def filled(self, found: Prediction) -> Prediction:
+        """Return the same with the materials of the parts that are what walls hold."""
+        return with_fillings(found, self.contents)
+
+    def of(self, part: str) -> dict[str, Any]:
+        """Return what is said of one part, as ``construction_of`` takes it."""
+        own, inside = self.options.by_part(), part in self.contents
+        told = {
+            "wall": own.get(part, self.options.wall),
+            "solid": own[part] is None if part in own else self.options.solid or inside,
+            "in_mesh": part in self.options.held,
+        }
+        filling = self.fillings.get(part, self.fillings.get(EVERY))
+        return told | ({"filling": filling} if filling else {})
+
+
+def build_parts(
+    mesh: TetMesh, choices: Sequence[PartChoice], called: Called, said: Walls
+) -> tuple[BuiltPart, ...]:
+    """Return how every region of a mesh [m] is built, in the order of the regions."""
+    return tuple(
+        _built(
+            body,
+            choice,
+            called.words(region),
+            {"filling": called.filling(region), **said.of(choice.part)},
+            called.said_filling(region),
+            called.walls[region],
+        )
+        for region, (body, choice) in enumerate(zip(bodies_of(mesh), choices, strict=True))
+    )
+
+
+def _built(
+    body: Body,
+    choice: PartChoice,
+    words: ThingWords,
+    said: dict[str, Any],
+    said_filling: str,
+    wall: Quantity | None,
+) -> BuiltPart:
+    given, free = said["wall"], not (said["solid"] or said["in_mesh"])
+    if wall and given is None and free:
+        said = {**said, "wall": wall.value}
+    unused = wall.text if wall and said["wall"] != wall.value else ""
+    shape = {"hull_share": body.hull_share(), "smallest_side": body.smallest_side}
+    table, contents = load_table(), load_contents()
+    construction = construction_of(
+        choice.part, words, choice.row, contents=contents, **shape, **said
+    )
+    ends = dict.fromkeys(construction.wall or ())
+    shares = {wall: body.share(wall, samples=FEW_SAMPLES) for wall in ends}
+    rho, volume = choice.value.rho, body.volume
+    interval = mass_interval(
+        construction,
+        densities_of(choice.row, rho, guessed=choice.weight < GUESS, table=table),
+        volume=volume,
+        wall_volume=lambda wall: shares[wall].volume * volume,
+    )
+    filling = said["filling"]
+    built = BuiltPart(construction, interval, solid_mass=rho * volume, said_filling=said_filling)
+    built = replace(built, unused_wall=unused)
+    if construction.form != "shell":
+        return built
+    share = body.share(construction.thickness)
+    built = replace(built, share=share, inside_E=filling.value().E if filling else 0.0)
+    return replace(built, apparent=built.as_built(choice.value))
+
+
+def with_walls(field: MaterialField, built: Sequence[BuiltPart]) -> MaterialField:
+    """Give the cells of hollow parts the apparent E [Pa] and rho [kg/m^3], cell by cell."""
+    E, rho = field.E.copy(), field.rho.copy()
+    for part, one in enumerate(built):
+        if one.share is not None and field.part is not None:
+            mine = field.part == part
+            E[mine] = one.share.stiffness(E[mine], one.inside_E)
+            rho[mine] = one.share.density(rho[mine], middle(one.construction.inside))
+    return replace(field, E=E, rho=rho)
