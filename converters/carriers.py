@@ -69,7 +69,23 @@ def append_material(
     field = field_from_tets(source, cells=cells) if isinstance(source, TetMesh) else source
     target_path, out_path = Path(target_path), Path(out_path)
     if is_density(target_path):
-        return _onto_density(field, target_path, out_path)
+        # Values in the cells above the threshold; 0 in empty ones, where there is no material
+        grid = read_density(target_path)
+        full = grid.density.ravel() > grid.threshold
+        sample = sample_field(field, grid.centers()[full])
+        arrays = {}
+        for name, values in sample_columns(field, sample, real="f4").items():
+            array = np.full(grid.density.size, -1 if values.dtype.kind == "i" else 0, values.dtype)
+            array[full] = values
+            arrays[name] = array.reshape(grid.density.shape)
+        written = DensityGrid(
+            grid.lo, grid.hi, grid.density, grid.threshold, {**grid.fields, **arrays}
+        )
+        files = write_density(out_path, written)
+        return Transferred(
+            tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance,
+            lost=density_losses(out_path, written),
+        )  # fmt: skip
     return _onto_points(field, target_path, out_path)
 
 
@@ -148,21 +164,3 @@ def _spread(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     result = np.full(len(valid), -1 if values.dtype.kind == "i" else np.nan, dtype=values.dtype)
     result[valid] = values
     return result
-
-
-def _onto_density(field: MaterialField, target_path: Path, out_path: Path) -> Transferred:
-    """Values in the cells above the threshold; 0 in empty ones, where there is no material."""
-    grid = read_density(target_path)
-    full = grid.density.ravel() > grid.threshold
-    sample = sample_field(field, grid.centers()[full])
-    arrays = {}
-    for name, values in sample_columns(field, sample, real="f4").items():
-        array = np.full(grid.density.size, -1 if values.dtype.kind == "i" else 0, values.dtype)
-        array[full] = values
-        arrays[name] = array.reshape(grid.density.shape)
-    written = DensityGrid(grid.lo, grid.hi, grid.density, grid.threshold, {**grid.fields, **arrays})
-    files = write_density(out_path, written)
-    return Transferred(
-        tuple(files), int(full.sum()), sample.n_fallback, sample.max_fallback_distance,
-        lost=density_losses(out_path, written),
-    )  # fmt: skip

@@ -75,20 +75,21 @@ class Driven:
         """
         splats = _Splats(self.table, self.valid) if self.table.is_splat else None
         for displacement in displacements:
-            yield self._moved(displacement, splats)
-
-    def _moved(self, displacement: Any, splats: _Splats | None) -> PointTable:
-        found = self.embedding
-        positions = found.positions(displacement) / self.scale
-        moved = dict(zip(XYZ, positions.T, strict=True))
-        normals = self._normals()
-        if splats is not None or normals is not None:
-            rotation, stretch = polar(found.gradients(displacement))
-            if splats is not None:
-                moved |= splats.moved(rotation, stretch, found.of_point)
-            if normals is not None:
-                moved |= _turned_normals(normals, rotation[found.of_point], stretch[found.of_point])
-        return self.table.with_columns({name: self._spread(name, v) for name, v in moved.items()})
+            found = self.embedding
+            positions = found.positions(displacement) / self.scale
+            moved = dict(zip(XYZ, positions.T, strict=True))
+            normals = self._normals()
+            if splats is not None or normals is not None:
+                rotation, stretch = polar(found.gradients(displacement))
+                if splats is not None:
+                    moved |= splats.moved(rotation, stretch, found.of_point)
+                if normals is not None:
+                    moved |= _turned_normals(
+                        normals, rotation[found.of_point], stretch[found.of_point]
+                    )
+            yield self.table.with_columns(
+                {name: self._spread(name, v) for name, v in moved.items()}
+            )
 
     def _normals(self) -> np.ndarray | None:
         """Normals of the valid points, where there are any."""
@@ -263,7 +264,9 @@ class Embedding:
 def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
     """Find the tet around every position [m], or the nearest one where there is none."""
     tet, weights = np.full(len(positions), -1), np.zeros((len(positions), 4))
-    inverse, start = _barycentric_maps(mesh)
+    corners = mesh.points[mesh.tets]
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    inverse, start = np.linalg.inv(edges), corners[:, 0]
     for points, tets in _candidates(mesh, positions):
         inside = np.einsum("nij,nj->ni", inverse[tets], positions[points] - start[tets])
         all_four = np.column_stack([1 - inside.sum(axis=1), inside])
@@ -276,13 +279,6 @@ def embed(mesh: TetMesh, positions: Float[np.ndarray, "n 3"]) -> Embedding:
         three = np.einsum("nij,nj->ni", inverse[nearest], positions[outside] - start[nearest])
         weights[outside] = np.column_stack([1 - three.sum(axis=1), three])
     return Embedding(mesh, tet, weights, outside, distance)
-
-
-def _barycentric_maps(mesh: TetMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices (tets, 3, 3) and origins (tets, 3): M (x - o) are the last three coordinates."""
-    corners = mesh.points[mesh.tets]
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    return np.linalg.inv(edges), corners[:, 0]
 
 
 def _candidates(

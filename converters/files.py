@@ -265,7 +265,17 @@ def load(path: str | os.PathLike) -> MaterialField | TetMesh:
             raise InputError(f"{source} has version {version}, this package reads {VERSION}")
         if kind not in ("MaterialField", "TetMesh"):
             raise InputError(f"{source} holds a {kind!r}, wanted a MaterialField or a TetMesh")
-        return _to_field(arrays, meta) if kind == "MaterialField" else _to_mesh(arrays, meta)
+        return (
+            _to_field(arrays, meta)
+            if kind == "MaterialField"
+            else TetMesh(
+                arrays["points"],
+                arrays["tets"],
+                arrays["region"],
+                region_names=tuple(meta["region_names"]),
+                material=material_from(arrays),
+            )
+        )
 
 
 def _from_field(value: MaterialField) -> tuple[dict[str, np.ndarray], dict]:
@@ -300,13 +310,3 @@ def _from_mesh(value: TetMesh) -> tuple[dict[str, np.ndarray], dict]:
     arrays = {"points": value.points, "tets": value.tets, "region": value.region}
     arrays |= material_arrays(value.material)
     return arrays, {"region_names": value.region_names, "bounds": value.bounds.tolist()}
-
-
-def _to_mesh(arrays: dict[str, np.ndarray], meta: dict) -> TetMesh:
-    return TetMesh(
-        arrays["points"],
-        arrays["tets"],
-        arrays["region"],
-        region_names=tuple(meta["region_names"]),
-        material=material_from(arrays),
-    )

@@ -190,7 +190,14 @@ def read_instant_ngp(path: str | os.PathLike) -> DensityGrid:
         raw = np.frombuffer(snapshot["density_grid_binary"], dtype="<f2")
         if n < 1 or n & (n - 1) or raw.size < n**3:
             raise InputError(f"{raw.size} densities of a grid of {n}^3; wanted a power of two")
-        cube = raw[_morton(n)].astype(np.float32) / np.float32(_NGP_STEP)
+        # Place of cell (x, y, z) in Morton order, x the lowest bit, shape (n, n, n)
+        axis = np.arange(n)
+        spread = np.zeros(n, dtype=np.int64)
+        for bit in range(n.bit_length()):
+            spread |= (axis >> bit & 1) << 3 * bit
+        cube = raw[
+            (spread[:, None, None] | spread[None, :, None] << 1 | spread[None, None, :] << 2)
+        ].astype(np.float32) / np.float32(_NGP_STEP)
         dataset = snapshot.get("nerf", {}).get("dataset", {})
         scale, offset = float(dataset.get("scale", 1.0)), np.array(dataset.get("offset", [0.0] * 3))
         # The snapshot's axes are the dataset's y, z, x; its unit cube is scale x + offset.
@@ -203,15 +210,6 @@ def read_instant_ngp(path: str | os.PathLike) -> DensityGrid:
 
 
 INSTANT_NGP = Format("instant-ngp snapshot", (".ingp", ".msgpack"), read_instant_ngp)
-
-
-def _morton(n: int) -> np.ndarray:
-    """Place of cell (x, y, z) in Morton order, x the lowest bit, shape (n, n, n)."""
-    axis = np.arange(n)
-    spread = np.zeros(n, dtype=np.int64)
-    for bit in range(n.bit_length()):
-        spread |= (axis >> bit & 1) << 3 * bit
-    return spread[:, None, None] | spread[None, :, None] << 1 | spread[None, None, :] << 2
 
 
 # The occupancy of a nerfacc estimator, in a state dict of torch or safetensors.
@@ -373,23 +371,19 @@ def write_nanovdb(path: Path, grid: DensityGrid) -> list[Path]:
     arrays = {"": grid.density, **{f".{name}": a for name, a in grid.fields.items()}}
     files = [path.with_name(f"{path.stem}{name}.nvdb") for name in arrays]
     for file, array in zip(files, arrays.values(), strict=True):
-        _write(file, grid, array)
+        warp = start_warp()
+        with writing(file) as target:
+            # NanoVDB counts voxel centres: cell (0, 0, 0) sits half a cell inside the box.
+            warp.Volume.load_from_numpy(
+                np.ascontiguousarray(array, dtype=np.float32),
+                tuple((grid.lo + grid.spacing / 2).tolist()),
+                tuple(grid.spacing.tolist()),
+                0.0,
+                device="cpu",
+            ).save_to_nvdb(str(target))
     return files
 
 
 NANOVDB = Format(
     "NanoVDB", (".nvdb",), read_nanovdb, write_nanovdb, keeps=frozenset({Keeps.ARRAYS})
 )
-
-
-def _write(path: Path, grid: DensityGrid, array: np.ndarray) -> None:
-    warp = start_warp()
-    with writing(path) as target:
-        # NanoVDB counts voxel centres: cell (0, 0, 0) sits half a cell inside the box.
-        warp.Volume.load_from_numpy(
-            np.ascontiguousarray(array, dtype=np.float32),
-            tuple((grid.lo + grid.spacing / 2).tolist()),
-            tuple(grid.spacing.tolist()),
-            0.0,
-            device="cpu",
-        ).save_to_nvdb(str(target))

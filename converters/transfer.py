@@ -77,16 +77,36 @@ def field_from_points(
     if spacing is None:
         grid = Grid.around(bounds, cells=cells)
     else:
-        grid = _grid_of(bounds, spacing)
+        shape = np.rint((bounds[1] - bounds[0]) / spacing).astype(int) + 3
+        grid = Grid(
+            bounds[0] - 1.5 * spacing, spacing, (int(shape[0]), int(shape[1]), int(shape[2]))
+        )
     cell = np.asarray(np.ravel_multi_index(tuple(grid.cell_of(positions).T), grid.shape))
     E, nu, rho = (v[good] for v in values.values())
     scaled = np.stack([np.log10(E), np.minimum(nu, NU_MAX), np.log10(rho)], axis=1)
     name = _name(table, "part")
     raw = np.zeros(len(cell)) if name is None else np.asarray(table.columns[name])[good]
     ids, label = np.unique(raw.astype(np.int64), return_inverse=True)
-    found = _gather(grid.shape, cell, scaled, label)
+    # Mean of `values` (n, 3) over the points of each cell, of its commonest label alone
+    size, labels = int(np.prod(grid.shape)), int(label.max()) + 1
+    pairs, counts = np.unique(cell * labels + label, return_counts=True)
+    order = np.argsort(counts, kind="stable")  # the commonest label of a cell is written last
+    part = np.full(size, -1)
+    part[pairs[order] // labels] = pairs[order] % labels
+    own = label == part[cell]
+    count = np.bincount(cell[own], minlength=size)
+    means = [np.bincount(cell[own], v[own], size) / np.maximum(count, 1) for v in scaled.T]
+    found = _Cells(*(array.reshape(grid.shape) for array in (count > 0, *means, part)))
     if fill:
-        found = _filled(found)
+        # Holes closed, each inner cell a copy of the nearest one that is known
+        from scipy.ndimage import binary_fill_holes, distance_transform_edt
+
+        nearest = np.asarray(
+            distance_transform_edt(~found.occupied, return_distances=False, return_indices=True)
+        )
+        solid = np.asarray(binary_fill_holes(found.occupied))
+        near = [array[tuple(nearest)] for array in found]
+        found = _Cells(solid, near[1], near[2], near[3], np.where(solid, near[4], -1))
     names = tuple(part_names[i] if 0 <= i < len(part_names) else f"part {i}" for i in ids)
     return MaterialField(
         grid,
@@ -114,39 +134,6 @@ class _Cells(NamedTuple):
     nu: np.ndarray
     logrho: np.ndarray
     part: np.ndarray
-
-
-def _gather(
-    shape: tuple[int, int, int], cell: np.ndarray, values: np.ndarray, label: np.ndarray
-) -> _Cells:
-    """Mean of ``values`` (n, 3) over the points of each cell, of its commonest label alone."""
-    size, labels = int(np.prod(shape)), int(label.max()) + 1
-    pairs, counts = np.unique(cell * labels + label, return_counts=True)
-    order = np.argsort(counts, kind="stable")  # the commonest label of a cell is written last
-    part = np.full(size, -1)
-    part[pairs[order] // labels] = pairs[order] % labels
-    own = label == part[cell]
-    count = np.bincount(cell[own], minlength=size)
-    means = [np.bincount(cell[own], v[own], size) / np.maximum(count, 1) for v in values.T]
-    return _Cells(*(array.reshape(shape) for array in (count > 0, *means, part)))
-
-
-def _filled(cells: _Cells) -> _Cells:
-    """Holes closed, each inner cell a copy of the nearest one that is known."""
-    from scipy.ndimage import binary_fill_holes, distance_transform_edt
-
-    nearest = np.asarray(
-        distance_transform_edt(~cells.occupied, return_distances=False, return_indices=True)
-    )
-    solid = np.asarray(binary_fill_holes(cells.occupied))
-    near = [array[tuple(nearest)] for array in cells]
-    return _Cells(solid, near[1], near[2], near[3], np.where(solid, near[4], -1))
-
-
-def _grid_of(bounds: np.ndarray, spacing: float) -> Grid:
-    """Grid whose cell centres are the points that span ``bounds``, one empty cell around."""
-    shape = np.rint((bounds[1] - bounds[0]) / spacing).astype(int) + 3
-    return Grid(bounds[0] - 1.5 * spacing, spacing, (int(shape[0]), int(shape[1]), int(shape[2])))
 
 
 def _name(table: PointTable, quantity: str) -> str | None:
@@ -293,7 +280,20 @@ def voxelize(mesh: TetMesh, *, cells: int = 64) -> PartVoxels:
     A region too thin to hold a centre gets the free voxel nearest to its largest tet.
     """
     grid = Grid.around(mesh.bounds, cells=cells)
-    part = _stamp_missing(mesh, grid, _rasterised(mesh, grid))
+    owner = containing_tets(mesh, grid)
+    # Give each region without a voxel the nearest one that is no other region's last
+    label = np.where(owner >= 0, mesh.region[owner], -1)
+    count = np.bincount(label[label >= 0], minlength=len(mesh.region_names))
+    volumes = mesh.volumes
+    for region in np.setdiff1d(mesh.region, np.flatnonzero(count)):
+        largest = np.argmax(np.where(mesh.region == region, volumes, 0))
+        distance = np.linalg.norm(grid.centers() - mesh.centroids[largest], axis=-1)
+        free = (label < 0) | (count[label] > 1)
+        cell = np.unravel_index(np.argmin(np.where(free, distance, np.inf)), grid.shape)
+        if label[cell] >= 0:
+            count[label[cell]] -= 1
+        label[cell], count[region] = region, 1
+    part = label
     return PartVoxels(grid, part, mesh.region_names, shapes=congruent_regions(mesh))
 
 
@@ -367,12 +367,6 @@ def containing_tets(mesh: TetMesh, grid: Grid) -> Int[np.ndarray, "nx ny nz"]:
     return np.where(owner < len(mesh.tets), owner, -1)
 
 
-def _rasterised(mesh: TetMesh, grid: Grid) -> np.ndarray:
-    """Region of the tet around each cell centre, -1 outside, shape of the grid."""
-    owner = containing_tets(mesh, grid)
-    return np.where(owner >= 0, mesh.region[owner], -1)
-
-
 def _columns(
     lower: np.ndarray, upper: np.ndarray, shape: tuple[int, int]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -396,18 +390,3 @@ def _unrolled(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """For counts 2, 0, 3 the owners 0 0 2 2 2 and the places within them 0 1 0 1 2."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-
-
-def _stamp_missing(mesh: TetMesh, grid: Grid, label: np.ndarray) -> np.ndarray:
-    """Give each region without a voxel the nearest one that is no other region's last."""
-    count = np.bincount(label[label >= 0], minlength=len(mesh.region_names))
-    volumes = mesh.volumes
-    for region in np.setdiff1d(mesh.region, np.flatnonzero(count)):
-        largest = np.argmax(np.where(mesh.region == region, volumes, 0))
-        distance = np.linalg.norm(grid.centers() - mesh.centroids[largest], axis=-1)
-        free = (label < 0) | (count[label] > 1)
-        cell = np.unravel_index(np.argmin(np.where(free, distance, np.inf)), grid.shape)
-        if label[cell] >= 0:
-            count[label[cell]] -= 1
-        label[cell], count[region] = region, 1
-    return label

@@ -82,7 +82,15 @@ def with_grains(
         axes = axes_about(way)
         unit = orthotropic_constants(ring_mean(grains[row].constants(1.0), axes), axes)
         material = material.with_grain(tets, unit.times(material.E[tets]), axes)
-    return Grained(mesh.with_material(material), tuple(_notes(along, blind)))
+    notes = []
+    if along:
+        notes.append(f"the grain is taken along {'; '.join(along)}: --grain says otherwise")
+    if blind:
+        notes.append(
+            f"{', '.join(blind)}: which way the grain runs is not known, so it is as stiff across "
+            "as along: --grain part:NAME=x,y,z says it"
+        )
+    return Grained(mesh.with_material(material), tuple(notes))
 
 
 def longest_axis(mesh: TetMesh, tets: Int[np.ndarray, "n"]) -> Float[np.ndarray, "3"] | None:
@@ -127,15 +135,3 @@ def is_of_row(E: Float[np.ndarray, "n"], row: str) -> bool:
 
 def _named(materials: Mapping[str, str]) -> str:
     return ", ".join(parts_of_grain(materials)) or "none"
-
-
-def _notes(along: list[str], blind: list[str]) -> list[str]:
-    notes = []
-    if along:
-        notes.append(f"the grain is taken along {'; '.join(along)}: --grain says otherwise")
-    if blind:
-        notes.append(
-            f"{', '.join(blind)}: which way the grain runs is not known, so it is as stiff across "
-            "as along: --grain part:NAME=x,y,z says it"
-        )
-    return notes

@@ -205,7 +205,16 @@ def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Fo
     here, runs, last = misfit(p), 1, 0.0
     first = here.size
     while runs < MOST:
-        move = _step(here, p)
+        # Gauss-Newton step from `p` within its limits; where nu meets one, E follows from that
+        J, longest = here.derivative, LONGEST[: len(p)]
+        free = np.linalg.lstsq(J, -here.difference, rcond=None)[0]
+        move = np.clip(free, -longest, longest)
+        move[1:] = np.clip(p[1:] + move[1:], NU_LOW, NU_HIGH) - p[1:]
+        if (move[1:] != free[1:]).any():
+            rest = -here.difference - J[:, 1:] @ move[1:]
+            move[:1] = np.clip(
+                np.linalg.lstsq(J[:, :1], rest, rcond=None)[0], -longest[0], longest[0]
+            )
         last = float(np.abs(move).max())
         while np.abs(move).max() > ENOUGH and runs < MOST:
             there, runs = misfit(p + move), runs + 1
@@ -221,18 +230,6 @@ def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Fo
             "a motion of the same scene"
         )
     return _Found(p, here, first, runs)
-
-
-def _step(here: _Misfit, p: np.ndarray) -> np.ndarray:
-    """Gauss-Newton step from ``p`` within its limits; where nu meets one, E follows from that."""
-    J, longest = here.derivative, LONGEST[: len(p)]
-    free = np.linalg.lstsq(J, -here.difference, rcond=None)[0]
-    move = np.clip(free, -longest, longest)
-    move[1:] = np.clip(p[1:] + move[1:], NU_LOW, NU_HIGH) - p[1:]
-    if (move[1:] != free[1:]).any():
-        rest = -here.difference - J[:, 1:] @ move[1:]
-        move[:1] = np.clip(np.linalg.lstsq(J[:, :1], rest, rcond=None)[0], -longest[0], longest[0])
-    return move
 
 
 def _path(

@@ -137,7 +137,11 @@ class ElementMaterial:
 
     def __post_init__(self) -> None:
         for name in ("E", "nu", "rho"):
-            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.ndim != 1:
+                raise InputError(f"{name} must have shape (tets,), got {array.shape}")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
         sizes = {name: getattr(self, name).size for name in ("E", "nu", "rho")}
         if len(set(sizes.values())) > 1:
             raise InputError(f"E, nu and rho must have one value per tet each, got {sizes}")
@@ -243,14 +247,6 @@ def isotropic_part(material: ElementMaterial) -> LameParameters:
     plain = apart <= ALIKE * material.E
     pairs = zip(material.lame, (lam, mu), strict=True)
     return LameParameters(*(np.where(plain, own, below) for own, below in pairs))
-
-
-def _vector(name: str, value) -> np.ndarray:
-    array = np.array(value, dtype=np.float64)
-    if array.ndim != 1:
-        raise InputError(f"{name} must have shape (tets,), got {array.shape}")
-    array.flags.writeable = False
-    return array
 
 
 def _check(name: str, unit: str, wanted: str, array: np.ndarray, good: np.ndarray) -> None:

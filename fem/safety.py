@@ -12,7 +12,7 @@ from .grain import is_of_row
 from .mesh import material_of
 from .solve.result import StaticResult
 from .solve.statics import corner_stresses
-from .table import Strength, load_strengths
+from .table import load_strengths
 
 
 class Safety(NamedTuple):
@@ -67,7 +67,29 @@ def part_safety(
     for here in part_stresses(result) if stresses is None else stresses:
         row = materials.get(here.part, "")
         if row in strengths and is_of_row(E[here.tets], row):
-            found.append(_worst(here, row, strengths[row]))
+            strength = strengths[row]
+            if strength.kind == "yield":
+                cases = [("equivalent", von_mises(here.stress), strength.limit())]
+            else:
+                principal = np.linalg.eigvalsh(here.stress)
+                cases = [
+                    ("tension", principal[:, 2], strength.limit()),
+                    ("compression", -principal[:, 0], strength.limit(compression=True)),
+                ]
+            side, values, limit = max(cases, key=lambda case: case[1].max() / case[2])
+            worst = int(np.argmax(values))
+            place = tuple(here.at[worst].tolist())
+            found.append(
+                Safety(
+                    here.part,
+                    row,
+                    strength.kind,
+                    side,
+                    max(float(values[worst]), 0.0),
+                    limit,
+                    place,
+                )
+            )
     return tuple(found)
 
 
@@ -94,20 +116,3 @@ def _stresses_of(
     total = np.stack([np.bincount(index.ravel(), column) for column in flat.T], axis=1)
     mean = total / np.bincount(index.ravel(), weight)[:, None]
     return PartStresses(part, tets, mean.reshape(-1, 3, 3), mesh.points[ids])
-
-
-def _worst(found: PartStresses, row: str, strength: Strength) -> Safety:
-    if strength.kind == "yield":
-        cases = [("equivalent", von_mises(found.stress), strength.limit())]
-    else:
-        principal = np.linalg.eigvalsh(found.stress)
-        cases = [
-            ("tension", principal[:, 2], strength.limit()),
-            ("compression", -principal[:, 0], strength.limit(compression=True)),
-        ]
-    side, values, limit = max(cases, key=lambda case: case[1].max() / case[2])
-    worst = int(np.argmax(values))
-    place = tuple(found.at[worst].tolist())
-    return Safety(
-        found.part, row, strength.kind, side, max(float(values[worst]), 0.0), limit, place
-    )

@@ -178,7 +178,19 @@ class MaterialTable:
         self.rows = rows
         self.phrases: dict[str, Material] = {}
         for row in rows:
-            _validate(row)
+            # Reject swapped limits and values outside the category's band
+            for field in FIELDS:
+                low, high = getattr(row, field)
+                if not low <= high:
+                    raise InputError(
+                        f"material {row.name!r}: {field} has min {low:g} > max {high:g}"
+                    )
+            # Rubber's nu may touch .5, the incompressible limit; the value taken is below it.
+            nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
+            for end in ((row.E.min, row.nu.min, row.rho.min), (row.E.max, nu_max, row.rho.max)):
+                complaints = outside_band(row.category, *end)
+                if complaints:
+                    raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
             for name in (row.name, *row.aliases):
                 if key(name) in self.phrases:
                     other = self.phrases[key(name)].name
@@ -223,20 +235,6 @@ class MaterialTable:
 
         found = [row for row in self.rows if all(word in text(row) for word in wanted.split())]
         return sorted(found, key=rank)
-
-
-def _validate(row: Material) -> None:
-    """Reject swapped limits and values outside the category's band."""
-    for field in FIELDS:
-        low, high = getattr(row, field)
-        if not low <= high:
-            raise InputError(f"material {row.name!r}: {field} has min {low:g} > max {high:g}")
-    # Rubber's nu range may touch .5, the incompressible limit; the value taken is capped below it.
-    nu_max = min(row.nu.max, NU_CAP) if row.nu.max == 0.5 else row.nu.max
-    for end in ((row.E.min, row.nu.min, row.rho.min), (row.E.max, nu_max, row.rho.max)):
-        complaints = outside_band(row.category, *end)
-        if complaints:
-            raise InputError(f"material {row.name!r}: {'; '.join(complaints)}")
 
 
 def row_of_record(record: Mapping[str, str], place: str) -> Material:

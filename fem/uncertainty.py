@@ -98,7 +98,20 @@ def likely_answers(
     ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
     try:
         family.add([_as_taken(ranges), *ends])
-        error = _learned(family, members)
+        # Largest error of the last members that were compared, before they were taken in too
+        error = np.inf
+        for first in range(0, MOST_COMPARED, COMPARED):
+            these = members[first : first + COMPARED]
+            before = [family.answers(member) for member in these]
+            rests = family.add(these)
+            after = [family.answers(member)[1] for member in these]
+            errors = [
+                max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
+                for (u, f), rest, g in zip(before, rests, after, strict=True)
+            ]
+            error = max(errors)
+            if error <= LEARNED:
+                break
         sizes, tones = family.largest([_as_taken(ranges), *members])
     except ConvergenceError:
         return None
@@ -202,24 +215,6 @@ def _member(ranges: Sequence[OpenRange], shares: Float[np.ndarray, "ranges 3"]) 
         nu[k] = one.nu.min + share[1] * (one.nu.max - one.nu.min)
         rho[k] = one.rho.min ** (1 - share[2]) * one.rho.max ** share[2] / one.taken.rho
     return Member(E, nu, rho)
-
-
-def _learned(family: LinearFamily, members: Sequence[Member]) -> float:
-    """Largest error of the last members that were compared, before they were taken in too."""
-    error = np.inf
-    for first in range(0, MOST_COMPARED, COMPARED):
-        these = members[first : first + COMPARED]
-        before = [family.answers(member) for member in these]
-        rests = family.add(these)
-        after = [family.answers(member)[1] for member in these]
-        errors = [
-            max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
-            for (u, f), rest, g in zip(before, rests, after, strict=True)
-        ]
-        error = max(errors)
-        if error <= LEARNED:
-            break
-    return error
 
 
 def _apart(u: np.ndarray, wanted: np.ndarray) -> float:

@@ -74,7 +74,12 @@ def predict_materials(
     choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
-        _check_alpha(alpha, predictor, choices[left_open[0]].part)
+        if alpha is not None and not predictor.takes_alpha:
+            able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
+            raise UsageError(
+                "--alpha moves a material within its range, and no word names one for part "
+                f"{choices[left_open[0]].part!r}: name it, or use --predictor {able}"
+            )
         first = alike(parts, left_open, [choice.clause for choice in choices])
         known = {"choices": choices, "appearance": appearance, "up": up, "alpha": alpha}
         found = predictor.predict(merged(parts, first), bound.sentence, **known)
@@ -101,15 +106,6 @@ def _check_once(overrides: Mapping[str, str], materials: Mapping[str, str]) -> N
     if both := {key(name) for name in overrides} & {key(name) for name in materials}:
         raise UsageError(
             f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
-        )
-
-
-def _check_alpha(alpha: float | None, predictor: Predictor, part: str) -> None:
-    if alpha is not None and not predictor.takes_alpha:
-        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_alpha)
-        raise UsageError(
-            f"--alpha moves a material within its range, and no word names one for part {part!r}: "
-            f"name it, or use --predictor {able}"
         )
 
 

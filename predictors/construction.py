@@ -171,7 +171,17 @@ def construction_of(
     empty = kind is not None and kind.holds and "empty" in words.said
     hollow = empty or bool(words.said & _HOLLOW)
     if kind and kind.hollow == "always" and not filling and kind.holds:
-        return _maybe_full(_shell(part, kind), kind, words, contents)
+        # A container of which nothing says whether it is full: half, of what it is called after
+        built = _shell(part, kind)
+        if "empty" in words.said:
+            return built
+        heads = [head for head in words.heads if kind in kinds_named(head)]
+        rows = [content_named(head, contents) for head in heads] if contents else []
+        found = next(filter(None, rows), None)
+        if found is None:
+            return replace(built, room_for=WATER)
+        most = FULL.max * found.rho.max
+        return replace(built, inside=Span(0.0, most), filling=found.name)
     if kind and (kind.hollow == "always" or (kind.hollow == "often" and (hollow or filling))):
         shell = _shell(part, kind)
         return replace(shell, inside=inside, filling=name) if filling else shell
@@ -198,21 +208,6 @@ def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span)
     if material.category in HOLLOWED:
         return Construction(part, "unknown", "nothing says whether it is hollow", any_wall)
     return Construction(part, "solid", f"{material.name} is taken as it looks")
-
-
-def _maybe_full(
-    built: Construction, kind: Kind, words: ThingWords, contents: MaterialTable | None
-) -> Construction:
-    """A container of which nothing says whether it is full: half, of what it is called after."""
-    if "empty" in words.said:
-        return built
-    heads = [head for head in words.heads if kind in kinds_named(head)]
-    rows = [content_named(head, contents) for head in heads] if contents else []
-    found = next(filter(None, rows), None)
-    if found is None:
-        return replace(built, room_for=WATER)
-    most = FULL.max * found.rho.max
-    return replace(built, inside=Span(0.0, most), filling=found.name)
 
 
 def _of_material(kinds: Sequence[Kind], material: Material) -> Kind | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
@@ -193,7 +192,8 @@ def sample_field(
         nearest[chunk] = _interpolate(field, voxels, points[chunk], wanted[chunk], values[chunk])
 
     with ThreadPoolExecutor(_THREADS) as pool:
-        list(pool.map(step, _chunks(len(points))))
+        count = len(points)
+        list(pool.map(step, (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))))
     lost = np.flatnonzero(nearest == 0)
     distance = 0.0
     if lost.size:
@@ -208,10 +208,6 @@ def sample_field(
         n_fallback=lost.size,
         max_fallback_distance=distance,
     )
-
-
-def _chunks(count: int) -> Iterator[slice]:
-    return (slice(start, start + _CHUNK) for start in range(0, count, _CHUNK))
 
 
 def _labels(field: MaterialField, points: np.ndarray, part: np.ndarray | None) -> np.ndarray:

@@ -75,23 +75,20 @@ def by_looks(
     own = shares[:, mine].clip(min=_NOTHING)
     of_each = own @ np.eye(len(spoken))[of_kind]
     if parts:
-        ratio = ratio + _SPOKEN * _somewhere(ratio)
+        # One where a piece is to be of a kind so that each kind has one, at the least loss, else
+        # 0
+        from scipy.optimize import linear_sum_assignment
+
+        kept = np.zeros_like(ratio)
+        if len(ratio) >= ratio.shape[1]:
+            kept[linear_sum_assignment(ratio.max(axis=1, keepdims=True) - ratio)] = 1.0
+        ratio = ratio + _SPOKEN * kept
     dealt = softmax(ratio, axis=1)[piece]
     out = shares.copy()
     out[:, mine] = (own * (dealt / of_each)[:, of_kind]) * shares[:, mine].sum(
         axis=1, keepdims=True
     )
     return out
-
-
-def _somewhere(ratio: Float[np.ndarray, "pieces kinds"]) -> Float[np.ndarray, "pieces kinds"]:
-    """One where a piece is to be of a kind so that each kind has one, at the least loss, else 0."""
-    from scipy.optimize import linear_sum_assignment
-
-    kept = np.zeros_like(ratio)
-    if len(ratio) >= ratio.shape[1]:
-        kept[linear_sum_assignment(ratio.max(axis=1, keepdims=True) - ratio)] = 1.0
-    return kept
 
 
 def told_values(
@@ -210,7 +207,10 @@ class KindsByLooks:
         """Write both as JSON, five digits each."""
         found = {"features": FEATURES, "kinds": KINDS}
         for name in ("finished", "plain"):
-            found[name] = {k: _plain(v) for k, v in vars(getattr(self, name)).items()}
+            found[name] = {
+                k: np.array([float(f"{x:.5g}") for x in v.ravel()]).reshape(v.shape).tolist()
+                for k, v in vars(getattr(self, name)).items()
+            }
         path.write_text(json.dumps(found) + "\n", encoding="utf-8")
 
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
@@ -224,11 +224,6 @@ def _log_softmax(x: np.ndarray) -> np.ndarray:
     from scipy.special import logsumexp
 
     return x - logsumexp(x, axis=1, keepdims=True)
-
-
-def _plain(array: np.ndarray) -> list:
-    """Nested lists of five digits."""
-    return np.array([float(f"{x:.5g}") for x in array.ravel()]).reshape(array.shape).tolist()
 
 
 # What is measured of a piece's cells: colour, opacity, finish, and its form in the whole.

@@ -144,7 +144,11 @@ def _try(
                 seconds = time.monotonic() - started
                 done = Outcome(job.id, code, reason, attempt, seconds, job.fingerprint())
                 write_json(Path(work, job.id, RECORD), asdict(done))
-                _move_in(Path(work, job.id), output / job.id)
+                made = Path(work, job.id)
+                target = output / job.id
+                if target.exists():
+                    target.rename(made.with_name(".replaced"))
+                made.rename(target)
     except (OSError, InputError) as error:
         return InputError.exit_code, f"cannot keep the result: {error}"
     return code, reason
@@ -168,7 +172,9 @@ def _process(job: Job, work: Path, limits: Limits, stopped: Callable[[], bool]) 
         if not _wait(child, limits.seconds, stopped):
             return TIMED_OUT, f"no result within {limits.seconds:g} s"
     finally:
-        _kill(child)
+        if child.poll() is None:
+            child.kill()
+        child.wait()
     if child.returncode < 0:
         return BY_SIGNAL - child.returncode, f"killed by {signal.Signals(-child.returncode).name}"
     return child.returncode, "" if child.returncode == 0 else _last_words(log)
@@ -186,13 +192,6 @@ def _wait(child: subprocess.Popen[bytes], seconds: float, stopped: Callable[[], 
     return True
 
 
-def _kill(child: subprocess.Popen[bytes]) -> None:
-    """End the process if it still runs; its own children die with it."""
-    if child.poll() is None:
-        child.kill()
-    child.wait()
-
-
 def _last_words(log: Path) -> str:
     """The line of the error, without the program's name; or the box of a refused option."""
     lines = log.read_text(errors="replace").splitlines()
@@ -201,13 +200,6 @@ def _last_words(log: Path) -> str:
             return line.removeprefix("autophyx-tet: ")
     words = " ".join(line.strip("╭╮╰╯│─ ") for line in lines)
     return " ".join(words.split()).partition(" Argument helptext")[0][:500] or "it said nothing"
-
-
-def _move_in(made: Path, target: Path) -> None:
-    """Put a whole result where it belongs, in place of one of another request."""
-    if target.exists():
-        target.rename(made.with_name(".replaced"))
-    made.rename(target)
 
 
 def _note(ended: Outcome, output: Path) -> None:
@@ -322,7 +314,27 @@ def _local(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator
 def _ray(jobs: Sequence[Job], output: Path, options: BatchOptions) -> Iterator[Outcome]:
     """Every row is a task of a Ray cluster; all its machines see ``output`` under one path."""
     with redirect_stdout(sys.stderr):  # Ray tells of lost workers there; ours is the document's
-        yield from _ray_tasks(_cluster(options), jobs, output, options)
+        # Ray, connected to the cluster that was named, or to one started on this machine
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        try:
+            import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
+            import ray.exceptions  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise InputError(
+                "--engine ray needs the extra: pip install autophyx-tet[batch]"
+            ) from error
+        try:
+            if options.address:
+                ray.init(address=options.address, log_to_driver=False)
+            else:
+                ray.init(
+                    "local", num_cpus=options.workers, include_dashboard=False, log_to_driver=False
+                )
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise InputError(
+                f"no Ray cluster at {options.address or 'this machine'}: {error}"
+            ) from error
+        yield from _ray_tasks(ray, jobs, output, options)
 
 
 def _ray_tasks(
@@ -343,28 +355,6 @@ def _ray_tasks(
                 yield Outcome(job.id, CRASHED, reason, RAY_RETRIES + 1, 0.0, "")
     finally:
         ray.shutdown()
-
-
-def _cluster(options: BatchOptions) -> Any:
-    """Ray, connected to the cluster that was named, or to one started on this machine."""
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    try:
-        import ray  # pyright: ignore[reportMissingImports]  (the extra `batch`)
-        import ray.exceptions  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise InputError("--engine ray needs the extra: pip install autophyx-tet[batch]") from error
-    try:
-        if options.address:
-            ray.init(address=options.address, log_to_driver=False)
-        else:
-            ray.init(
-                "local", num_cpus=options.workers, include_dashboard=False, log_to_driver=False
-            )
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"no Ray cluster at {options.address or 'this machine'}: {error}"
-        ) from error
-    return ray
 
 
 ENGINES = {"local": _local, "ray": _ray}
@@ -424,30 +414,19 @@ def read_manifest(path: Path, *, common: Sequence[str] = ()) -> list[Job]:
         Where a column is unknown, or a row's id is doubled or no name of a folder.
     """
     if path.is_dir():
-        return list(_jobs(path / "manifest", _assets_in(path), list(common)))
+        # A row for every asset of a folder, by name; what they are made of says the configuration
+        from .asset.formats import ASSET_FORMATS
+
+        found = [p.name for p in sorted(path.iterdir()) if p.suffix.lower() in ASSET_FORMATS]
+        if not found:
+            raise InputError(f"the folder {path} has no asset: {', '.join(ASSET_FORMATS)}")
+        return list(_jobs(path / "manifest", [{"asset": name} for name in found], list(common)))
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
             reader = csv.DictReader(lines, strict=True)
             columns, rows = list(reader.fieldnames or ()), list(reader)
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"cannot read the manifest {path}: {error}") from error
-    _check_columns(path, columns)
-    if not rows:
-        raise InputError(f"the manifest {path} has no row: one asset and its text a line")
-    return list(_jobs(path, rows, list(common)))
-
-
-def _assets_in(folder: Path) -> list[dict[str, str]]:
-    """A row for every asset of a folder, by name; what they are made of says the configuration."""
-    from .asset.formats import ASSET_FORMATS
-
-    found = [p.name for p in sorted(folder.iterdir()) if p.suffix.lower() in ASSET_FORMATS]
-    if not found:
-        raise InputError(f"the folder {folder} has no asset: {', '.join(ASSET_FORMATS)}")
-    return [{"asset": name} for name in found]
-
-
-def _check_columns(path: Path, columns: list[str]) -> None:
     if "asset" not in columns:
         raise InputError(
             f"the manifest {path} begins with {', '.join(columns) or 'nothing'}: wanted a line of "
@@ -458,6 +437,9 @@ def _check_columns(path: Path, columns: list[str]) -> None:
             close = get_close_matches(_option(name), COLUMNS, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(COLUMNS)}"
             raise UsageError(f"the manifest {path}: unknown column {name!r}; {hint}")
+    if not rows:
+        raise InputError(f"the manifest {path} has no row: one asset and its text a line")
+    return list(_jobs(path, rows, list(common)))
 
 
 def _jobs(path: Path, rows: list[dict[str, str]], common: list[str]) -> Iterator[Job]:
@@ -622,20 +604,17 @@ def _row(job: Job, ended: Outcome, output: Path) -> dict[str, Any]:
 def _card(row: Mapping[str, Any], output: Path) -> dict[str, str]:
     """Words of a result's card; its picture and its report by their addresses."""
     numbers = f"{row['tets']:,} tets, {row['mass']:.3g} kg, {row['seconds']:.0f} s"
-    return {
-        **{name: row[name] for name in ("id", "text", "materials")},
-        "numbers": f"{numbers}, {row['warnings']} warnings",
-        "report": f"{quote(row['folder'])}/report.html",
-        "picture": _small(output / row["folder"] / "picture.png"),
-    }
-
-
-def _small(picture: Path) -> str:
-    """A picture as a data address, small enough for a page of a thousand."""
+    # A picture as a data address, small enough for a page of a thousand
+    picture = output / row["folder"] / "picture.png"
     from PIL import Image
 
     with Image.open(picture) as image:
         image.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
         data = io.BytesIO()
         image.convert("RGB").save(data, "WEBP", quality=PICTURE_QUALITY)
-    return f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}"
+    return {
+        **{name: row[name] for name in ("id", "text", "materials")},
+        "numbers": f"{numbers}, {row['warnings']} warnings",
+        "report": f"{quote(row['folder'])}/report.html",
+        "picture": (f"data:image/webp;base64,{base64.b64encode(data.getvalue()).decode()}"),
+    }

@@ -106,33 +106,29 @@ def _cost(asset: Asset, options: ConvertOptions) -> dict[str, dict[str, float]]:
 
     diagonal = float(np.linalg.norm(np.subtract(*_bounds(asset))))
     if chosen_mesher(options.mesher, sampled=asset.sampled) == STUFFING:
-        return _lattice_cost(asset, options, diagonal)
+        # The same of a lattice: its tets fill the volume, or are as many as wanted
+        from .meshing.ftetwild import TETS_PER_CUBE, EngineTarget
+
+        rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
+        target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)
+        wanted = float(target.on_lattice(options.max_tets, sharp=True).tets)
+        if rel is not None:
+            volume = sum(abs(float(part.mesh.volume)) for part in asset.parts)
+            wanted = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)
+        tets = {name: float(f"{share * wanted:.2g}") for name, share in LATTICE_SHARES.items()}
+        seconds = (
+            LATTICE_SECONDS + LATTICE_TET_SECONDS * wanted + LATTICE_FACE_SECONDS * _faces(asset)
+        )
+        return {
+            "tets": tets,
+            "cpu_seconds": {n: round(share * seconds, 1) for n, share in LATTICE_SPREAD.items()},
+        }
     edge = options.edge_length or (options.edge_length_rel or EDGE_LENGTH_REL) * diagonal
     area = sum(float(part.mesh.area) for part in asset.parts) / edge**2
     tets = TETS.at(area, _faces(asset))
     if options.max_tets:
         tets = {name: min(count, options.max_tets) for name, count in tets.items()}
     return {"tets": tets, "cpu_seconds": CONVERT_SECONDS.at(area, _faces(asset))}
-
-
-def _lattice_cost(
-    asset: Asset, options: ConvertOptions, diagonal: float
-) -> dict[str, dict[str, float]]:
-    """The same of a lattice: its tets fill the volume, or are as many as wanted."""
-    from .meshing.ftetwild import TETS_PER_CUBE, EngineTarget
-
-    rel = options.edge_length / diagonal if options.edge_length else options.edge_length_rel
-    target = EngineTarget.of(diagonal, rel, options.epsilon_rel, 20.0, 1)
-    wanted = float(target.on_lattice(options.max_tets, sharp=True).tets)
-    if rel is not None:
-        volume = sum(abs(float(part.mesh.volume)) for part in asset.parts)
-        wanted = max(TETS_PER_CUBE * volume / target.edge_length**3, 1.0)
-    tets = {name: float(f"{share * wanted:.2g}") for name, share in LATTICE_SHARES.items()}
-    seconds = LATTICE_SECONDS + LATTICE_TET_SECONDS * wanted + LATTICE_FACE_SECONDS * _faces(asset)
-    return {
-        "tets": tets,
-        "cpu_seconds": {n: round(share * seconds, 1) for n, share in LATTICE_SPREAD.items()},
-    }
 
 
 def _with_sentences(

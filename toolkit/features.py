@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..converters.files import save_npz
 from ..predictors.appearance.features import (
@@ -180,31 +179,22 @@ def appearance_of(asset: Asset, voxels: PartVoxels, *, encoder: str | None = Non
 
     The asset lies where its mesh does, in metres.
     """
-    looks = _looks(asset, voxels)
+    # Look of the nearest surface, of every occupied cell
+    occupied = voxels.occupied
+    looks = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
+    looks[occupied] = cell_looks(asset, voxels.grid.centers()[occupied])
     seen = Appearance(looks[..., :3], finish=looks[..., 3:])
     if encoder is None:
         return seen
     options = FeatureOptions(encoder=encoder, views=VIEWS, cells=CELLS)
     words = speaking_encoder(encoder)
     pictured = features(asset, options=options).voxels
-    return replace(seen, features=_features(pictured, voxels), words=words)
-
-
-def _looks(asset: Asset, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz 7"]:
-    """Look of the nearest surface, of every occupied cell."""
-    occupied = voxels.occupied
-    out = np.zeros((*occupied.shape, LOOK), dtype=np.float32)
-    out[occupied] = cell_looks(asset, voxels.grid.centers()[occupied])
-    return out
-
-
-def _features(seen: VoxelFeatures, voxels: PartVoxels) -> Float[np.ndarray, "nx ny nz D"]:
-    """Features of the nearest cell that has some, of every occupied cell."""
+    # Features of the nearest cell that has some, of every occupied cell
     from scipy.spatial import KDTree
 
     occupied = voxels.occupied
-    known = KDTree(seen.grid.to_world(seen.cells))
+    known = KDTree(pictured.grid.to_world(pictured.cells))
     _, nearest = known.query(voxels.grid.centers()[occupied])
-    out = np.zeros((*occupied.shape, seen.values.shape[1]), dtype=np.float32)
-    out[occupied] = seen.values[nearest]
-    return out
+    out = np.zeros((*occupied.shape, pictured.values.shape[1]), dtype=np.float32)
+    out[occupied] = pictured.values[nearest]
+    return replace(seen, features=out, words=words)

@@ -91,6 +91,15 @@ def doctor() -> dict[str, Any]:
     needed = _requirements()
     libraries = needed.pop("")
     missing = [name for name, found in libraries.items() if found is None]
+    from .. import predictors
+
+    folder = Path(predictors.__file__).parent / "weights"
+    # Place, files and size [bytes] of everything remembered between calls
+    from platformdirs import user_cache_path
+
+    home = user_cache_path(PACKAGE)
+    kernels = os.environ.get("WARP_CACHE_PATH") or user_cache_path("warp")
+    folders = {path.name: path for path in sorted(home.glob("*")) if path.is_dir()}
     return {
         "package": _version(PACKAGE),
         "python": platform.python_version(),
@@ -100,9 +109,15 @@ def doctor() -> dict[str, Any]:
         "libraries": libraries,
         "extras": needed,
         "devices": [] if "warp-lang" in missing else _devices(),
-        "weights": _weights(),
+        "weights": [
+            {"name": path.name, "bytes": path.stat().st_size}
+            for path in sorted(folder.glob("*.safetensors"))
+        ],
         "programs": {name: shutil.which(name) for name in PROGRAMS},
-        "caches": _caches(),
+        "caches": [
+            {"name": name, "path": path, **_size(path)}
+            for name, path in {**folders, "kernels": Path(kernels)}.items()
+        ],
         "warnings": [f"{name} is missing: pip install {name}" for name in missing],
     }
 
@@ -135,29 +150,6 @@ def _devices() -> list[dict[str, Any]]:
     return [
         {"name": str(device), "what": device.name, "memory": getattr(device, "total_memory", None)}
         for device in start_warp().get_devices()
-    ]
-
-
-def _weights() -> list[dict[str, Any]]:
-    from .. import predictors
-
-    folder = Path(predictors.__file__).parent / "weights"
-    return [
-        {"name": path.name, "bytes": path.stat().st_size}
-        for path in sorted(folder.glob("*.safetensors"))
-    ]
-
-
-def _caches() -> list[dict[str, Any]]:
-    """Place, files and size [bytes] of everything remembered between calls."""
-    from platformdirs import user_cache_path
-
-    home = user_cache_path(PACKAGE)
-    kernels = os.environ.get("WARP_CACHE_PATH") or user_cache_path("warp")
-    folders = {path.name: path for path in sorted(home.glob("*")) if path.is_dir()}
-    return [
-        {"name": name, "path": path, **_size(path)}
-        for name, path in {**folders, "kernels": Path(kernels)}.items()
     ]
 
 

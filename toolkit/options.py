@@ -415,15 +415,12 @@ def with_config(command: list[str], known: Collection[str]) -> list[str]:
         return command
     given = read_config(Path(path))
     for word in given:
-        _check_known(path, word.removeprefix("--").partition("=")[0].replace("-", "_"), known)
+        name = word.removeprefix("--").partition("=")[0].replace("-", "_")
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else "--help-all lists them"
+            raise UsageError(f"{path}: there is no option {name!r}: {hint}")
     return [command[0], *given, *command[1:]]
-
-
-def _check_known(path: str, name: str, known: Collection[str]) -> None:
-    if name not in known:
-        near = get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "--help-all lists them"
-        raise UsageError(f"{path}: there is no option {name!r}: {hint}")
 
 
 def config_text(command: Any) -> str:

@@ -124,7 +124,13 @@ def transfer(
         raise UsageError(f"output {output} is the file to be written again: give it another name")
     scale = checked_scale(options.scale, source, target)
     given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
-    lost = _grain_of(source, given)
+    # Words for the grain of the parts that have one: no carrier keeps it
+    if isinstance(given, MaterialField):
+        parts = parts_of_grain(rows_of_field(given))
+    else:
+        known = Sidecar.read(Path(source)) if isinstance(source, str | Path) else None
+        parts = grained_parts(given) or parts_of_grain(BodyRecord.of(known).materials)
+    lost = (grain_words(parts),) if parts else ()
     if isinstance(given, TetMesh):
         given = field_from_tets(given, cells=options.cells)
     grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
@@ -243,18 +249,6 @@ def _misfit(done: Transferred, grid: Grid) -> Iterator[str]:
         )
     if done.n_invalid:
         yield f"{done.n_invalid} of {done.points} points have no finite position and got no value"
-
-
-def _grain_of(
-    source: str | Path | MaterialField | TetMesh, given: MaterialField | TetMesh
-) -> tuple[str, ...]:
-    """Words for the grain of the parts that have one: no carrier keeps it."""
-    if isinstance(given, MaterialField):
-        parts = parts_of_grain(rows_of_field(given))
-    else:
-        known = Sidecar.read(Path(source)) if isinstance(source, str | Path) else None
-        parts = grained_parts(given) or parts_of_grain(BodyRecord.of(known).materials)
-    return (grain_words(parts),) if parts else ()
 
 
 def _left_out(name: str, lost: Sequence[str]) -> Iterator[str]:

@@ -45,7 +45,7 @@ from .asset.solids import SAMPLES, Shell, hull_share, inner_surface, wall_share
 from .options import ConvertOptions, Repeated, pairs
 
 if TYPE_CHECKING:
-    from trimesh import Trimesh
+    pass
 
 
 def with_stated_walls(
@@ -309,7 +309,13 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
         wall, filling = options.wall_of(part.name), options.filling_of(part.name)
         if filling is None or wall is None or not thinnest <= wall < np.inf:
             continue
-        room = _room(part, wall)
+        # Closed surface a `wall` [m] inside that of a part; None where nothing is that deep
+        from trimesh import Trimesh
+
+        surface, _ = repair((part,))
+        shell = Shell(surface.points, surface.faces, surface.part)
+        (points, faces), kept = inner_surface(shell, wall)
+        room = Trimesh(points, faces[kept], process=False) if kept.any() else None
         if room is None:
             continue
         if part.name + SUFFIX in asset.part_names:
@@ -320,16 +326,6 @@ def with_rooms(asset: Asset, options: WallOptions, *, thinnest: float) -> Filled
         rooms.append(Part(part.name + SUFFIX, room))
         contents[part.name + SUFFIX] = filling
     return FilledAsset(replace(asset, parts=(*asset.parts, *rooms)), contents)
-
-
-def _room(part: Part, wall: float) -> Trimesh | None:
-    """Closed surface a ``wall`` [m] inside that of a part; None where nothing is that deep."""
-    from trimesh import Trimesh
-
-    surface, _ = repair((part,))
-    shell = Shell(surface.points, surface.faces, surface.part)
-    (points, faces), kept = inner_surface(shell, wall)
-    return Trimesh(points, faces[kept], process=False) if kept.any() else None
 
 
 def with_fillings(found: Prediction, contents: Mapping[str, Material]) -> Prediction:

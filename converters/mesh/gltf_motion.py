@@ -68,7 +68,14 @@ def write_motion_glb(
     }
     document = {**_scene(primitive, sampler, times), **body.described()}
     with writing(path) as target:
-        target.write_bytes(_glb(document, bytes(body.bytes)))
+        # Header, JSON chunk and binary chunk
+        binary = bytes(body.bytes)
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        total = 12 + 8 + len(text) + 8 + len(binary)
+        header = struct.pack("<4sII", b"glTF", 2, total)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        target.write_bytes(header + chunks + struct.pack("<I4s", len(binary), b"BIN\0") + binary)
     return path
 
 
@@ -154,13 +161,3 @@ class _Buffers:
         """Return the buffer, its views and accessors as glTF has them."""
         buffers = [{"byteLength": len(self.bytes)}]
         return {"buffers": buffers, "bufferViews": self.views, "accessors": self.accessors}
-
-
-def _glb(document: dict[str, Any], binary: bytes) -> bytes:
-    """Header, JSON chunk and binary chunk."""
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    total = 12 + 8 + len(text) + 8 + len(binary)
-    header = struct.pack("<4sII", b"glTF", 2, total)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    return header + chunks + struct.pack("<I4s", len(binary), b"BIN\0") + binary

@@ -102,7 +102,11 @@ def _rows(line: str, *columns: np.ndarray) -> Iterator[str]:
 def _read_ascii2(text: str) -> MeshData:
     sections = list(_sections(text))
     bodies = dict(sections)
-    _check_whole(sections, bodies.get("Comments", ""))
+    # Refuse a file of ours that holds fewer data sections than it announces
+    announced = re.search(rf"^{_ANNOUNCED} (\d+)$", bodies.get("Comments", ""), re.MULTILINE)
+    present = sum(kind in ("NodeData", "ElementData") for kind, _ in sections)
+    if announced and present < int(announced[1]):
+        raise InputError(f"{present} sections of data where {announced[1]} were announced")
     for wanted in ("Nodes", "Elements"):
         if wanted not in bodies:
             raise InputError(f"section ${wanted} is missing; wanted {WANTED}")
@@ -121,7 +125,10 @@ def _read_ascii2(text: str) -> MeshData:
             cell_data[name] = _spread(data_ids, values, ids)
     if tags.any():
         cell_data["gmsh:physical"] = tags
-    names = _physical_names(bodies.get("PhysicalNames", ""))
+    found: Iterable[re.Match] = re.finditer(
+        r'^\s*3\s+(\d+)\s+"(.*)"\s*$', bodies.get("PhysicalNames", ""), re.MULTILINE
+    )
+    names = {int(match[1]): unquote(match[2]) for match in found}
     return assemble(
         points, tets, point_data=point_data, cell_data=cell_data, names=names, ignored=ignored
     )
@@ -138,14 +145,6 @@ def _sections(text: str) -> Iterator[tuple[str, str]]:
         at = end + 1 + len(f"$End{start[1]}")
     if rest := text[at:].strip():
         raise InputError(f"text after the last section: {rest[:40]!r}; wanted {WANTED}")
-
-
-def _check_whole(sections: list[tuple[str, str]], comments: str) -> None:
-    """Refuse a file of ours that holds fewer data sections than it announces."""
-    announced = re.search(rf"^{_ANNOUNCED} (\d+)$", comments, re.MULTILINE)
-    found = sum(kind in ("NodeData", "ElementData") for kind, _ in sections)
-    if announced and found < int(announced[1]):
-        raise InputError(f"{found} sections of data where {announced[1]} were announced")
 
 
 def _table(body: str, columns: int) -> np.ndarray:
@@ -198,9 +197,3 @@ def _spread(ids: np.ndarray, values: np.ndarray, onto: np.ndarray) -> np.ndarray
     there = np.isin(onto, ids)
     result[there] = values[_locate(onto[there], ids, "data")]
     return result
-
-
-def _physical_names(body: str) -> dict[int, str]:
-    """Names of the volume groups by tag."""
-    found: Iterable[re.Match] = re.finditer(r'^\s*3\s+(\d+)\s+"(.*)"\s*$', body, re.MULTILINE)
-    return {int(match[1]): unquote(match[2]) for match in found}

@@ -56,7 +56,24 @@ def write_vtk(
             meshio.vtu.write(str(target), grid, compression="zlib")
         else:
             meshio.vtk.write(str(target), grid, fmt_version="4.2", binary=True)
-        _insert_names(target, mesh.region_names)
+        # Put the region names where VTK keeps field data: before the points
+        raw = "".join(f"{escape(name)}\n" for name in mesh.region_names).encode("utf-8")
+        content = target.read_bytes()
+        if target.suffix == ".vtu":
+            anchor = b"<UnstructuredGrid>"
+            codes = " ".join(map(str, raw))
+            block = (
+                f'<FieldData><DataArray type="UInt8" Name="{_NAMES}" NumberOfTuples="{len(raw)}" '
+                f'format="ascii">{codes}</DataArray></FieldData>'
+            ).encode()
+        else:
+            anchor = b"DATASET UNSTRUCTURED_GRID\n"
+            block = (
+                f"FIELD FieldData 1\n{_NAMES} 1 {len(raw)} unsigned_char\n".encode() + raw + b"\n"
+            )
+        head, _, tail = content.partition(anchor)
+        with target.open("wb") as out:
+            out.writelines((head, anchor, block, tail))
 
 
 def read_vtk(path: str | os.PathLike) -> MeshData:
@@ -97,25 +114,6 @@ def _names(listed: bytes | None, cell_data: Container[str]) -> dict[int, str]:
     if lines and "region" not in cell_data:
         raise InputError(f"it names {len(lines)} regions but has no cell array 'region'")
     return {tag: unquote(line) for tag, line in enumerate(lines)}
-
-
-def _insert_names(file: Path, names: tuple[str, ...]) -> None:
-    """Put the region names where VTK keeps field data: before the points."""
-    raw = "".join(f"{escape(name)}\n" for name in names).encode("utf-8")
-    content = file.read_bytes()
-    if file.suffix == ".vtu":
-        anchor = b"<UnstructuredGrid>"
-        codes = " ".join(map(str, raw))
-        block = (
-            f'<FieldData><DataArray type="UInt8" Name="{_NAMES}" NumberOfTuples="{len(raw)}" '
-            f'format="ascii">{codes}</DataArray></FieldData>'
-        ).encode()
-    else:
-        anchor = b"DATASET UNSTRUCTURED_GRID\n"
-        block = f"FIELD FieldData 1\n{_NAMES} 1 {len(raw)} unsigned_char\n".encode() + raw + b"\n"
-    head, _, tail = content.partition(anchor)
-    with file.open("wb") as out:
-        out.writelines((head, anchor, block, tail))
 
 
 def _legacy_names(file: Path) -> bytes | None:

@@ -115,17 +115,15 @@ def polar(F: Float[np.ndarray, "n 3 3"]) -> Polar:
     stretch = _symmetric(basis, sizes)
     odd = flat | (np.linalg.det(F) <= 0)
     if odd.any():
-        rotation[odd], stretch[odd] = _proper(F[odd])
+        # Polar decomposition by singular values, the smallest of them negative where det F is
+        left, sizes, right = np.linalg.svd(F[odd])
+        flip = np.sign(np.linalg.det(left @ right))
+        sizes[:, 2] *= flip
+        left[:, :, 2] *= flip[:, None]
+        rotation[odd], stretch[odd] = Polar(
+            left @ right, right.transpose(0, 2, 1) @ (sizes[:, :, None] * right)
+        )
     return Polar(rotation, stretch)
-
-
-def _proper(F: np.ndarray) -> Polar:
-    """Polar decomposition by singular values, the smallest of them negative where det F is."""
-    left, sizes, right = np.linalg.svd(F)
-    flip = np.sign(np.linalg.det(left @ right))
-    sizes[:, 2] *= flip
-    left[:, :, 2] *= flip[:, None]
-    return Polar(left @ right, right.transpose(0, 2, 1) @ (sizes[:, :, None] * right))
 
 
 def _symmetric(basis: np.ndarray, values: np.ndarray) -> np.ndarray:

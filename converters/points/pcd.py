@@ -35,7 +35,14 @@ def read_pcd(path: str | os.PathLike) -> PointTable:
         body = content[start:]
         encoding = header["DATA"][0]
         if encoding == "binary_compressed":
-            return _by_column(_unpack(body), fields, n, header)
+            # Compressed files store field after field, not point after point
+            body = _unpack(body)
+            columns, at = {}, 0
+            for name, kind, shape in fields:
+                count = n * int(np.prod(shape))
+                columns[name] = np.frombuffer(body, kind, count, at).reshape(n, *shape).copy()
+                at += count * np.dtype(kind).itemsize
+            return PointTable(columns, tuple(header["#"]), _others(header))
         rows = _ascii(body, dtype, n) if encoding == "ascii" else _binary(body, dtype, n)
         columns = {name: rows[name] for name in dtype.names or ()}
         return PointTable(columns, tuple(header["#"]), _others(header))
@@ -127,16 +134,6 @@ def _ascii(body: bytes, dtype: np.dtype, n: int) -> np.ndarray:
         table[name] = cells.astype(dtype[name].base).reshape(table[name].shape)
         at += width
     return table
-
-
-def _by_column(body: bytes, fields: list, n: int, header: dict) -> PointTable:
-    """Compressed files store field after field, not point after point."""
-    columns, at = {}, 0
-    for name, kind, shape in fields:
-        count = n * int(np.prod(shape))
-        columns[name] = np.frombuffer(body, kind, count, at).reshape(n, *shape).copy()
-        at += count * np.dtype(kind).itemsize
-    return PointTable(columns, tuple(header["#"]), _others(header))
 
 
 def _unpack(body: bytes) -> bytes:

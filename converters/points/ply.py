@@ -6,7 +6,7 @@ Splats packed in chunks are unpacked.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import BinaryIO, Literal
 
@@ -88,7 +88,7 @@ def write_ply(path: str | os.PathLike, ply: Ply) -> None:
         file.write(header.encode("utf-8"))
         for table in ply.elements.values():
             if ply.encoding == "ascii":
-                file.writelines(_ascii_lines(table))
+                file.writelines(f"{' '.join(map(repr, row))}\n".encode() for row in table.tolist())
             else:
                 order = table.dtype.newbyteorder(_ORDERS[ply.encoding])
                 file.write(np.ascontiguousarray(table.astype(order, copy=False)).data)
@@ -198,11 +198,6 @@ def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
     return table
 
 
-def _ascii_lines(table: np.ndarray) -> Iterator[bytes]:
-    """Rows as text that reads back exactly."""
-    return (f"{' '.join(map(repr, row))}\n".encode() for row in table.tolist())
-
-
 # SuperSplat's packed PLY: chunks of 256 splats, values as bits between the bounds of a chunk.
 
 _CHUNK = 256  # splats a chunk
@@ -238,10 +233,19 @@ def unpack(elements: Elements) -> dict[str, np.ndarray]:
         level = np.stack([harmonics[name] for name in harmonics.dtype.names or ()], axis=1)
         inner = (level + 0.5) / 256
         rest = (np.where(level == 0, 0, np.where(level == 255, 1, inner)) - 0.5) * 8
+    # Quaternions wxyz from the index of the largest component and the others, 10 bits each
+    packed = vertex["packed_rotation"]
+    three = (_bits(packed, (2, 10, 10, 10))[:, 1:] - 0.5) * 2**0.5
+    largest = np.sqrt(np.maximum(0, 1 - (three**2).sum(axis=1)))
+    place = (packed >> np.uint32(30)).astype(np.int64)
+    result = np.empty((len(packed), 4))
+    others = np.array([[j for j in range(4) if j != i] for i in range(4)])[place]
+    np.put_along_axis(result, others, three, axis=1)
+    np.put_along_axis(result, place[:, None], largest[:, None], axis=1)
     return standard_columns(
         between("x y z", _bits(vertex["packed_position"], (11, 10, 11))),
         between("scale_x scale_y scale_z", _bits(vertex["packed_scale"], (11, 10, 11))),
-        _smallest_three(vertex["packed_rotation"]),
+        result,
         colour[:, 3],
         (rgb - 0.5) / SH_C0,
         rest,
@@ -255,15 +259,3 @@ def _bits(packed: np.ndarray, widths: tuple[int, ...]) -> np.ndarray:
         packed >> np.uint32(s) & np.uint32(2**w - 1) for s, w in zip(shifts, widths, strict=True)
     ]
     return np.stack(fields, axis=1) / (2.0 ** np.array(widths) - 1)
-
-
-def _smallest_three(packed: np.ndarray) -> np.ndarray:
-    """Quaternions wxyz from the index of the largest component and the others, 10 bits each."""
-    three = (_bits(packed, (2, 10, 10, 10))[:, 1:] - 0.5) * 2**0.5
-    largest = np.sqrt(np.maximum(0, 1 - (three**2).sum(axis=1)))
-    place = (packed >> np.uint32(30)).astype(np.int64)
-    result = np.empty((len(packed), 4))
-    others = np.array([[j for j in range(4) if j != i] for i in range(4)])[place]
-    np.put_along_axis(result, others, three, axis=1)
-    np.put_along_axis(result, place[:, None], largest[:, None], axis=1)
-    return result

@@ -75,17 +75,10 @@ def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation
         same = points is mesh.points and tets is mesh.tets
         if same and grid.space.order == order and grid.device == device:
             return grid
-    grid = _discretise(mesh, order, device)
-    _RECENT.insert(0, (mesh.points, mesh.tets, grid))
-    del _RECENT[_KEPT:]
-    return grid
-
-
-def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
     wp = start_warp()
     space = make_space(mesh, order)
     pattern = make_pattern(space, device)
-    return Discretisation(
+    grid = Discretisation(
         space,
         device,
         wp.array(space.nodes, dtype=wp.vec3d, device=device),
@@ -93,6 +86,9 @@ def _discretise(mesh: TetMesh, order: int, device: str) -> Discretisation:
         wp.array(element_points(order), dtype=wp.vec4d, device=device),
         pattern,
     )
+    _RECENT.insert(0, (mesh.points, mesh.tets, grid))
+    del _RECENT[_KEPT:]
+    return grid
 
 
 def make_pattern(space: Space, device: str = "cpu") -> Pattern:

@@ -48,35 +48,13 @@ class CholeskyFactor:
         inputs += [plan.first, plan.start, plan.rows, plan.panel, numbers]
         wp.launch(k.place_matrix, matrix.nodes, inputs=inputs, device="cpu")
         self._numbers = numbers  # the panels are views of it
-        self._diagonal = self._diagonal_entries()
-        self._before = numbers.numpy()[self._diagonal]
-        self._panels = self._views(numbers.numpy())
-        self._factor(numbers)
-        if not np.isfinite(numbers.numpy()[self._diagonal]).all():  # LAPACK lets NaN pass
-            raise NotPositive("the matrix has entries that are no numbers")
-
-    def _diagonal_entries(self) -> np.ndarray:
-        """Offsets of the diagonal of the factor."""
+        # Offsets of the diagonal of the factor
         first = 3 * self.plan.first.numpy()
         width, panel = np.diff(first), self.plan.panel.numpy()[:-1]
         along = np.arange(first[-1]) - np.repeat(first[:-1], width)
-        return np.repeat(panel, width) + along * np.repeat(width + 1, width)
-
-    def _views(self, numbers: np.ndarray) -> list[tuple[Any, Any, int, int, Any]]:
-        """Of every supernode: square and lower part, columns from ... to, rows; of scalars."""
-        plan = self.plan
-        first, start, panel = (3 * plan.first.numpy(), plan.start.numpy(), plan.panel.numpy())
-        rows = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
-        panels = []
-        for t in range(len(first) - 1):
-            k, low, high = first[t + 1] - first[t], 3 * start[t], 3 * start[t + 1]
-            middle = panel[t] + k * k
-            square = numbers[panel[t] : middle].reshape(k, k).T
-            lower = numbers[middle : panel[t + 1]].reshape(k, high - low).T
-            panels.append((square, lower, int(first[t]), int(first[t + 1]), rows[low:high]))
-        return panels
-
-    def _factor(self, numbers: Any) -> None:
+        self._diagonal = np.repeat(panel, width) + along * np.repeat(width + 1, width)
+        self._before = numbers.numpy()[self._diagonal]
+        self._panels = self._views(numbers.numpy())
         from scipy.linalg.blas import dsyrk, dtrsm  # type: ignore  (by f2py)
         from scipy.linalg.lapack import dpotrf  # type: ignore  (by f2py)
 
@@ -99,6 +77,22 @@ class CholeskyFactor:
                 dtrsm(1.0, square, lower, side=1, lower=1, trans_a=1, overwrite_b=1)
                 own = updates[place[t] : place[t] + r * r].reshape(r, r).T
                 dsyrk(-1.0, lower, beta=1.0, c=own, lower=1, overwrite_c=1)
+        if not np.isfinite(numbers.numpy()[self._diagonal]).all():  # LAPACK lets NaN pass
+            raise NotPositive("the matrix has entries that are no numbers")
+
+    def _views(self, numbers: np.ndarray) -> list[tuple[Any, Any, int, int, Any]]:
+        """Of every supernode: square and lower part, columns from ... to, rows; of scalars."""
+        plan = self.plan
+        first, start, panel = (3 * plan.first.numpy(), plan.start.numpy(), plan.panel.numpy())
+        rows = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
+        panels = []
+        for t in range(len(first) - 1):
+            k, low, high = first[t + 1] - first[t], 3 * start[t], 3 * start[t + 1]
+            middle = panel[t] + k * k
+            square = numbers[panel[t] : middle].reshape(k, k).T
+            lower = numbers[middle : panel[t + 1]].reshape(k, high - low).T
+            panels.append((square, lower, int(first[t]), int(first[t + 1]), rows[low:high]))
+        return panels
 
     @property
     def smallest_pivot(self) -> float:

@@ -190,17 +190,17 @@ class AggregateLevel:
         )
         self.flat = [v.view(wp.float64).flatten() for v in (self.given, self.found)]
         if coarse.members is None:
-            self.restrict, self.prolong = self._launches(r, z)
+            # Restriction, which adds to the coarse residual, and prolongation
+            from . import kernels_krylov as k
+
+            P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
+            launch = Recorder(len(r), self.device)
+            self.restrict, self.prolong = [
+                launch(k.scatter, [*P, r, self.given]),
+                launch(k.prolong, [*P, self.found, z]),
+            ]
         else:
             self.restrict, self.prolong = self._single_launches(r, z, coarse.members)
-
-    def _launches(self, r: Any, z: Any) -> list[Any]:
-        """Restriction, which adds to the coarse residual, and prolongation."""
-        from . import kernels_krylov as k
-
-        P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
-        launch = Recorder(len(r), self.device)
-        return [launch(k.scatter, [*P, r, self.given]), launch(k.prolong, [*P, self.found, z])]
 
     def _single_launches(self, r: Any, z: Any, members: tuple) -> list[Any]:
         """Restriction, which writes the coarse residual, and prolongation."""

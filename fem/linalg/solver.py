@@ -106,7 +106,12 @@ def solve_system(
     if plan.entries > MOST_ENTRIES:
         return solution._replace(suspect=True)
     logger.info("CG stopped at %.3g: factoring the matrix instead", solution.residual)
-    return _rescue(system, b, plan, solution)
+    lower = system.lower.numpy()
+    scaled_b = np.einsum("nij,nj->ni", system.inverse.numpy(), b)
+    direct = solve_direct(system.matrix, scaled_b, plan, tolerance=0.0)
+    x = np.linalg.solve(lower.transpose(0, 2, 1), direct.x[..., None])[..., 0]
+    said = f"{direct.solver} after {solution.iterations} iterations of {solution.solver}"
+    return direct._replace(x=x, iterations=solution.iterations, floor=solution.floor, solver=said)
 
 
 def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | None:
@@ -126,15 +131,6 @@ def iterations_worth(plan: Elimination, matrix: BlockMatrix) -> int:
     """Iterations of two-level CG that take as long as the factor."""
     factor = plan.operations / FACTOR_RATE + plan.entries / FACTOR_ENTRIES
     return int(factor * CG_RATE / len(matrix.columns))
-
-
-def _rescue(system: Scaled, b: np.ndarray, plan: Elimination, tried: Solution) -> Solution:
-    lower = system.lower.numpy()
-    scaled_b = np.einsum("nij,nj->ni", system.inverse.numpy(), b)
-    direct = solve_direct(system.matrix, scaled_b, plan, tolerance=0.0)
-    x = np.linalg.solve(lower.transpose(0, 2, 1), direct.x[..., None])[..., 0]
-    said = f"{direct.solver} after {tried.iterations} iterations of {tried.solver}"
-    return direct._replace(x=x, iterations=tried.iterations, floor=tried.floor, solver=said)
 
 
 def solve_direct(
@@ -204,7 +200,9 @@ def solve_iterative(
     x = size * solution.numpy()
     if error <= tolerance:
         return Solution(x, error, iterations, 0.0, solver=name)
-    floor = _scaled_round_off(system, cg.x.numpy())
+    weight = (abs(system.matrix.to_scipy()) @ np.abs(cg.x.numpy()).reshape(-1)).reshape(-1, 3)
+    total = np.einsum("nij,nj->ni", np.abs(system.lower.numpy()), weight)
+    floor = 64 * np.finfo(float).eps * float(np.linalg.norm(total))
     if error > floor:
         return Solution(x, error, iterations, floor, solver=name)
     launch(k.block_multiply, [system.inverse, rest, False, cycle.r]).launch()
@@ -285,12 +283,6 @@ def _prepared(
     return cycle, cg
 
 
-def _scaled_round_off(system: Scaled, x: np.ndarray) -> float:
-    weight = (abs(system.matrix.to_scipy()) @ np.abs(x).reshape(-1)).reshape(-1, 3)
-    total = np.einsum("nij,nj->ni", np.abs(system.lower.numpy()), weight)
-    return 64 * np.finfo(float).eps * float(np.linalg.norm(total))
-
-
 # Linear systems that change little from one to the next: the preconditioner is kept.
 
 # Unknowns up to which the preconditioner is a direct factor without anything being estimated.
@@ -369,10 +361,7 @@ class RepeatedSolver:
             self._kept = None
             if iterations == 0:  # not positive: another preconditioner will not help
                 return np.nan * b
-        return self._anew(matrix, b, target)
-
-    def _anew(self, matrix: BlockMatrix, b: Any, target: float) -> Any:
-        """Solve with a fresh preconditioner: two levels until they take as long as a factor."""
+        # Solve with a fresh preconditioner: two levels until they take as long as a factor
         worth = _factor_worth(matrix)
         self.factors |= worth == 0
         for limit in (LIMIT,) if self.factors else (min(worth, LIMIT), LIMIT):

@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_normals
@@ -232,24 +232,18 @@ def support_walls(
         if not len(axes):
             continue
         held = which.reshape(-1) == k
-        place = _held_places(mesh, held, spacing, velocity)
+        faces = mesh.boundary.faces
+        own = faces[held[faces].all(axis=1)]
+        samples, of = _face_samples(mesh.points, own, spacing / 2)
+        normals = face_normals(mesh.points, own)[of]
+        inner = held.copy()
+        inner[own] = False
+        place = HeldPlaces(samples, normals, mesh.points[inner], spacing, velocity)
         if len(axes) == 3:
             walls.append(Wall(shape=place, touch=Touch.STICKY))
         for axis in axes if len(axes) < 3 else ():
             walls.append(Wall(shape=place, touch=Touch.SLIP, axis=int(axis)))
     return tuple(walls)
-
-
-def _held_places(
-    mesh: TetMesh, held: Bool[np.ndarray, "points"], spacing: float, velocity: tuple[float, ...]
-) -> HeldPlaces:
-    faces = mesh.boundary.faces
-    own = faces[held[faces].all(axis=1)]
-    samples, of = _face_samples(mesh.points, own, spacing / 2)
-    normals = face_normals(mesh.points, own)[of]
-    inner = held.copy()
-    inner[own] = False
-    return HeldPlaces(samples, normals, mesh.points[inner], spacing, velocity)
 
 
 def _face_samples(
@@ -312,18 +306,18 @@ class BackgroundGrid(NamedTuple):
         room = ((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1)
         mark.ravel()[self.flat(first[room])] = True
         for axis in range(3):
-            mark = _widened(mark, axis, -drift, 2 + drift)
+            # Mark what lies `low` to `high` nodes further along an axis, too
+            low = -drift
+            high = 2 + drift
+            along = np.moveaxis(mark, axis, 0)
+            wide = np.zeros_like(along)
+            size = len(along)
+            for shift in range(low, high + 1):
+                wide[max(shift, 0) : size + min(shift, 0)] |= along[
+                    max(-shift, 0) : size - max(shift, 0)
+                ]
+            mark = np.moveaxis(wide, 0, axis)
         return np.flatnonzero(mark)
-
-
-def _widened(mark: Bool[np.ndarray, "x y z"], axis: int, low: int, high: int) -> np.ndarray:
-    """Mark what lies ``low`` to ``high`` nodes further along an axis, too."""
-    along = np.moveaxis(mark, axis, 0)
-    wide = np.zeros_like(along)
-    size = len(along)
-    for shift in range(low, high + 1):
-        wide[max(shift, 0) : size + min(shift, 0)] |= along[max(-shift, 0) : size - max(shift, 0)]
-    return np.moveaxis(wide, 0, axis)
 
 
 def grid_around(

@@ -129,13 +129,19 @@ class MpmMethod:
         notes = (*self._assumed(scene), *treatment_notes(found, sample.thin))
         if found.particles.held.all():
             return _Setup(found, sample, room, None, notes)
+        # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing then
+        given = found.particles
+        moving = given.kinds[~given.held] == MaterialClass.JELLY
+        tears = any(s.tears for s in given.substances)
         solver = MpmSolver(
             found.particles,
             room,
             walls=walls,
             gravity_vector=scene.gravity_vector,
             damping=self.damping,
-            lagrangian=_may_be_lagrangian(scene, found),
+            lagrangian=bool(
+                moving.all() and not tears and not scene.obstacles and scene.held.fixed.any()
+            ),
             device=device,
             threads=self.threads,
             courant=self.courant,
@@ -231,14 +237,6 @@ class _Setup(NamedTuple):
             f"{len(given.x):,} particles, a grid of {'x'.join(map(str, self.room.shape))}, about "
             f"{steps:,.0f} steps: some {seconds:,.0f} s"
         )
-
-
-def _may_be_lagrangian(scene: Scene, found: Treatment) -> bool:
-    """Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing then."""
-    given = found.particles
-    moving = given.kinds[~given.held] == MaterialClass.JELLY
-    tears = any(s.tears for s in given.substances)
-    return bool(moving.all() and not tears and not scene.obstacles and scene.held.fixed.any())
 
 
 class _Recorder:

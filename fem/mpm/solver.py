@@ -173,11 +173,15 @@ class MpmSolver:
         if self.lagrangian:
             self.substep.run(steps)
         else:
-            self._keep()
+            self.cloud.keep()
+            if self.substep.rigid is not None:
+                self.substep.rigid.keep()
             self.substep.run(steps)
             if not self.cloud.survey()[MOVED] <= 1.0:
                 bad = self.cloud.survey()[NOT_FINITE] > 0
-                self._restore()
+                self.cloud.restore()
+                if self.substep.rigid is not None:
+                    self.substep.rigid.restore()
                 if bad and steps == 1:
                     self._fail("not finite", "values overflowed: take shorter steps")
                 return False
@@ -247,16 +251,6 @@ class MpmSolver:
         if kind == "velocity":
             return int(np.argmax((now.v**2).sum(axis=1)))
         return int(np.argmax(self._given.wave_speed))
-
-    def _keep(self) -> None:
-        self.cloud.keep()
-        if self.substep.rigid is not None:
-            self.substep.rigid.keep()
-
-    def _restore(self) -> None:
-        self.cloud.restore()
-        if self.substep.rigid is not None:
-            self.substep.rigid.restore()
 
     def _list(self) -> None:
         self.substep.list_nodes()
@@ -542,10 +536,20 @@ class Cloud:
         self.real = wp.float64 if device == "cpu" else wp.float32
         self.types = types_of(self.real)
         self.order: Int[np.ndarray, "n"] = self._sorted(particles.x)
-        self.spans = self._spans()
+        keys, first, count = np.unique(
+            self._keys()[self.order], return_index=True, return_counts=True
+        )
+        self.spans = tuple(
+            ClassSpan(MaterialClass(int(kind)), Form(int(form)), int(a), int(n))
+            for kind, form, a, n in zip(*np.divmod(keys, len(Form)), first, count, strict=True)
+        )
         self.struct = self._upload()
         self.strongest_push = 0.0  # m/s^2
-        self.frame = self._frame()
+        frame = self.types.Frame()
+        frame.origin = self.types.vec3(*map(float, self.lattice.origin))
+        frame.spacing = self.lattice.spacing
+        frame.nx, frame.ny, frame.nz = self.lattice.shape
+        self.frame = frame
         self.listed = wp.clone(self.struct.x)
         self._found = wp.zeros(COUNT, dtype=self.real, device=device)
         self._kept: dict[str, Any] = {}
@@ -563,15 +567,6 @@ class Cloud:
         nodes = np.clip(self.lattice.first_nodes(x), 0, np.array(self.lattice.shape) - 3)
         key = self._keys() * self.lattice.count + self.lattice.flat(nodes)
         return np.argsort(key, kind="stable")
-
-    def _spans(self) -> tuple[ClassSpan, ...]:
-        keys, first, count = np.unique(
-            self._keys()[self.order], return_index=True, return_counts=True
-        )
-        return tuple(
-            ClassSpan(MaterialClass(int(kind)), Form(int(form)), int(a), int(n))
-            for kind, form, a, n in zip(*np.divmod(keys, len(Form)), first, count, strict=True)
-        )
 
     def _upload(self) -> Any:
         wp, types, given, order = start_warp(), self.types, self.particles, self.order
@@ -595,13 +590,6 @@ class Cloud:
         for name in ("C", "H", "total"):
             setattr(struct, name, wp.zeros(len(self), dtype=types.mat33, device=self.device))
         return struct
-
-    def _frame(self) -> Any:
-        frame = self.types.Frame()
-        frame.origin = self.types.vec3(*map(float, self.lattice.origin))
-        frame.spacing = self.lattice.spacing
-        frame.nx, frame.ny, frame.nz = self.lattice.shape
-        return frame
 
     def sort(self) -> None:
         """Put the particles into the order of the grid again, every array in its place."""

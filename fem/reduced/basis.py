@@ -358,7 +358,14 @@ def modal_weights(
     root = np.sqrt(body.mass)[:, None]
     free = (body.mass > 0) & ~held
     for _ in range(sweeps):
-        maps = _fitted_transforms(weights, affine, snapshots, root, whole=body.is_free)
+        # Transforms (handles, 4, shots) of the given weights; a `whole` one comes last
+        products = (weights[:, :, None] * affine[:, None, :]).reshape(len(weights), -1)
+        if body.is_free:
+            products = np.concatenate([products, affine], axis=1)
+        A = root * products
+        normal = A.T @ A
+        normal += RIDGE_TRANSFORMS * np.trace(normal) / len(normal) * np.eye(len(normal))
+        maps = np.linalg.solve(normal, A.T @ (root * snapshots)).reshape(-1, 4, snapshots.shape[1])
         weights[free] = _fitted_weights(weights, maps, affine, snapshots)[free]
     return weights
 
@@ -395,17 +402,6 @@ def _snapshots(body: LinearBody, fitted: int, beside) -> Float[np.ndarray, "node
     fields = modes.shapes[:fitted] * (modes.frequencies[0] / modes.frequencies[:fitted, None, None])
     both = np.concatenate([np.moveaxis(fields, 0, 2), beside], axis=2)
     return both.swapaxes(1, 2).reshape(len(body.mass), -1)
-
-
-def _fitted_transforms(weights, affine, snapshots, root, *, whole: bool) -> np.ndarray:
-    """Transforms (handles, 4, shots) of the given weights; a ``whole`` one comes last."""
-    products = (weights[:, :, None] * affine[:, None, :]).reshape(len(weights), -1)
-    if whole:
-        products = np.concatenate([products, affine], axis=1)
-    A = root * products
-    normal = A.T @ A
-    normal += RIDGE_TRANSFORMS * np.trace(normal) / len(normal) * np.eye(len(normal))
-    return np.linalg.solve(normal, A.T @ (root * snapshots)).reshape(-1, 4, snapshots.shape[1])
 
 
 def _fitted_weights(weights, maps, affine, snapshots) -> np.ndarray:

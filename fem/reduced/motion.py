@@ -486,29 +486,26 @@ class ReducedDynamics:
 
     def _halved(self, dt: float, halvings: int) -> None:
         try:
-            self._advance(dt)
+            if dt != self.last_dt:
+                self._forget()
+            step = Step.of(self.scheme, dt, self.now, self._before)
+            if self.contact is not None:
+                self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
+            q, iterations = self._solve(step)
+            if leapt := self._leaps(step, q):
+                self._forget()
+                if step.before is not None:
+                    step, q, more = self._restarted(step, q)
+                    iterations += more
+            self._before, self.last_dt, self.now = None if leapt else self.now, dt, step.ended(q)
+            self.time, self.iterations = self.time + dt, self.iterations + iterations
+            self._forecast.add(self.now.a)
         except ConvergenceError as error:
             if halvings == 0:
                 raise
             logger.info("step of %g s failed (%s): halved", dt, error)
             for _ in range(2):
                 self._halved(dt / 2, halvings - 1)
-
-    def _advance(self, dt: float) -> None:
-        if dt != self.last_dt:
-            self._forget()
-        step = Step.of(self.scheme, dt, self.now, self._before)
-        if self.contact is not None:
-            self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
-        q, iterations = self._solve(step)
-        if leapt := self._leaps(step, q):
-            self._forget()
-            if step.before is not None:
-                step, q, more = self._restarted(step, q)
-                iterations += more
-        self._before, self.last_dt, self.now = None if leapt else self.now, dt, step.ended(q)
-        self.time, self.iterations = self.time + dt, self.iterations + iterations
-        self._forecast.add(self.now.a)
 
     def _restarted(self, step: Step, q: np.ndarray) -> tuple[Step, np.ndarray, int]:
         """The ``step`` to ``q`` made anew without its past, where that converges."""

@@ -259,12 +259,10 @@ class LinearFamily:
             )
             self._snapshots += fields
             rests.append(rest)
-        self._pull_back()
-        return rests
-
-    def _pull_back(self) -> None:
-        """Basis of the snapshots, and what is summed for a member, on its coordinates."""
-        fields = np.moveaxis(np.stack([*self._snapshots, *self._held_shapes()]), 0, 2)
+        # Basis of the snapshots, and what is summed for a member, on its coordinates
+        fields = np.moveaxis(
+            np.stack([*self._snapshots, *np.where(self.held.fixed, 0.0, self.shapes)]), 0, 2
+        )
         mass = lumped_mass(self.mesh, self.grid.space)
         self.basis = orthonormal_fields(fields, mass, DEPENDENT)
         flat = self.basis.reshape(-1, self.basis.shape[2])
@@ -276,9 +274,7 @@ class LinearFamily:
         self._mass_rest = flat.T @ (self._rest.repeat(3)[:, None] * flat)
         weights = [m[:, None] * self.gravity for m in (*self._masses, self._rest)]
         self._loads = np.stack([f.ravel() @ flat for f in (self.forces, *weights)])
-
-    def _held_shapes(self) -> Float[np.ndarray, "modes points 3"]:
-        return np.where(self.held.fixed, 0.0, self.shapes)
+        return rests
 
     @cached_property
     def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:

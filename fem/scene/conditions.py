@@ -72,15 +72,6 @@ class BoundaryConditions:
         if not self:
             return scene
         warnings = [*(() if self.fix else scene.warnings)]
-        return replace(
-            self._held(scene, warnings),
-            tractions=(*scene.tractions, *self._tractions(scene, warnings)),
-            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
-            gravity_vector=self._gravity(scene),
-            warnings=tuple(warnings),
-        )
-
-    def _held(self, scene: Scene, warnings: list[str]) -> Scene:
         mesh = scene.mesh
         held = Supports.none(len(mesh.points)) if self.fix else scene.held
         holds = [*(() if self.fix else scene.holds)]
@@ -97,7 +88,13 @@ class BoundaryConditions:
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
         ground = None if self.fix else scene.ground
-        return replace(scene, supports=held, holds=tuple(holds), ground=ground)
+        return replace(
+            replace(scene, supports=held, holds=tuple(holds), ground=ground),
+            tractions=(*scene.tractions, *self._tractions(scene, warnings)),
+            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
+            gravity_vector=self._gravity(scene),
+            warnings=tuple(warnings),
+        )
 
     def _tractions(self, scene: Scene, warnings: list[str]) -> Iterator[Traction]:
         make = {"load": spread_force, "torque": spread_torque, "pressure": pressure}
@@ -197,7 +194,19 @@ def select(mesh: TetMesh, words: str) -> Selection:
     place, axes = _split_axes(mesh, words)
     kind, _, rest = place.partition(":")
     if kind == "part":
-        return _part(mesh, words, rest, axes)
+        folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
+        exact = mesh.region_names.index(rest) if rest in mesh.region_names else None
+        region = folded.get(rest.casefold()) if exact is None else exact
+        if region is None:
+            near = difflib.get_close_matches(rest.casefold(), folded, n=1, cutoff=0.5)
+            hint = f"did you mean {mesh.region_names[folded[near[0]]]!r}? " if near else ""
+            raise UsageError(f"{words!r}: there is no such part; {hint}{_around(mesh)}")
+        inside = mesh.region == region
+        if not inside.any():
+            raise UsageError(f"{words!r}: the part has no tets; {_around(mesh)}")
+        boundary = mesh.boundary
+        faces = boundary.faces[inside[boundary.tet]]
+        return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
     if kind not in _PLACES:
         raise UsageError(f"{words!r}: no place is called {kind!r}; wanted {FORMS}")
     distance = _PLACES[kind](rest, words)
@@ -206,8 +215,18 @@ def select(mesh: TetMesh, words: str) -> Selection:
     away = distance(mesh.points)
     ids = used[away[used] <= touch]
     if not ids.size:
-        raise UsageError(_missed(mesh, words, used, away))
-    return _with_faces(mesh, words, axes, ids)
+        nearest = used[np.argmin(away[used])]
+        owner = mesh.region[np.flatnonzero((mesh.tets == nearest).any(axis=1))[0]]
+        place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
+        raise UsageError(
+            f"{words!r}: no point of the mesh lies there; the nearest is ({place}) of part "
+            f"{mesh.region_names[owner]!r}, {away[nearest]:.3g} m away; {_around(mesh)}"
+        )
+    faces = mesh.boundary.faces
+    inside = np.isin(faces, ids)
+    whole = bool(inside.all(axis=1).any())
+    chosen = faces[inside.all(axis=1) if whole else inside.any(axis=1)]
+    return Selection(words, axes, ids, chosen, whole)
 
 
 def numbers(text: str, count: int, words: str) -> np.ndarray:
@@ -236,30 +255,6 @@ def _split_axes(mesh: TetMesh, words: str) -> tuple[str, tuple[int, ...]]:
         if ":" in place or place == "all":
             return place, tuple(AXES.index(axis) for axis in last)
     return words, (0, 1, 2)
-
-
-def _part(mesh: TetMesh, words: str, name: str, axes: tuple[int, ...]) -> Selection:
-    folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
-    exact = mesh.region_names.index(name) if name in mesh.region_names else None
-    region = folded.get(name.casefold()) if exact is None else exact
-    if region is None:
-        near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
-        hint = f"did you mean {mesh.region_names[folded[near[0]]]!r}? " if near else ""
-        raise UsageError(f"{words!r}: there is no such part; {hint}{_around(mesh)}")
-    inside = mesh.region == region
-    if not inside.any():
-        raise UsageError(f"{words!r}: the part has no tets; {_around(mesh)}")
-    boundary = mesh.boundary
-    faces = boundary.faces[inside[boundary.tet]]
-    return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
-
-
-def _with_faces(mesh: TetMesh, words: str, axes: tuple[int, ...], ids: np.ndarray) -> Selection:
-    faces = mesh.boundary.faces
-    inside = np.isin(faces, ids)
-    whole = bool(inside.all(axis=1).any())
-    chosen = faces[inside.all(axis=1) if whole else inside.any(axis=1)]
-    return Selection(words, axes, ids, chosen, whole)
 
 
 def _box(text: str, words: str) -> Distance:
@@ -309,16 +304,6 @@ _PLACES: dict[str, Callable[[str, str], Distance]] = {
     "near": _near,
     "all": _all,
 }
-
-
-def _missed(mesh: TetMesh, words: str, used: np.ndarray, away: np.ndarray) -> str:
-    nearest = used[np.argmin(away[used])]
-    owner = mesh.region[np.flatnonzero((mesh.tets == nearest).any(axis=1))[0]]
-    place = ", ".join(f"{x:.4g}" for x in mesh.points[nearest])
-    return (
-        f"{words!r}: no point of the mesh lies there; the nearest is ({place}) of part "
-        f"{mesh.region_names[owner]!r}, {away[nearest]:.3g} m away; {_around(mesh)}"
-    )
 
 
 def _around(mesh: TetMesh, most: int = 8) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ..device import single_threaded, start_warp
 from ..elements.assembly import Discretisation, discretise
@@ -74,27 +73,6 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
     return LoadFactor(1 / share, shape / np.linalg.norm(shape, axis=1).max())
 
 
-def _stress_stiffness(
-    grid: Discretisation, stress: Float[np.ndarray, "tets quadrature 3 3"]
-) -> Any:
-    """K_sigma [N/m] of ``stress`` [Pa] at the quadrature points, for one direction.
-
-    ``scipy.sparse.csr_array`` (nodes, nodes): displacements along every axis see the same.
-    """
-    from scipy.sparse import csr_array
-
-    from ..elements import kernels_field as k
-
-    wp = start_warp()
-    pattern, count = grid.pattern, len(grid.space.nodes)
-    given = wp.array(stress, dtype=wp.mat33d, device=grid.device)
-    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.quadrature, given, pattern.slots, values]
-    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
-    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
-    return csr_array(arrays, shape=(count, count))
-
-
 def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Pencil:
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
     material = material_of(result.mesh)
@@ -108,7 +86,19 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
         )
     free = ~held.fixed
     free[grid.space.unused] = False
-    return _Pencil(inverse, free, _stress_stiffness(grid, stress))
+    # K_sigma [N/m] of `stress` [Pa] at the quadrature points, for one direction
+    from scipy.sparse import csr_array
+
+    from ..elements import kernels_field as k
+
+    wp = start_warp()
+    pattern, count = grid.pattern, len(grid.space.nodes)
+    given = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
+    inputs = [grid.points, grid.elements, grid.quadrature, given, pattern.slots, values]
+    wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
+    arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
+    return _Pencil(inverse, free, csr_array(arrays, shape=(count, count)))
 
 
 def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:

@@ -419,7 +419,11 @@ class SurfaceSites:
         for group in self.groups:
             close = self._close(group.nodes, u, shift, margin)
             if close.size:
-                yield self._lattice(group, close)
+                places = len(group.share)
+                nodes = np.repeat(group.nodes[close], places, axis=0)
+                share = np.tile(group.share, (len(close), 1))
+                rest = np.einsum("nk,nkd->nd", share, self.rest[nodes])
+                yield Sites(nodes, share, rest, np.repeat(group.stiffness[close], places))
 
     def touches_too_large(self, u: np.ndarray, shift: np.ndarray, margin: float) -> bool:
         """Whether the obstacle is near a face with too few places for it to be kept out."""
@@ -432,13 +436,6 @@ class SurfaceSites:
         reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
         # A curved face leaves the ball around its nodes by less than its reach.
         return np.flatnonzero(self.obstacle.distance(centre - shift).gap < margin + 2 * reach)
-
-    def _lattice(self, group: _Group, faces: np.ndarray) -> Sites:
-        places = len(group.share)
-        nodes = np.repeat(group.nodes[faces], places, axis=0)
-        share = np.tile(group.share, (len(faces), 1))
-        rest = np.einsum("nk,nkd->nd", share, self.rest[nodes])
-        return Sites(nodes, share, rest, np.repeat(group.stiffness[faces], places))
 
 
 def face_lattice(cells: int, nodes: int) -> Float[np.ndarray, "places nodes"]:

@@ -114,7 +114,12 @@ class Dynamics:
         if not (gap := self.contact.gap(u)) > 0:
             raise InputError(f"the body starts {-gap:g} m inside an obstacle: wanted a gap")
         self._known: tuple[np.ndarray, Response] = (u, self.body.response(u))
-        start = Kinematics(u, v, self._acceleration(u, v))
+        force = self.load - self.response(u).force - self.held.springs * u
+        force += self.contact.forces(u, len(u))
+        if self.damping:
+            force -= self.damping.force(u, v)
+        mass = np.where(self.mass > 0, self.mass, 1.0)[:, None]
+        start = Kinematics(u, v, np.where(self.held.fixed, 0.0, force / mass))
         self.state = self._measured(0.0, start, 0)
         self._step_made: tuple | None = None
         self._forget()
@@ -128,14 +133,6 @@ class Dynamics:
     def last_step(self) -> Step | None:
         """The step made last: shorter than the one asked for where that was halved."""
         return Step.of(*self._step_made) if self._step_made else None
-
-    def _acceleration(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        force = self.load - self.response(u).force - self.held.springs * u
-        force += self.contact.forces(u, len(u))
-        if self.damping:
-            force -= self.damping.force(u, v)
-        mass = np.where(self.mass > 0, self.mass, 1.0)[:, None]
-        return np.where(self.held.fixed, 0.0, force / mass)
 
     def response(self, u: np.ndarray) -> Response:
         """Elastic energy and force at ``u`` [m]; the last one is remembered."""

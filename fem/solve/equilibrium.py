@@ -65,7 +65,13 @@ class StaticMethod:
         ConvergenceError
             If the linear solve does not reach its tolerance.
         """
-        _check_load(scene)
+        if scene.obstacles or np.any(scene.velocity):
+            raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
+        acts = np.any(scene.gravity_vector) or scene.tractions or scene.held.values.any()
+        if not (acts or (scene.forces is not None and np.any(scene.forces))):
+            raise UsageError(
+                "nothing acts on the body: gravity is zero, and there is no other load"
+            )
         warnings = [*scene.warnings]
         loads = {
             "gravity_vector": scene.gravity_vector,
@@ -106,14 +112,6 @@ def _solve_unlocked(mesh: TetMesh, held: Supports, *, order: int, **loads: Any) 
     if order == 1:
         return solve_averaged(mesh, held, **loads)
     return solve_static(mesh, held, order=order, **loads)
-
-
-def _check_load(scene: Scene) -> None:
-    if scene.obstacles or np.any(scene.velocity):
-        raise UsageError("statics knows neither obstacles nor velocities: solve by dynamics")
-    acts = np.any(scene.gravity_vector) or scene.tractions or scene.held.values.any()
-    if not (acts or (scene.forces is not None and np.any(scene.forces))):
-        raise UsageError("nothing acts on the body: gravity is zero, and there is no other load")
 
 
 def _load_factor(scene: Scene, static: StaticResult) -> tuple[LoadFactor | None, str]:

@@ -203,7 +203,9 @@ class _CubicElements:
             pulled = np.matmul(stress, g[:, None].swapaxes(-1, -2)).reshape(-1, 40)
             back = (pulled @ D.reshape(20, 40).T).reshape(-1, 3, 20).swapaxes(1, 2)
             local[part] = back * self.signs[part]
-        return self._sum(local)
+        ids = self.numbers.ravel()
+        each = (np.bincount(ids, local[..., axis].ravel(), self.count) for axis in range(3))
+        return np.stack([*each], axis=1)
 
     def _stress(self, H: np.ndarray, part: slice) -> np.ndarray:
         """Stress [Pa] of gradients ``H`` (tets, component, number, axis), in the same order."""
@@ -251,11 +253,6 @@ class _CubicElements:
             at = self.first_face + np.searchsorted(keys[0], key)
             np.add.at(total, at, np.broadcast_to(one.value, one.faces.shape) * area / 60)
         return total
-
-    def _sum(self, local: np.ndarray) -> np.ndarray:
-        ids = self.numbers.ravel()
-        each = (np.bincount(ids, local[..., axis].ravel(), self.count) for axis in range(3))
-        return np.stack([*each], axis=1)
 
 
 @single_threaded

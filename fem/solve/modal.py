@@ -107,7 +107,26 @@ def natural_modes(
         If the eigensolver does not reach its tolerance.
     """
     checked_count("modes", count)
-    problem = _vibrations(mesh, supports, order, checked_device(device), lumped)
+    grid = discretise(mesh, order, checked_device(device))
+    space = grid.space
+    held = node_supports(supports or Supports.none(len(mesh.points)), space)
+    used = np.ones(len(space.nodes), dtype=bool)
+    used[space.unused] = False
+    free = ~held.fixed & used[:, None]
+    stopped = (held.fixed | (held.springs > 0))[: space.points]
+    motions = extend_linear(space, _free(mesh, stopped))
+    mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
+    material = material_of(mesh)
+    speed2 = float((material.lame.mu / material.rho).min())
+    problem = Vibrations(
+        mesh,
+        grid,
+        held,
+        free,
+        mass,
+        (speed2 / float((np.ptp(mesh.bounds, axis=0) ** 2).sum())),
+        motions,
+    )
     unknowns, rigid = int(problem.free.sum()), problem.motions.shape[2]
     if count + rigid >= unknowns // 2:
         raise InputError(f"{count} modes of a body with {unknowns} unknowns: wanted fewer modes")
@@ -127,21 +146,6 @@ def natural_modes(
         )
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
     return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
-
-
-def _vibrations(
-    mesh: TetMesh, supports: Supports | None, order: int, device: str, lumped: bool
-) -> Vibrations:
-    grid = discretise(mesh, order, device)
-    space = grid.space
-    held = node_supports(supports or Supports.none(len(mesh.points)), space)
-    used = np.ones(len(space.nodes), dtype=bool)
-    used[space.unused] = False
-    free = ~held.fixed & used[:, None]
-    stopped = (held.fixed | (held.springs > 0))[: space.points]
-    motions = extend_linear(space, _free(mesh, stopped))
-    mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
-    return Vibrations(mesh, grid, held, free, mass, _slowest(mesh), motions)
 
 
 def _free(mesh: TetMesh, stopped: np.ndarray) -> np.ndarray:
@@ -183,13 +187,6 @@ def quick_order(mesh: TetMesh) -> int | None:
         if planned_elimination(grid.pattern, grid.space.edges).operations <= QUICK:
             return order
     return None
-
-
-def _slowest(mesh: TetMesh) -> float:
-    """Square [1/s^2] of a low frequency of the body: softest shear wave across its diagonal."""
-    material = material_of(mesh)
-    speed2 = float((material.lame.mu / material.rho).min())
-    return speed2 / float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
 
 
 def _factored(

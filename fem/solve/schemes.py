@@ -273,7 +273,12 @@ class DeviceSteps:
             self._now = Kinematics(*(DeviceVector.of(x, self.device) for x in arrays))
         step = Step.of(body.scheme, dt, self._now, self._before)
         aim, start = self._foreseen(step)
-        there = DeviceIncremental(body, self.known, step.factor, aim, self._inertia(step.factor))
+        # Inertia of a step and springs [N/m], an array of vec3d
+        factor = step.factor
+        if self._diagonal[0] != factor:
+            diagonal = factor * self.of.mass[:, None] + self.of.held.springs
+            self._diagonal = (factor, DeviceVector.of(diagonal, self.device).array)
+        there = DeviceIncremental(body, self.known, step.factor, aim, self._diagonal[1])
         found = minimise(there, start, solve=body.solver, tolerance=body.tolerance)
         known = (there.elastic, found.iterations)
         self._ended = self._settled(body.state.time + dt, step.ended(found.u), *known)
@@ -289,13 +294,6 @@ class DeviceSteps:
         given = [old, step.target.array, self.known.free, *ahead, aim, start]
         wp.launch(k.foresee, len(old), inputs=given, device=self.device)
         return aim, DeviceVector(start)
-
-    def _inertia(self, factor: float) -> Any:
-        """Inertia of a step and springs [N/m], an array of vec3d."""
-        if self._diagonal[0] != factor:
-            diagonal = factor * self.of.mass[:, None] + self.of.held.springs
-            self._diagonal = (factor, DeviceVector.of(diagonal, self.device).array)
-        return self._diagonal[1]
 
     def _settled(self, time: float, ended: Kinematics, elastic: float, iterations: int) -> Motion:
         """The motion that a step ended with, and its part in the next forecast."""

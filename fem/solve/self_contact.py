@@ -97,19 +97,16 @@ class SelfContact:
         self._at: tuple[np.ndarray | None, Any] = (None, None)
         self._pattern, self._sliding = GrownPattern(), None
         self.nodes, self._rest = self.surface.nodes, self.surface.rest
-        self._limit_thickness()
-        self.potential = ipc.BarrierPotential(
-            ipc.NormalizedClampedLogBarrier(), self.thickness, self.stiffness
-        )
-
-    def _limit_thickness(self) -> None:
-        """Begin to push no earlier than what starts that close, so that nothing is pushed yet."""
+        # Begin to push no earlier than what starts that close, so that nothing is pushed yet
         near = self._collisions(self._rest, self._find(self._rest).candidates)
         if near is not None and len(near):
             closest = float(np.sqrt(near.compute_minimum_distance(self.surface.mesh, self._rest)))
             self.stiffness *= closest / self.thickness
             self.thickness = closest
             self._near = None
+        self.potential = ipc.BarrierPotential(
+            ipc.NormalizedClampedLogBarrier(), self.thickness, self.stiffness
+        )
 
     def _places(self, u: np.ndarray) -> Float[np.ndarray, "n 3"]:
         return np.asfortranarray(self._rest + u[self.nodes] / self.unit)
@@ -128,7 +125,12 @@ class SelfContact:
         if self._near is not None:
             if _moved(self._near.places, x) <= self._near.room:
                 return self._near
-            bent = _bent(self._near.places, x)
+            # How far any place has moved beside the nearest rigid motion of all (Kabsch 1976)
+            before = self._near.places
+            a, b = before - before.mean(axis=0), x - x.mean(axis=0)
+            U, _, V = np.linalg.svd(a.T @ b)
+            U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(V))
+            bent = float(np.sqrt(np.square(a @ (U @ V) - b).sum(axis=1).max()))
             if bent <= TURNED * self._near.room:  # as far apart as before, where it has turned to
                 self._near = self._near._replace(places=x, room=self._near.room - bent)
                 return self._near
@@ -281,14 +283,6 @@ def _moved(before: np.ndarray, after: np.ndarray) -> float:
     return float(np.sqrt(np.einsum("nd,nd->n", move, move).max()))
 
 
-def _bent(before: np.ndarray, after: np.ndarray) -> float:
-    """How far any place has moved beside the nearest rigid motion of all (Kabsch 1976)."""
-    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
-    U, _, V = np.linalg.svd(a.T @ b)
-    U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(V))
-    return float(np.sqrt(np.square(a @ (U @ V) - b).sum(axis=1).max()))
-
-
 # The surface of a body as the IPC toolkit wants it: flat faces, pieces, and who may meet whom.
 
 # Faces of one piece that are closer than so many thicknesses of the barrier at rest are the two
@@ -363,7 +357,12 @@ def collision_surface(
         nodes, rest, edges, faces, piece, ipc.CollisionMesh(rest, edges, faces), ()
     )
     joint = _overlapping(surface, thickness)
-    walls = _walls(surface, thickness)
+    # Pairs of vertices of one piece whose faces or edges are close at rest
+    surface.mesh.can_collide = ipc_toolkit().CollisionFilter()
+    walls = set()
+    for ids in _close(surface, WALL * thickness):
+        if (surface.piece[ids] == surface.piece[ids[0]]).all():
+            walls |= {(i, j) for i in ids for j in ids if i < j}
     patch = np.where(np.isin(piece, joint), piece.max() + 1, piece.max() + 2 + np.arange(len(rest)))
     surface.mesh.can_collide = ipc.make_vertex_patches_filter(patch) & ipc.make_sparse_filter(
         dict.fromkeys(walls, False), True
@@ -419,16 +418,6 @@ def _cross(surface: CollisionSurface, a: int, b: int) -> bool:
     if a != b:
         mesh.can_collide = ipc.make_vertex_patches_filter(surface.piece)
     return ipc.has_intersections(mesh, rest)
-
-
-def _walls(surface: CollisionSurface, thickness: float) -> set[tuple[int, int]]:
-    """Pairs of vertices of one piece whose faces or edges are close at rest."""
-    surface.mesh.can_collide = ipc_toolkit().CollisionFilter()
-    pairs = set()
-    for ids in _close(surface, WALL * thickness):
-        if (surface.piece[ids] == surface.piece[ids[0]]).all():
-            pairs |= {(i, j) for i in ids for j in ids if i < j}
-    return pairs
 
 
 def _close(surface: CollisionSurface, reach: float) -> list[list[int]]:

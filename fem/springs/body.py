@@ -143,24 +143,40 @@ def spring_body(
     found = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
     network = SpringNetwork.of(found, neighbours, surface)
     weights = following(mesh.points, body_of_points(mesh), found, surface)
+    # Weight, tractions and forces of the scene on its anchors, and springs to the ground
+    space = discretise(scene.mesh, 1)
+    given = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
+    weight = found.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+    ground = np.maximum(weights.T @ scene.held.springs, 0.0)
+    # What a network of springs does not know of this body
+    nu, volumes, notes = material_of(mesh).nu, mesh.volumes, []
+    far = np.abs(nu - CAUCHY_NU) > NEAR_NU
+    for k, name in enumerate(mesh.region_names):
+        own = far & (mesh.region == k)
+        if own.any():
+            mean = float(np.average(nu[own], weights=volumes[own]))
+            notes.append(f"{name}: springs take nu = {CAUCHY_NU:g}, its material has {mean:.3g}")
+    for name, layers in zip(mesh.region_names, network.anchors.layers, strict=True):
+        if layers < LAYERS:
+            notes.append(
+                f"{name}: about {layers:.1f} anchors thick, may bend wrongly below {LAYERS:g}: "
+                "more --anchors"
+            )
+    if network.anchors.layers.min() < HINGES and _turns_freely(mesh, network):
+        notes.append("pieces of it turn freely: parts too thin for so few anchors: more --anchors")
+    if network.bridges:
+        notes.append(f"{network.bridges} springs leave the body: without them pieces fall apart")
+    if material_of(mesh).tensor is not None:
+        notes.append("wood is taken as stiff across its grain as along it: springs know no grain")
     return SpringBody(
         scene=scene,
         network=network,
         weights=weights,
-        loads=_loads(scene, found, weights),
+        loads=AnchorLoads(force=weight + weights.T @ given, ground=ground),
         contact=_contact(scene, found, weights),
-        notes=_notes(mesh, network),
+        notes=tuple(notes),
         asked=anchors,
     )
-
-
-def _loads(scene: Scene, anchors: Anchors, weights: Any) -> AnchorLoads:
-    """Weight, tractions and forces of the scene on its anchors, and springs to the ground."""
-    space = discretise(scene.mesh, 1)
-    given = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
-    weight = anchors.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
-    ground = np.maximum(weights.T @ scene.held.springs, 0.0)
-    return AnchorLoads(force=weight + weights.T @ given, ground=ground)
 
 
 def _contact(scene: Scene, anchors: Anchors, weights: Any) -> SurfaceContact | None:
@@ -185,30 +201,6 @@ def _contact(scene: Scene, anchors: Anchors, weights: Any) -> SurfaceContact | N
         friction=scene.friction,
         reach=REACH * diagonal if scene.thickness is None else scene.thickness,
     )
-
-
-def _notes(mesh: TetMesh, network: SpringNetwork) -> tuple[str, ...]:
-    """What a network of springs does not know of this body."""
-    nu, volumes, notes = material_of(mesh).nu, mesh.volumes, []
-    far = np.abs(nu - CAUCHY_NU) > NEAR_NU
-    for k, name in enumerate(mesh.region_names):
-        own = far & (mesh.region == k)
-        if own.any():
-            mean = float(np.average(nu[own], weights=volumes[own]))
-            notes.append(f"{name}: springs take nu = {CAUCHY_NU:g}, its material has {mean:.3g}")
-    for name, layers in zip(mesh.region_names, network.anchors.layers, strict=True):
-        if layers < LAYERS:
-            notes.append(
-                f"{name}: about {layers:.1f} anchors thick, may bend wrongly below {LAYERS:g}: "
-                "more --anchors"
-            )
-    if network.anchors.layers.min() < HINGES and _turns_freely(mesh, network):
-        notes.append("pieces of it turn freely: parts too thin for so few anchors: more --anchors")
-    if network.bridges:
-        notes.append(f"{network.bridges} springs leave the body: without them pieces fall apart")
-    if material_of(mesh).tensor is not None:
-        notes.append("wood is taken as stiff across its grain as along it: springs know no grain")
-    return tuple(notes)
 
 
 def _turns_freely(mesh: TetMesh, network: SpringNetwork) -> bool:
@@ -250,17 +242,8 @@ def following(
     near = np.take_along_axis(near, order, axis=1)
     good = np.take_along_axis(seen.reshape(-1, count), order, axis=1)
     good |= ~good.any(axis=1, keepdims=True)  # where none is seen: the nearest ones
-    weights = _moving_least_squares(points, anchors.x[near], good)
-    row = np.repeat(np.arange(len(points)), near.shape[1])
-    return csr_array((weights.ravel(), (row, near.ravel())), shape=(len(points), len(anchors.x)))
-
-
-def _moving_least_squares(
-    points: Float[np.ndarray, "n 3"],
-    around: Float[np.ndarray, "n k 3"],
-    good: np.ndarray,
-) -> Float[np.ndarray, "n k"]:
-    """Weights of sum one and of first moment zero about ``points``, over the ``good`` ones."""
+    # Weights of sum one and of first moment zero about `points`, over the `good` ones
+    around = anchors.x[near]
     away = np.linalg.norm(around - points[:, None], axis=2)
     reach = 1.1 * np.where(good, away, 0.0).max(axis=1, keepdims=True) + 1e-300
     theta = np.where(good, (1 - np.minimum(away / reach, 1) ** 2) ** 2 + 1e-6, 0.0)
@@ -270,4 +253,6 @@ def _moving_least_squares(
     spread = np.einsum("nk,nki,nkj->nij", theta, arm, arm)
     inverse = np.linalg.pinv(spread, rcond=FLAT**2, hermitian=True)
     slope = np.einsum("nki,nij,nj->nk", arm, inverse, points - centre)
-    return theta * (1 + slope)
+    weights = theta * (1 + slope)
+    row = np.repeat(np.arange(len(points)), near.shape[1])
+    return csr_array((weights.ravel(), (row, near.ravel())), shape=(len(points), len(anchors.x)))

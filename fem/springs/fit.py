@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import ConvergenceError, InputError, UsageError
-from ..mesh import TetMesh, material_of
+from ..mesh import material_of
 from ..solve.method import FrameProgress
 from .body import SpringBody
 from .method import COST, PATIENCE
@@ -177,7 +177,9 @@ def fit_to_motion(
     least = _gauss_newton(misfit, near, first)
     if frequency is not None and least.error > FOLLOWED:
         second = _start(network, frequency, eta, PROFILES[1])
-        least = _better(least, _gauss_newton(misfit, second, first))
+        one = least
+        other = _gauss_newton(misfit, second, first)
+        least = min(one, other, key=lambda least: least.error)._replace(runs=one.runs + other.runs)
     p, error, runs = least
     ratio = np.nan
     if frequency is not None:
@@ -211,11 +213,6 @@ def _start(
         return np.zeros(2)
     scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
     return np.array([np.log(scale), surface])
-
-
-def _better(one: _Least, other: _Least) -> _Least:
-    """The lesser of two, which took the motions of both."""
-    return min(one, other, key=lambda least: least.error)._replace(runs=one.runs + other.runs)
 
 
 def _gauss_newton(
@@ -304,7 +301,19 @@ class SpringMisfit:
     ) -> None:
         self.body, self.dt, self.dashpot, self.steps = body, dt, dashpot, steps
         self.target = np.asarray(wanted, dtype=float)[1:]
-        self.weight = _weights(body.scene.mesh, self.target)
+        # Roots of the points' mass, so that the motion to fit to is of length one
+        mesh = body.scene.mesh
+        target = self.target
+        if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
+            raise InputError(
+                f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
+            )
+        share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
+        weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
+        size = float(np.linalg.norm(weight * target))
+        if not size > 0:
+            raise InputError("nothing moves in the motion: there is nothing to fit to")
+        self.weight = weight / size
         self.motions, self.announce, self.progress = 0, announce, progress
 
     def of(self, stiffness: Float[np.ndarray, "springs"]) -> np.ndarray:
@@ -344,19 +353,3 @@ class SpringMisfit:
         logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
         plan = f"{springs:,} springs, about {USUAL} motions of {steps:,} steps"
         return f"{plan}: some {seconds:,.0f} s"
-
-
-def _weights(
-    mesh: TetMesh, target: Float[np.ndarray, "frames points 3"]
-) -> Float[np.ndarray, "points 1"]:
-    """Roots of the points' mass, so that the motion to fit to is of length one."""
-    if target.ndim != 3 or not len(target) or target.shape[1:] != mesh.points.shape:
-        raise InputError(
-            f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
-        )
-    share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
-    weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
-    size = float(np.linalg.norm(weight * target))
-    if not size > 0:
-        raise InputError("nothing moves in the motion: there is nothing to fit to")
-    return weight / size

@@ -145,7 +145,23 @@ class SpringMotion:
             self._contacts.grip.assign(self.contact.grip(self.inverse_mass.max(axis=1), dt))
         self._run(count)
         self.steps += count
-        self._check_energy(self._now.impulse.numpy() - pushed)
+        # Raise where the energy cannot come from the start, the loads and what planes `pushed`
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.contact is not None:
+                speeds = np.array([plane.velocity for plane in self.contact.planes], dtype=float)
+                self._work += float(
+                    ((self._now.impulse.numpy() - pushed).reshape(-1, *speeds.shape) * speeds).sum()
+                )
+            moved = self.x - self.network.anchors.x
+            by_loads = 0.0 if self.loads is None else np.abs(self.loads.force * moved).sum()
+            given = self._given + by_loads + abs(self._work)
+            found = self._kinetic + self.elastic
+        if not found <= EXCESS * given:
+            raise ConvergenceError(
+                f"the springs hold {found:.2g} J at {float(self._now.clock.numpy()[0]):.3g} s, "
+                f"{given:.2g} J were put in: their steps are unstable; wanted a smaller load or "
+                "speed, or --solver fem"
+            )
 
     @property
     def _kinetic(self) -> float:
@@ -159,26 +175,6 @@ class SpringMotion:
             return rounding
         depths = len(self.contact.planes) * self.contact.reach**2
         return rounding + 0.5 * float(self.contact.stiffness.sum()) * depths
-
-    def _check_energy(self, pushed: np.ndarray) -> None:
-        """Raise where the energy cannot come from the start, the loads and what planes ``pushed``.
-
-        ``pushed`` [N s] is the momentum by point and plane since the last check.
-        """
-        with np.errstate(over="ignore", invalid="ignore"):
-            if self.contact is not None:
-                speeds = np.array([plane.velocity for plane in self.contact.planes], dtype=float)
-                self._work += float((pushed.reshape(-1, *speeds.shape) * speeds).sum())
-            moved = self.x - self.network.anchors.x
-            by_loads = 0.0 if self.loads is None else np.abs(self.loads.force * moved).sum()
-            given = self._given + by_loads + abs(self._work)
-            found = self._kinetic + self.elastic
-        if not found <= EXCESS * given:
-            raise ConvergenceError(
-                f"the springs hold {found:.2g} J at {float(self._now.clock.numpy()[0]):.3g} s, "
-                f"{given:.2g} J were put in: their steps are unstable; wanted a smaller load or "
-                "speed, or --solver fem"
-            )
 
     def steps_for(self, duration: float) -> int:
         """How many steps ``duration`` [s] takes."""
@@ -235,7 +231,9 @@ class SpringMotion:
         dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
         loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
         springs = k.Springs()
-        springs.first = self._ints(_starts(ends, len(start)))
+        springs.first = self._ints(
+            np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=len(start)))])
+        )
         springs.other = self._ints(far[order])
         springs.stiffness = self._reals(ordered(self.stiffness))
         springs.length = self._reals(ordered(net.length))
@@ -288,10 +286,6 @@ class SpringMotion:
     def _vectors(self, values: np.ndarray) -> Any:
         wp = start_warp()
         return wp.array(np.ascontiguousarray(values), dtype=wp.vec3d, device=self.device)
-
-
-def _starts(owner: np.ndarray, count: int) -> np.ndarray:
-    return np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=count))])
 
 
 # What meets a network from outside: loads of its anchors, planes against its surface.

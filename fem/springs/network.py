@@ -75,7 +75,28 @@ class SpringNetwork:
         i, j = key // count, key % count
         ranks = np.full((2, len(key)), -1)
         ranks[(a > b).astype(int), spring] = rank
-        bridge = _bridges(anchors, i, j)
+        # Shortest pairs that join what the springs leave apart but tets hold together
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+        from scipy.spatial import KDTree
+
+        found, count = [np.zeros((0, 2), dtype=np.int64)], len(anchors.x)
+        ones = np.ones(len(i), dtype=np.int8)
+        piece = connected_components(
+            coo_array((ones, (i, j)), shape=(count, count)), directed=False
+        )[1]
+        for body in np.unique(anchors.body):
+            while len(pieces := np.unique(piece[anchors.body == body])) > 1:
+                sizes = np.bincount(piece, minlength=count)[pieces]
+                inner = np.flatnonzero(piece == pieces[np.argmin(sizes)])
+                outer = np.flatnonzero((anchors.body == body) & (piece != piece[inner[0]]))
+                many = min(BRIDGES, len(outer))
+                far, near = KDTree(anchors.x[outer]).query(anchors.x[inner], k=many)
+                best = np.argsort(far.reshape(-1), kind="stable")[:BRIDGES]
+                pairs = np.stack([inner.repeat(many)[best], outer[near.reshape(-1)[best]]], axis=1)
+                found.append(np.sort(pairs, axis=1))
+                piece[np.isin(piece, piece[outer[near.reshape(-1)[best]]])] = piece[inner[0]]
+        bridge = np.concatenate(found)
         new = np.zeros((2, len(bridge)), dtype=ranks.dtype)  # as near as the nearest
         return cls(
             anchors=anchors,
@@ -210,29 +231,6 @@ def _seen_neighbours(anchors: Anchors, neighbours: int, surface: Sight) -> _Neig
     rank = np.cumsum(seen, axis=1) - 1
     seen &= rank < neighbours
     return _Neighbours(a[seen], b[seen], rank[seen])
-
-
-def _bridges(anchors: Anchors, i: np.ndarray, j: np.ndarray) -> Int[np.ndarray, "bridges 2"]:
-    """Shortest pairs that join what the springs leave apart but tets hold together."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import KDTree
-
-    found, count = [np.zeros((0, 2), dtype=np.int64)], len(anchors.x)
-    ones = np.ones(len(i), dtype=np.int8)
-    piece = connected_components(coo_array((ones, (i, j)), shape=(count, count)), directed=False)[1]
-    for body in np.unique(anchors.body):
-        while len(pieces := np.unique(piece[anchors.body == body])) > 1:
-            sizes = np.bincount(piece, minlength=count)[pieces]
-            inner = np.flatnonzero(piece == pieces[np.argmin(sizes)])
-            outer = np.flatnonzero((anchors.body == body) & (piece != piece[inner[0]]))
-            many = min(BRIDGES, len(outer))
-            far, near = KDTree(anchors.x[outer]).query(anchors.x[inner], k=many)
-            best = np.argsort(far.reshape(-1), kind="stable")[:BRIDGES]
-            pairs = np.stack([inner.repeat(many)[best], outer[near.reshape(-1)[best]]], axis=1)
-            found.append(np.sort(pairs, axis=1))
-            piece[np.isin(piece, piece[outer[near.reshape(-1)[best]]])] = piece[inner[0]]
-    return np.concatenate(found)
 
 
 # Anchors: points in the tets that stand for the matter around them, and points that are held.

@@ -108,7 +108,17 @@ def lift(
     matrix, wanted = _unit_rows(matrix[met]), rays.features[met].astype(np.float32)
     weight = np.asarray(matrix.sum(axis=0)).ravel()
     if method == "average":
-        values = _averaged(features, cameras, grid.to_world(cells))
+        # Mean over the pictures of the feature at each point's pixel, hidden or not
+        points = grid.to_world(cells)
+        height, width = features.shape[1:3]
+        total = np.zeros((len(points), features.shape[-1]), dtype=np.float32)
+        count = np.zeros((len(points), 1), dtype=np.float32)
+        for view, camera in enumerate(cameras):
+            x, y, depth = camera.resized(height, width).project(points).T
+            inside = (depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            total[inside] += features[view, y[inside].astype(int), x[inside].astype(int)]
+            count[inside] += 1
+        values = total / np.maximum(count, 1)
     else:
         iterations = MAX_ITERATIONS if method == "solve" else 0
         values = _least_squares(matrix, wanted, iterations=iterations)
@@ -251,20 +261,3 @@ def _normal(
 ) -> Float[np.ndarray, "cells D"]:
     """Left side of the scaled system: (D^-1/2 W^T W D^-1/2 + pull) x with D = W^T 1."""
     return (across @ (matrix @ (x / root))) / root + np.float32(PULL) * x
-
-
-def _averaged(
-    features: Float[np.ndarray, "views height width D"],
-    cameras: Sequence[Camera],
-    points: Float[np.ndarray, "n 3"],
-) -> Float[np.ndarray, "n D"]:
-    """Mean over the pictures of the feature at each point's pixel, hidden or not."""
-    height, width = features.shape[1:3]
-    total = np.zeros((len(points), features.shape[-1]), dtype=np.float32)
-    count = np.zeros((len(points), 1), dtype=np.float32)
-    for view, camera in enumerate(cameras):
-        x, y, depth = camera.resized(height, width).project(points).T
-        inside = (depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        total[inside] += features[view, y[inside].astype(int), x[inside].astype(int)]
-        count[inside] += 1
-    return total / np.maximum(count, 1)

@@ -121,7 +121,22 @@ def fit_radiance(
         loss.backward()
         descent.step()
     with torch.no_grad():
-        return _finished(field, allowed, pixels, grid, masked)
+        # The field in numbers, and how well it explains all pixels
+        depth, colour = field.depth.exp() * allowed, field.colour.sigmoid()
+        total = 0.0
+        for batch in _batches(pixels):
+            seen, cover = _render(depth, colour, batch, grid)
+            if not masked:
+                seen = seen + (1 - cover)[:, None] * field.background.sigmoid()[batch.view]
+            total += float(((seen - batch.colour) ** 2).sum())
+        optical = depth[0, 0].numpy().T.astype(np.float64)
+        solid = 1 - np.exp(-optical) >= SOLID
+        return Radiance(
+            grid,
+            np.where(solid, optical / grid.h, 0.0),
+            np.ascontiguousarray(colour[0].numpy().transpose(3, 2, 1, 0)),
+            float(np.sqrt(total / pixels.colour.numel())),
+        )
 
 
 def silhouette_hull(views: Views, grid: Grid) -> Bool[np.ndarray, "nx ny nz"]:
@@ -248,27 +263,6 @@ def _roughness(depth: torch.Tensor) -> torch.Tensor:
 
     taken = 1 - torch.exp(-depth)
     return sum((taken.diff(dim=axis).abs().mean() for axis in (2, 3, 4)), start=taken.new_zeros(()))
-
-
-def _finished(
-    field: _Field, allowed: torch.Tensor, pixels: _Pixels, grid: Grid, masked: bool
-) -> Radiance:
-    """The field in numbers, and how well it explains all pixels."""
-    depth, colour = field.depth.exp() * allowed, field.colour.sigmoid()
-    total = 0.0
-    for batch in _batches(pixels):
-        seen, cover = _render(depth, colour, batch, grid)
-        if not masked:
-            seen = seen + (1 - cover)[:, None] * field.background.sigmoid()[batch.view]
-        total += float(((seen - batch.colour) ** 2).sum())
-    optical = depth[0, 0].numpy().T.astype(np.float64)
-    solid = 1 - np.exp(-optical) >= SOLID
-    return Radiance(
-        grid,
-        np.where(solid, optical / grid.h, 0.0),
-        np.ascontiguousarray(colour[0].numpy().transpose(3, 2, 1, 0)),
-        float(np.sqrt(total / pixels.colour.numel())),
-    )
 
 
 def _batches(pixels: _Pixels, size: int = 8192) -> Iterator[_Pixels]:

@@ -163,16 +163,15 @@ def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
     given = {key.lower(): value for key, value in material.kwargs.items()}
     for key, opacity in (("d", lambda x: x), ("tr", lambda x: 1 - x)):
         words = given.get(key) or []
-        if words and _is_number(words[-1]):
+        if (
+            words
+            and words[-1].replace(".", "", 1).replace("-", "", 1).replace("e", "", 1).isdigit()
+        ):
             # Some exporters write 0 for "not transparent": nothing would be left to see.
             value = opacity(float(words[-1]))
             factor[3] = value if 0 < value <= 1 else 1.0
             break
     return factor
-
-
-def _is_number(word: str) -> bool:
-    return word.replace(".", "", 1).replace("-", "", 1).replace("e", "", 1).isdigit()
 
 
 def _opacity_rule(material: Any) -> Callable[[np.ndarray], np.ndarray]:
@@ -237,7 +236,13 @@ def surface_samples(mesh: trimesh.Trimesh, spacing: float) -> Iterator[Float[np.
     # Powers of two: triangles of about one size share one pattern of barycentric weights.
     pieces = 2 ** np.ceil(np.log2(np.maximum(edges / spacing, 1))).astype(int)
     while (big := pieces > LARGEST_PIECE).any():
-        corners = np.concatenate([corners[~big], _quartered(corners[big])])
+        # Every triangle as four, by the middles of its edges
+        a, b, c = corners[big].transpose(1, 0, 2)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        four = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        corners = np.concatenate(
+            [corners[~big], np.concatenate([np.stack(triangle, axis=1) for triangle in four])]
+        )
         pieces = np.concatenate([pieces[~big], np.repeat(pieces[big] // 2, 4)])
     for count in np.unique(pieces):
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
@@ -255,14 +260,6 @@ def random_points(
     u, v = rng.random((2, count))
     root = np.sqrt(u)
     return faces, np.stack([1 - root, root * (1 - v), root * v], axis=1)
-
-
-def _quartered(corners: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 3 3"]:
-    """Every triangle as four, by the middles of its edges."""
-    a, b, c = corners.transpose(1, 0, 2)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    four = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(triangle, axis=1) for triangle in four])
 
 
 def opaque_density(

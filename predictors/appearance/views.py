@@ -172,7 +172,15 @@ class Caster:
     def view(self, camera: Camera) -> dict[str, np.ndarray]:
         """Return the pixels of one picture, by the names of the fields of ``Views``."""
         directions = camera.directions().reshape(-1, 3)
-        pixels = _empty(len(directions))
+        count = len(directions)
+        pixels = {
+            "colour": np.zeros((count, 3)),
+            "depth": np.full(count, np.inf),
+            "normal": np.zeros((count, 3)),
+            "part": np.full(count, -1),
+            "slot": np.full(count, -1),
+            "finish": np.zeros((count, 3)),
+        }
         live = np.arange(len(directions))
         passed = np.ones(len(directions))  # share of light that comes from further behind
         travelled = np.zeros(len(directions))
@@ -192,7 +200,14 @@ class Caster:
             passed[live] *= 1 - alpha
             travelled[live] += STEP * self._size
             live = live[passed[live] > 1 - OPAQUE]
-        return _finished(pixels, passed, camera.size)
+        # Compact types; the colour of what was met, without the background it lets through
+        cover = 1 - passed
+        cover[pixels["part"] < 0] = 0
+        pixels["colour"] /= np.maximum(cover, HOLE)[:, None]
+        types = {"part": np.int32, "slot": np.int32}
+        result = {k: v.astype(types.get(k, np.float32)) for k, v in pixels.items()}
+        result["opacity"] = cover.astype(np.float32)
+        return {key: value.reshape(*camera.size, *value.shape[1:]) for key, value in result.items()}
 
     def _describe(
         self,
@@ -256,30 +271,6 @@ def _pixels(shot: Shot) -> Float[np.ndarray, "height width 4"]:
 def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
     if len(set(sizes)) != 1:
         raise InputError(f"views must be of one size, got {sorted(set(sizes))} (height, width)")
-
-
-def _empty(count: int) -> dict[str, np.ndarray]:
-    return {
-        "colour": np.zeros((count, 3)),
-        "depth": np.full(count, np.inf),
-        "normal": np.zeros((count, 3)),
-        "part": np.full(count, -1),
-        "slot": np.full(count, -1),
-        "finish": np.zeros((count, 3)),
-    }
-
-
-def _finished(
-    pixels: dict[str, np.ndarray], passed: np.ndarray, size: tuple[int, int]
-) -> dict[str, np.ndarray]:
-    """Compact types; the colour of what was met, without the background it lets through."""
-    cover = 1 - passed
-    cover[pixels["part"] < 0] = 0
-    pixels["colour"] /= np.maximum(cover, HOLE)[:, None]
-    types = {"part": np.int32, "slot": np.int32}
-    result = {k: v.astype(types.get(k, np.float32)) for k, v in pixels.items()}
-    result["opacity"] = cover.astype(np.float32)
-    return {key: value.reshape(*size, *value.shape[1:]) for key, value in result.items()}
 
 
 # Pinhole cameras around an object: made on a hemisphere, or read from a transforms.json.

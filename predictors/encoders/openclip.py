@@ -36,7 +36,13 @@ class OpenClip:
     def __init__(
         self, model: str = MODEL, pretrained: str = PRETRAINED, *, device: str = "cpu"
     ) -> None:
-        open_clip = _package()
+        try:
+            import open_clip  # type: ignore[import-not-found]  (an extra)
+        except ImportError as error:
+            raise InputError(
+                f"the encoder openclip needs a package that is not installed ({error.name}): "
+                "`pip install autophyx-tet[openclip]`, or use --encoder embedded"
+            ) from error
         weights = _weights_file(open_clip, model, pretrained)
         network = open_clip.create_model(model, pretrained=str(weights), device=device)
         self._use(network, open_clip.get_tokenizer(model))
@@ -93,30 +99,26 @@ class OpenClip:
                 batch = torch.from_numpy(images[start : start + BATCH, ..., :3].astype(np.float32))
                 batch = batch.to(visual.proj.device).permute(0, 3, 1, 2)
                 batch = F.interpolate(batch, size=size, mode="bicubic", antialias=True)
-                vectors = F.normalize(_values(visual, (batch - mean) / std), dim=-1)
+                # Projected values (n, rows, columns, dim) of the last block's patches
+                x = visual.conv1((batch - mean) / std)
+                rows, columns = x.shape[-2:]
+                x = x.flatten(2).transpose(1, 2)
+                first = visual.class_embedding.expand(len(x), 1, -1)
+                x = visual.ln_pre(_with_places(visual, first, x, rows, columns))
+                # Blocks of older models want (tokens, n, width).
+                transformer = visual.transformer
+                x = x if transformer.batch_first else x.transpose(0, 1)
+                for block in transformer.resblocks[:-1]:
+                    x = block(x)
+                x = x if transformer.batch_first else x.transpose(0, 1)
+                last = transformer.resblocks[-1]
+                width = x.shape[-1]
+                value = last.attn.in_proj_weight[2 * width :], last.attn.in_proj_bias[2 * width :]
+                x = last.ln_1(x[:, 1:]) @ value[0].T + value[1]  # without the class token
+                x = visual.ln_post(last.attn.out_proj(x)) @ visual.proj
+                vectors = F.normalize(x.unflatten(1, (rows, columns)), dim=-1)
                 out.append(vectors.cpu().numpy())
         return np.concatenate(out)
-
-
-def _values(visual: Any, images: torch.Tensor) -> torch.Tensor:
-    """Projected values (n, rows, columns, dim) of the last block's patches."""
-    x = visual.conv1(images)
-    rows, columns = x.shape[-2:]
-    x = x.flatten(2).transpose(1, 2)
-    first = visual.class_embedding.expand(len(x), 1, -1)
-    x = visual.ln_pre(_with_places(visual, first, x, rows, columns))
-    # Blocks of older models want (tokens, n, width).
-    transformer = visual.transformer
-    x = x if transformer.batch_first else x.transpose(0, 1)
-    for block in transformer.resblocks[:-1]:
-        x = block(x)
-    x = x if transformer.batch_first else x.transpose(0, 1)
-    last = transformer.resblocks[-1]
-    width = x.shape[-1]
-    value = last.attn.in_proj_weight[2 * width :], last.attn.in_proj_bias[2 * width :]
-    x = last.ln_1(x[:, 1:]) @ value[0].T + value[1]  # without the class token
-    x = visual.ln_post(last.attn.out_proj(x)) @ visual.proj
-    return x.unflatten(1, (rows, columns))
 
 
 def _with_places(
@@ -131,17 +133,6 @@ def _with_places(
     if tuple(visual.grid_size) != (rows, columns):
         grid = F.interpolate(grid, size=(rows, columns), mode="bicubic", antialias=True)
     return torch.cat([first + places[:1], patches + grid.flatten(2).transpose(1, 2)], dim=1)
-
-
-def _package() -> Any:
-    try:
-        import open_clip  # type: ignore[import-not-found]  (an extra)
-    except ImportError as error:
-        raise InputError(
-            f"the encoder openclip needs a package that is not installed ({error.name}): "
-            "`pip install autophyx-tet[openclip]`, or use --encoder embedded"
-        ) from error
-    return open_clip
 
 
 def _weights_file(open_clip: Any, model: str, pretrained: str) -> Path:

@@ -93,41 +93,61 @@ class FilmUNet(nn.Module):
 
     def forward(self, scene: VoxelScene) -> Output:
         """Return values and binding; values on empty voxels mean nothing."""
-        scene = self._heard(scene)
+        # Return the scene with as much of it as the network was built to hear and to see
+        dim, features = self.config.text_dim, scene.features
+        if features is not None and features.shape[1] != self.config.features:
+            features = None
+        fields = ("clauses", "object_name", "names")
+        heard = {name: getattr(scene, name)[..., :dim] for name in fields}
+        scene = scene._replace(**heard, features=features)
         slots = self._all_slots(scene)
         half = scene if self.fine is None else halve(scene)
         masks = [half.inputs[:, :1]]
         for _ in self.down:
             masks.append(pool_mask(masks[-1]))
         if self.config.conditioning != "grounded":
-            return self._global(half, slots, masks)
-        coarse, says = self._coarse(half, slots, masks), self.sayings(slots, _said(scene))
-        if self.fine is not None:
-            return self.fine(scene, coarse, slots, says)
-        return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
-
-    def _heard(self, scene: VoxelScene) -> VoxelScene:
-        """Return the scene with as much of it as the network was built to hear and to see."""
-        dim, features = self.config.text_dim, scene.features
-        if features is not None and features.shape[1] != self.config.features:
-            features = None
-        fields = ("clauses", "object_name", "names")
-        heard = {name: getattr(scene, name)[..., :dim] for name in fields}
-        return scene._replace(**heard, features=features)
-
-    def _coarse(self, scene: VoxelScene, slots: Tensor, masks: list[Tensor]) -> CoarseOutput:
-        """Bind the clauses in a first pass, decode what they say in a second."""
-        known = slots[:, scene.clauses.shape[1] :][:, :1]
+            # Ablations: one vector of the text for all voxels, or unsupervised attention
+            k = half.clauses.shape[1]
+            present = torch.cat([half.clause_mask, ~half.clause_mask.any(1, keepdim=True)], 1)
+            share = present.to(slots.dtype) / present.sum(1, keepdim=True).to(slots.dtype)
+            mean = torch.einsum("bk,bkw->bw", share, slots[:, : k + 1])[:, None]
+            films = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), mean) for m in masks]
+            inputs = half.inputs
+            if self.context is not None:
+                tiled = self.context(mean[:, 0])[..., None, None, None] * masks[0]
+                inputs, films = torch.cat([inputs, tiled.to(inputs.dtype)], dim=1), None
+            nothing = [None] * len(masks)
+            skips = self._encoder(half._replace(inputs=inputs), masks, films or nothing)
+            if self.config.conditioning == "crossattn":
+                queries = self._decode(self.up_query, self.query, skips, masks, nothing)
+                silent = half._replace(reliability=torch.zeros_like(half.reliability))
+                logits = self.binder(silent, queries, skips[-1], masks)
+                weights = slot_weights(half, logits)
+                value = mix(weights.permute(0, 2, 3, 4, 1), self.sayings.direct(slots))
+                x = self._decode(self.up, self.decode, skips, masks, None)[0]
+                return Output(torch.tanh((self.head(x) + value).float()), logits)
+            x = self._decode(self.up, self.decode, skips, masks, films)[0]
+            logits = torch.zeros(len(inputs), k + 1, *inputs.shape[2:], device=inputs.device)
+            return Output(torch.tanh(self.head(x).float()), logits)
+        nothing = torch.zeros_like(scene.object_name)[:, None]
+        # Bind the clauses in a first pass, decode what they say in a second
+        known = slots[:, half.clauses.shape[1] :][:, :1]
         whole = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), known) for m in masks]
-        skips = self._encoder(scene, masks, whole)
+        skips = self._encoder(half, masks, whole)
         queries = self._decode(self.up_query, self.query, skips, masks, whole)
-        logits = self.binder(scene, queries, skips[-1], masks)
-        levels = [slot_weights(scene, logits)]
+        logits = self.binder(half, queries, skips[-1], masks)
+        levels = [slot_weights(half, logits)]
         for m in masks[:-2]:
             levels.append(pool(levels[-1], m.to(levels[-1].dtype)))
         films = [Modulation(w.permute(0, 2, 3, 4, 1), slots) for w in levels]
         x = self._decode(self.up, self.decode, skips, masks, films)[0]
-        return CoarseOutput(queries[0], x, self.head(x), logits, films[0].weights)
+        coarse, says = (
+            CoarseOutput(queries[0], x, self.head(x), logits, films[0].weights),
+            self.sayings(slots, torch.cat([scene.clauses, nothing, scene.names], dim=1)),
+        )
+        if self.fine is not None:
+            return self.fine(scene, coarse, slots, says)
+        return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
 
     def text_values(self, embedding: Tensor, kind: Tensor) -> Tensor:
         """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
@@ -168,37 +188,6 @@ class FilmUNet(nn.Module):
             x = blocks[level](x, masks[level], films[level] if films else None)
             out.append(x)
         return out[::-1]
-
-    def _global(self, scene: VoxelScene, slots: Tensor, masks: list[Tensor]) -> Output:
-        """Ablations: one vector of the text for all voxels, or unsupervised attention."""
-        k = scene.clauses.shape[1]
-        present = torch.cat([scene.clause_mask, ~scene.clause_mask.any(1, keepdim=True)], 1)
-        share = present.to(slots.dtype) / present.sum(1, keepdim=True).to(slots.dtype)
-        mean = torch.einsum("bk,bkw->bw", share, slots[:, : k + 1])[:, None]
-        films = [Modulation(torch.ones_like(m).permute(0, 2, 3, 4, 1), mean) for m in masks]
-        inputs = scene.inputs
-        if self.context is not None:
-            tiled = self.context(mean[:, 0])[..., None, None, None] * masks[0]
-            inputs, films = torch.cat([inputs, tiled.to(inputs.dtype)], dim=1), None
-        nothing = [None] * len(masks)
-        skips = self._encoder(scene._replace(inputs=inputs), masks, films or nothing)
-        if self.config.conditioning == "crossattn":
-            queries = self._decode(self.up_query, self.query, skips, masks, nothing)
-            silent = scene._replace(reliability=torch.zeros_like(scene.reliability))
-            logits = self.binder(silent, queries, skips[-1], masks)
-            weights = slot_weights(scene, logits)
-            value = mix(weights.permute(0, 2, 3, 4, 1), self.sayings.direct(slots))
-            x = self._decode(self.up, self.decode, skips, masks, None)[0]
-            return Output(torch.tanh((self.head(x) + value).float()), logits)
-        x = self._decode(self.up, self.decode, skips, masks, films)[0]
-        logits = torch.zeros(len(inputs), k + 1, *inputs.shape[2:], device=inputs.device)
-        return Output(torch.tanh(self.head(x).float()), logits)
-
-
-def _said(scene: VoxelScene) -> Tensor:
-    """Embeddings behind all slots: clauses, nothing or the object's name, names of the parts."""
-    nothing = torch.zeros_like(scene.object_name)[:, None]
-    return torch.cat([scene.clauses, nothing, scene.names], dim=1)
 
 
 def count_parameters(network: nn.Module) -> int:
@@ -300,7 +289,19 @@ class Binder(nn.Module):
         closed = (~present.bool())[..., None, None, None]
         if self.graded:
             scene = _without_useless(scene)
-        evidence = self._smooth(scene, masks[0])
+        # Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)
+        mask = masks[0]
+        b, s, k = scene.evidence.shape[:3]
+        size = scene.evidence.shape[3:]
+        flat = scene.evidence.reshape(b, s * k, *size)
+        levels = [flat]
+        for factor in (2, 4):
+            cells = pool(flat, mask.to(flat.dtype), factor)
+            levels.append(F.interpolate(cells, size=size, mode="nearest"))
+        shares = self.smoothing.softmax(dim=1).to(flat.dtype)[..., None, None, None, None]
+        evidence = torch.zeros_like(scene.evidence)
+        for level, share in zip(levels, shares.unbind(1), strict=True):
+            evidence = evidence + level.reshape(scene.evidence.shape) * share
         gate = self._gate(scene, words.masked_fill(closed, NO_CLAUSE), evidence, deepest, masks)
         logits = words * gate[:, 0, None, None, None, None]
         for source in range(self.sources):
@@ -328,21 +329,6 @@ class Binder(nn.Module):
             total = total + logits
         return total
 
-    def _smooth(self, scene: VoxelScene, mask: Tensor) -> Tensor:
-        """Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)."""
-        b, s, k = scene.evidence.shape[:3]
-        size = scene.evidence.shape[3:]
-        flat = scene.evidence.reshape(b, s * k, *size)
-        levels = [flat]
-        for factor in (2, 4):
-            cells = pool(flat, mask.to(flat.dtype), factor)
-            levels.append(F.interpolate(cells, size=size, mode="nearest"))
-        shares = self.smoothing.softmax(dim=1).to(flat.dtype)[..., None, None, None, None]
-        total = torch.zeros_like(scene.evidence)
-        for level, share in zip(levels, shares.unbind(1), strict=True):
-            total = total + level.reshape(scene.evidence.shape) * share
-        return total
-
     def _gate(self, scene: VoxelScene, words, evidence, deepest: Tensor, masks) -> Tensor:
         """Positive scales (batch, 1 + S) of words and of each source, one set for an object."""
         mask = masks[0].float()
@@ -356,7 +342,8 @@ class Binder(nn.Module):
             best, index = shown.max(dim=1, keepdim=True)
             second = shown.scatter(1, index, -3.0).amax(1, keepdim=True)
             margin, top = masked_mean(best - second, mask), masked_mean(best, mask)
-            agree = _agreement(index, mask)
+            both = mask[:, :, 1:] * mask[:, :, :-1]
+            agree = masked_mean((index[:, :, 1:] == index[:, :, :-1]).float(), both)
             stats += [margin, top, agree, scene.reliability[:, source : source + 1]]
         return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
 
@@ -366,12 +353,6 @@ def _without_useless(scene: VoxelScene) -> VoxelScene:
     heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
     evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
     return scene._replace(evidence=evidence, reliability=scene.reliability * heard)
-
-
-def _agreement(best: Tensor, mask: Tensor) -> Tensor:
-    """Share of neighbours along x whose strongest clause ``best`` is the same, (batch, 1)."""
-    both = mask[:, :, 1:] * mask[:, :, :-1]
-    return masked_mean((best[:, :, 1:] == best[:, :, :-1]).float(), both)
 
 
 def slot_weights(scene: VoxelScene, logits: Tensor) -> Tensor:

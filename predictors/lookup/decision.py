@@ -135,7 +135,17 @@ class Decider:
             choice = replace(choice, settled=True)
         if {*FIELDS} <= {number.measure for number in said.numbers}:
             choice = as_stated(choice)
-        return replace(choice, unknown=said.unknown), (*_doubts_of(part, said, choice), *warnings)
+        # Sentences about what was said of a part and could not be taken as it stands
+        told = []
+        named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
+        first, *others = named or [""]
+        if others:
+            told.append(
+                f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
+                f"{first!r} is taken, {', '.join(map(repr, others))} not"
+            )
+        told += [f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(said.all("doubts"))]
+        return replace(choice, unknown=said.unknown), (*told, *warnings)
 
     def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
@@ -178,7 +188,14 @@ class Decider:
             doubt = f"part {part.name!r}: only what covers it is said, {row.name}: taken as its own"
             return _choice(part, row, f"{coating}, which covers it", guessed=True, doubts=(doubt,))
         if deciding is None or said.unknown is not None:
-            return self._by_meaning(part, said)
+            # Choose the row nearest in meaning to the part's name; the common ones if all are far
+            query = _query(part, said)
+            common = {self.table.exact(word).name for word in COMMON}
+            near = self.kernel.nearest(query, common=common)
+            return _choice(
+                part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
+                settled=near.meaningful and not (said.open or said.unknown), guessed=True,
+            )  # fmt: skip
         return self._among(part, said, deciding)
 
     def keeps_name(self, part: NamedPart, said: PartStatement) -> bool:
@@ -225,16 +242,6 @@ class Decider:
             part, near.row, f"{deciding.text!r}, nearest in meaning", clause=deciding,
             weight=near.share, guessed=True, settled=not said.open,
             doubts=() if fitting else (doubt,),
-        )  # fmt: skip
-
-    def _by_meaning(self, part: NamedPart, said: PartStatement) -> PartChoice:
-        """Choose the row nearest in meaning to the part's name; the common ones if all are far."""
-        query = _query(part, said)
-        common = {self.table.exact(word).name for word in COMMON}
-        near = self.kernel.nearest(query, common=common)
-        return _choice(
-            part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
-            settled=near.meaningful and not (said.open or said.unknown), guessed=True,
         )  # fmt: skip
 
     def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
@@ -297,20 +304,6 @@ def _ruled_out(row: Material, said: PartStatement) -> bool:
         or (kind is not None and row.category != kind)
         or not behaves(row, said.all("character"))
     )
-
-
-def _doubts_of(part: NamedPart, said: PartStatement, choice: PartChoice) -> list[str]:
-    """Sentences about what was said of a part and could not be taken as it stands."""
-    told = []
-    named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
-    first, *others = named or [""]
-    if others:
-        told.append(
-            f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
-            f"{first!r} is taken, {', '.join(map(repr, others))} not"
-        )
-    told += [f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(said.all("doubts"))]
-    return told
 
 
 # What a part is called after without being made of it: what it holds.
@@ -398,7 +391,10 @@ def rows_at(
     stiff = [row for row in left if E is None or shared_span(row.E, _core(E))]
     if rho is None or not stiff:
         return stiff
-    apart = {row.name: _apart(row.rho, rho) for row in stiff}
+    apart = {
+        row.name: max(0.0, math.log(rho.min / row.rho.max), math.log(row.rho.min / rho.max))
+        for row in stiff
+    }
     least = min(apart.values())
     return [row for row in stiff if apart[row.name] <= least + math.log(NEARLY)]
 
@@ -438,11 +434,6 @@ def _core(band: Span) -> Span:
     """Return the middle half of a band, in logarithms: what is meant, not what is just possible."""
     quarter = (band.max / band.min) ** 0.25
     return Span(band.min * quarter, band.max / quarter)
-
-
-def _apart(span: Span, band: Span) -> float:
-    """Return the logarithmic distance of two ranges, 0 where they meet."""
-    return max(0.0, math.log(band.min / span.max), math.log(span.min / band.max))
 
 
 def _placed(span: Span, degree: Degree) -> float:

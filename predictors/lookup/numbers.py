@@ -90,7 +90,9 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
     if share <= 0:
         return matrix, ""
     volume = share / kind.rho / (share / kind.rho + (1 - share) / matrix.rho)
-    length = _length_efficiency(matrix, kind, volume)
+    lag = 2 * matrix.E / (kind.E * (1 + matrix.nu) * math.log(1 / volume))
+    x = math.sqrt(lag) * kind.aspect
+    length = 1 - math.tanh(x) / x
     E = ALONG * length * volume * kind.E + (1 - volume) * matrix.E
     value = matrix._replace(E=E, rho=volume * kind.rho + (1 - volume) * matrix.rho)
     how = (
@@ -98,13 +100,6 @@ def with_fibres(matrix: MaterialValue, fibre: str, share: float) -> tuple[Materi
         f"rho = {value.rho:.4g} kg/m3 by Cox and Krenchel, along the flow of the mould"
     )
     return value, how
-
-
-def _length_efficiency(matrix: MaterialValue, fibre: Fibre, volume: float) -> float:
-    """Cox's share of its stress that a short fibre takes, Br. J. Appl. Phys. 3 (1952)."""
-    lag = 2 * matrix.E / (fibre.E * (1 + matrix.nu) * math.log(1 / volume))
-    x = math.sqrt(lag) * fibre.aspect
-    return 1 - math.tanh(x) / x
 
 
 ELASTIC = 1e8  # Pa: what a hardness makes softer than this is an elastomer, and keeps its volume

@@ -300,7 +300,14 @@ def name_evidence(
 ) -> tuple[Float[np.ndarray, "clauses parts"], float]:
     """How well each part's own name fits each clause, and how far that is to be trusted."""
     score = np.clip(overlap(clauses, named), 0, 3)
-    score = np.where(score > 0, score, SAME_MATTER * _same_matter(clauses, named))
+    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
+    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
+    score = np.where(
+        score > 0,
+        score,
+        SAME_MATTER
+        * np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked]),
+    )
     if score.any():
         return score, SHARED_WORD
     if of_pieces(clauses, named):  # their part's name is like one clause, and they are not
@@ -308,13 +315,6 @@ def name_evidence(
     nouns = encoder.text([" ".join(c.parts) or c.text for c in clauses])
     names = encoder.text([own_name(part) for part in named])
     return nouns @ names.T, LIKE_WORD
-
-
-def _same_matter(clauses: Sequence[HeardClause], named: Sequence[NamedPart]) -> np.ndarray:
-    """Whether a clause speaks of the kind of matter that a part's names tell (clauses, parts)."""
-    asked = [{kind_of(noun) for noun in nouns_of(clause)} for clause in clauses]
-    own = [kind_of(" ".join((part.name, *part.labels))) for part in named]
-    return np.array([[kind is not None and kind in kinds for kind in own] for kinds in asked])
 
 
 # Word lists of the text understanding: small, closed sets, by their role in a sentence.

@@ -412,7 +412,12 @@ def parts_named(name: Phrase, parts: Sequence[PartLabels]) -> dict[int, PartMatc
     # "the corner post" is "post_corner" before any other post.
     called = {i: m for i, m in found.items() if len(name) > 1 and {*name} <= {*parts[i].own}}
     found = called or found
-    best, siblings = max((m.tier for m in found.values()), default=0), _siblings(name, found, parts)
+    counted = any(word.isdigit() for part in parts for word in part.own)
+    first = {i for i in found if parts[i].own[:1] == name[-1:] and len(parts[i].own) == 2}
+    best, siblings = (
+        max((m.tier for m in found.values()), default=0),
+        (first if not counted and any(found[i].tier == HEAD for i in first) else set()),
+    )
     found = {i: m for i, m in found.items() if m.tier == best or i in siblings}
     most = max((m.words for m in found.values()), default=0)
     found = {i: m for i, m in found.items() if m.words == most}
@@ -420,13 +425,6 @@ def parts_named(name: Phrase, parts: Sequence[PartLabels]) -> dict[int, PartMatc
     told = any(parts[i].sides.get(axis) == side for i in found for axis, side in strict.items())
     # "front legs" of a chair whose legs bear numbers: nobody knows which those are.
     return {} if strict and not told and len(found) > 1 else found
-
-
-def _siblings(name: Phrase, found: dict[int, PartMatch], parts: Sequence[PartLabels]) -> set[int]:
-    """Parts that a noun names with their first word as others with their last: "sail_jib"."""
-    counted = any(word.isdigit() for part in parts for word in part.own)
-    first = {i for i in found if parts[i].own[:1] == name[-1:] and len(parts[i].own) == 2}
-    return first if not counted and any(found[i].tier == HEAD for i in first) else set()
 
 
 def parts_called(words: Phrase, labels: Sequence[Sequence[str]]) -> list[int]:

@@ -29,7 +29,20 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
     cut = atoms(text, lexicon.model, known)
     cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
     chosen = _longest(spans(text, cut, lexicon, names, known))
-    lexemes = spelt_out(_fill(cut, chosen, lexicon, known, strange), names)
+    # Put the words that no phrase took between the lexemes
+    out = list(chosen)
+    for i, atom in enumerate(cut):
+        if any(c.start < atom.end and atom.start < c.end for c in chosen):
+            continue
+        first, named = atom.text[0], atom.stem in known and not _is_article(cut, i, known)
+        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
+        out.append(
+            Lexeme(
+                atom.text, atom.start, atom.end, role, words=(atom.stem,),
+                known=atom.start not in strange, part=named,
+            )
+        )  # fmt: skip
+    lexemes = spelt_out(sorted(out, key=lambda x: x.start), names)
     lexemes = [
         replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
         for x in lexemes
@@ -56,25 +69,6 @@ def _longest(found: list[Lexeme]) -> list[Lexeme]:
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in chosen):
             chosen.append(lexeme)
     return sorted(chosen, key=lambda x: x.start)
-
-
-def _fill(
-    cut: list[Atom], chosen: list[Lexeme], lexicon: ReaderLexicon, known: set[str], strange: set
-) -> list[Lexeme]:
-    """Put the words that no phrase took between the lexemes."""
-    out = list(chosen)
-    for i, atom in enumerate(cut):
-        if any(c.start < atom.end and atom.start < c.end for c in chosen):
-            continue
-        first, named = atom.text[0], atom.stem in known and not _is_article(cut, i, known)
-        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
-        out.append(
-            Lexeme(
-                atom.text, atom.start, atom.end, role, words=(atom.stem,),
-                known=atom.start not in strange, part=named,
-            )
-        )  # fmt: skip
-    return sorted(out, key=lambda x: x.start)
 
 
 def _is_article(cut: list[Atom], i: int, known: set[str]) -> bool:
@@ -180,8 +174,28 @@ def spans(
 ) -> list[Lexeme]:
     """Return every span that says something, also over each other."""
     found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
-    found += _designations(text, lexicon)
-    return found + _codes(text, found)
+    found += [
+        Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
+        for pattern, row in lexicon.designations
+        for match in pattern.finditer(text)
+    ]
+    # Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows
+    out = []
+    for m in _CODE.finditer(text):
+        start, end = m.span()
+        over = [x for x in found if x.start < end and start < x.end and x.role not in _SMALL]
+        if len(over) == 1 and over[0].role == "material" and over[0].start == start:
+            metal = over[0].value.category == "metal"
+            start, over = over[0].end, []  # "T40" of "PP-T40"
+            if metal and _TEMPER.fullmatch(text[start:end]):
+                continue
+        said = text[start:end].lstrip("-+/")
+        if over or _TIMES.fullmatch(said) or not re.search(r"[A-Za-z].*\d|\d.*[A-Za-z]", said):
+            continue
+        idle = bool(_HARMLESS.fullmatch(said))
+        role, at = "idle" if idle else "word", end - len(said)
+        out.append(Lexeme(said, at, end, role, words=(said.lower(),), known=idle))
+    return found + out
 
 
 def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
@@ -295,35 +309,6 @@ def _is_meant(run: list[Atom], stems: Phrase, lexicon: ReaderLexicon) -> bool:
     if lexicon.needs_capitals(stems):
         return said.isupper()
     return True
-
-
-def _designations(text: str, lexicon: ReaderLexicon) -> list[Lexeme]:
-    """Designations of standards whose very name the table does not bear."""
-    return [
-        Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
-        for pattern, row in lexicon.designations
-        for match in pattern.finditer(text)
-    ]
-
-
-def _codes(text: str, found: Sequence[Lexeme]) -> list[Lexeme]:
-    """Letters and digits in one that nothing else is made of: "X7", a grade that nobody knows."""
-    out = []
-    for m in _CODE.finditer(text):
-        start, end = m.span()
-        over = [x for x in found if x.start < end and start < x.end and x.role not in _SMALL]
-        if len(over) == 1 and over[0].role == "material" and over[0].start == start:
-            metal = over[0].value.category == "metal"
-            start, over = over[0].end, []  # "T40" of "PP-T40"
-            if metal and _TEMPER.fullmatch(text[start:end]):
-                continue
-        said = text[start:end].lstrip("-+/")
-        if over or _TIMES.fullmatch(said) or not re.search(r"[A-Za-z].*\d|\d.*[A-Za-z]", said):
-            continue
-        idle = bool(_HARMLESS.fullmatch(said))
-        role, at = "idle" if idle else "word", end - len(said)
-        out.append(Lexeme(said, at, end, role, words=(said.lower(),), known=idle))
-    return out
 
 
 # Ranges of parts: "leg_1 to leg_4".

@@ -271,7 +271,10 @@ class Cascade:
                 into = self.dropped if role == "drop" else draft.lexemes
                 into += [] if kept else other.lexemes
         if "last" in groups:
-            self._compare_with_last(draft, match.start())
+            at = match.start()
+            said = [t.draft for t in reversed(self.tokens[:at]) if t.draft and t.draft.names]
+            before = (other.names[-1] for other in said if other.names[-1] not in draft.names)
+            draft.compare_with(next(before, ()))
         if made not in span and made.sign not in SAYING:
             made.draft = None
         made.sign = rule.to.strip("-") or made.sign
@@ -283,12 +286,6 @@ class Cascade:
         new = [] if rule.to == "-" else stays if made in stays else [made, *stays]
         self.tokens[slice(*match.span())] = new
         return "".join(t.sign for t in new) != match[0]
-
-    def _compare_with_last(self, draft: Draft, at: int) -> None:
-        """Compare with the last part that was named before: "lighter than them"."""
-        said = [t.draft for t in reversed(self.tokens[:at]) if t.draft and t.draft.names]
-        before = (other.names[-1] for other in said if other.names[-1] not in draft.names)
-        draft.compare_with(next(before, ()))
 
 
 def _names(_: Cascade, head: Draft, other: Draft) -> None:
@@ -445,7 +442,39 @@ def groups_of(
         mentions = [Mention("material", *found) for found in implied(run, lexicon)] + mentions
     if opens:
         mentions = [replace(m, value=None) if m.kind == "part" else m for m in mentions]
-    return _paired(_blocks(mentions))
+    # Cut where parts and what is said of them alternate; modifiers go with what follows
+    blocks: list[list[Mention]] = []
+    waiting: list[Mention] = []
+    for mention in mentions:
+        if mention.kind == "modifier":
+            waiting.append(mention)
+            continue
+        if blocks and blocks[-1][-1].says == mention.says:
+            blocks[-1] += [*waiting, mention]
+        else:
+            blocks.append([*waiting, mention])
+        waiting = []
+    placed = not blocks and any(word in places() for m in waiting for word in m.lexeme.words)
+    if placed or (waiting and waiting[-1].lexeme.part):
+        blocks.append(waiting)  # "the second is pine"
+    # Join each part with what is said of it, before it or after it
+    says = [block[-1].says for block in blocks]
+    if says == [False, True, False]:
+        # "top beech ply" of a part "top"; "bench: oak slats" would have its colon.
+        if not any(m.lexeme.part for m in blocks[2]):
+            return [_group(blocks[0], blocks[1], part_first=True)]
+        return [_group(blocks[0], []), _group(blocks[2], blocks[1])]
+    part_first = bool(says) and not says[0]
+    out: list[Group] = []
+    while blocks:
+        first, *blocks = blocks
+        if blocks and first[-1].says != part_first:
+            second, *blocks = blocks
+            parts, values = (_up_to_name(first), second) if part_first else (second, first)
+            out.append(_group(parts, values, part_first=part_first))
+        else:
+            out.append(_group([], first) if first[-1].says else _group(first, []))
+    return out
 
 
 def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
@@ -563,46 +592,6 @@ def _is_like(said: Mention, after: Mention) -> bool:
     beside = after.lexeme.start - said.lexeme.end <= 1 and said.lexeme.dep != "punct"
     alike = said.value.category == after.value.category
     return (alike and beside) or said.lexeme.text.lower() in words()["hues"]["colours"]
-
-
-def _blocks(mentions: list[Mention]) -> list[list[Mention]]:
-    """Cut where parts and what is said of them alternate; modifiers go with what follows."""
-    blocks: list[list[Mention]] = []
-    waiting: list[Mention] = []
-    for mention in mentions:
-        if mention.kind == "modifier":
-            waiting.append(mention)
-            continue
-        if blocks and blocks[-1][-1].says == mention.says:
-            blocks[-1] += [*waiting, mention]
-        else:
-            blocks.append([*waiting, mention])
-        waiting = []
-    placed = not blocks and any(word in places() for m in waiting for word in m.lexeme.words)
-    if placed or (waiting and waiting[-1].lexeme.part):
-        blocks.append(waiting)  # "the second is pine"
-    return blocks
-
-
-def _paired(blocks: list[list[Mention]]) -> list[Group]:
-    """Join each part with what is said of it, before it or after it."""
-    says = [block[-1].says for block in blocks]
-    if says == [False, True, False]:
-        # "top beech ply" of a part "top"; "bench: oak slats" would have its colon.
-        if not any(m.lexeme.part for m in blocks[2]):
-            return [_group(blocks[0], blocks[1], part_first=True)]
-        return [_group(blocks[0], []), _group(blocks[2], blocks[1])]
-    part_first = bool(says) and not says[0]
-    out: list[Group] = []
-    while blocks:
-        first, *blocks = blocks
-        if blocks and first[-1].says != part_first:
-            second, *blocks = blocks
-            parts, values = (_up_to_name(first), second) if part_first else (second, first)
-            out.append(_group(parts, values, part_first=part_first))
-        else:
-            out.append(_group([], first) if first[-1].says else _group(first, []))
-    return out
 
 
 def _up_to_name(parts: list[Mention]) -> list[Mention]:
@@ -820,8 +809,20 @@ def tell(unread: Sequence[Lexeme], drafts: Sequence[Draft], lexemes: Sequence[Le
             draft.left += [] if lexeme.note else [lexeme.text]
 
 
-def _doubts(draft: Draft, lexicon: ReaderLexicon) -> tuple[str, ...]:
-    """What of a draft was guessed or left out."""
+def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
+    """Return the clause that a draft has become."""
+    start = min((x.start for x in draft.lexemes), default=0)
+    end = max((x.end for x in draft.lexemes), default=0)
+    names = tuple(dict.fromkeys(name for name in draft.names if name))
+    liquid = lexicon.contents_called(draft.unknown.lower().split())
+    meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
+    if meant and len(draft.unknown) > SHORT:
+        draft.material, draft.phrase = lexicon.rows[meant], meant[0]
+        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
+    heads, fired = {name[-1] for name in names}, words()["fired"]
+    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
+        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
+    # What of a draft was guessed or left out
     strange = (
         x.text for x in draft.lexemes
         if x.role == "word" and not (x.known or x.part or x.text in draft.unknown)
@@ -837,23 +838,10 @@ def _doubts(draft: Draft, lexicon: ReaderLexicon) -> tuple[str, ...]:
         )
         told += [f"{word!r} is not used: its values are those of {draft.phrase}" for word in said]
     noted = [x.note for x in draft.lexemes if x.note]
-    return tuple(dict.fromkeys([*noted, *draft.notes, *told]))
-
-
-def clause_of(text: str, draft: Draft, lexicon: ReaderLexicon) -> Clause:
-    """Return the clause that a draft has become."""
-    start = min((x.start for x in draft.lexemes), default=0)
-    end = max((x.end for x in draft.lexemes), default=0)
-    names = tuple(dict.fromkeys(name for name in draft.names if name))
-    liquid = lexicon.contents_called(draft.unknown.lower().split())
-    meant = lexicon.meant(draft.unknown.lower()) if not (draft.material or liquid) else ()
-    if meant and len(draft.unknown) > SHORT:
-        draft.material, draft.phrase = lexicon.rows[meant], meant[0]
-        draft.notes.append(f"read {draft.unknown!r} as {meant[0]!r}")
-    heads, fired = {name[-1] for name in names}, words()["fired"]
-    if draft.phrase.lower() in fired and heads & {*fired["things"]}:
-        draft.material = lexicon.first_row([fired[draft.phrase.lower()]]) or draft.material
-    unknown, doubts = "" if draft.material else draft.unknown, _doubts(draft, lexicon)
+    unknown, doubts = (
+        "" if draft.material else draft.unknown,
+        tuple(dict.fromkeys([*noted, *draft.notes, *told])),
+    )
     scope = "none" if draft.scope == "parts" and not names else draft.scope
     same: dict[str, Any] = {name: getattr(draft, name) for name in _SAME}
     same |= {name: tuple(dict.fromkeys(getattr(draft, name))) for name in _LISTS}

@@ -264,7 +264,13 @@ class Cube:
     @classmethod
     def of(cls, parts: PartVoxels, up: UpAxis, *, cells: int) -> Cube:
         """Put the occupied cells of ``parts`` on a cube of ``cells``."""
-        points = upright(_points(parts, cells), up)
+        # Centres [m] of the occupied cells, divided until they are as small as the cube's
+        centres = parts.grid.centers()[parts.occupied]
+        longest = round(float(np.ptp(centres, axis=0).max()) / parts.grid.h) + 1
+        times = ceil(cells / longest)
+        line = ((np.arange(times) + 0.5) / times - 0.5) * parts.grid.h
+        offsets = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
+        points = upright((centres[:, None] + offsets), up)
         low, high = points.min((0, 1)), points.max((0, 1))
         gap = parts.grid.h / round(points.shape[1] ** (1 / 3))
         half = (float((high - low).max()) + gap) / 2 * cells / (cells - 2 * PAD)
@@ -290,16 +296,6 @@ class Cube:
     def back(self, values: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "m c"]:
         """Bring values of tokens to the occupied cells."""
         return values[self.token].mean(axis=1)
-
-
-def _points(parts: PartVoxels, cells: int) -> Float[np.ndarray, "m t 3"]:
-    """Centres [m] of the occupied cells, divided until they are as small as the cube's."""
-    centres = parts.grid.centers()[parts.occupied]
-    longest = round(float(np.ptp(centres, axis=0).max()) / parts.grid.h) + 1
-    times = ceil(cells / longest)
-    line = ((np.arange(times) + 0.5) / times - 0.5) * parts.grid.h
-    offsets = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
-    return centres[:, None] + offsets
 
 
 # Files of trained weights: float16 safetensors with the network's sizes and normalisation.

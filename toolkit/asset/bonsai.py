@@ -76,8 +76,9 @@ def bonsai(*, seed: int = 7) -> trimesh.Scene:
     import trimesh
 
     rng = np.random.default_rng(seed)
+    rings = np.stack([_outline(*step) for step in (*POT_OUTSIDE, *POT_INSIDE)])
     parts = {
-        "pot": [_bowl(), *_feet()],
+        "pot": [_closed(rings, (0, POT_OUTSIDE[0][1], 0), (0, POT_INSIDE[-1][1], 0)), *_feet()],
         "soil": [_soil()],
         "trunk": [
             _tube(TRUNK, TRUNK_RADIUS, sides=12, rings=16, rng=rng),
@@ -88,7 +89,18 @@ def bonsai(*, seed: int = 7) -> trimesh.Scene:
     scene = trimesh.Scene()
     for name, surfaces in parts.items():
         part = _merged(surfaces)
-        part.visual = _look(FINISHES[name])
+        coat = FINISHES[name]
+        from trimesh.visual.material import PBRMaterial
+        from trimesh.visual.texture import TextureVisuals
+
+        part.visual = TextureVisuals(
+            material=PBRMaterial(
+                name=coat.material,
+                baseColorFactor=[*coat.color, 1.0],
+                roughnessFactor=coat.roughness,
+                metallicFactor=0.0,
+            )
+        )
         scene.add_geometry(part, node_name=name, geom_name=name)
     return scene
 
@@ -114,20 +126,6 @@ def _merged(surfaces: Iterable[trimesh.Trimesh]):
         *zip(*((s.vertices, s.faces) for s in surfaces), strict=True)
     )
     return trimesh.Trimesh(points, faces, process=False)
-
-
-def _look(coat: Coat):
-    from trimesh.visual.material import PBRMaterial
-    from trimesh.visual.texture import TextureVisuals
-
-    return TextureVisuals(
-        material=PBRMaterial(
-            name=coat.material,
-            baseColorFactor=[*coat.color, 1.0],
-            roughnessFactor=coat.roughness,
-            metallicFactor=0.0,
-        )
-    )
 
 
 def _outline(inset: float, height: float, *, sides: int = 36) -> Float[np.ndarray, "sides 3"]:
@@ -160,12 +158,6 @@ def _closed(rings: Float[np.ndarray, "rings sides 3"], first_pole, last_pole):
     if surface.volume < 0:
         surface.invert()
     return surface
-
-
-def _bowl():
-    """Hollow pot with a lip: the outline swept around the wall's profile."""
-    rings = np.stack([_outline(*step) for step in (*POT_OUTSIDE, *POT_INSIDE)])
-    return _closed(rings, (0, POT_OUTSIDE[0][1], 0), (0, POT_INSIDE[-1][1], 0))
 
 
 def _feet():

@@ -118,16 +118,9 @@ def remember(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     except (OSError, InputError) as error:
         log.warning("%s is not remembered: %s", path, error)
         return
-    _forget(path.parent)
-
-
-def _forget(folder: Path) -> None:
-    """Delete results beyond the bound, and what writers that were killed left unfinished.
-
-    A file that another process is writing now is younger than ``ABANDONED``, and stays.
-    """
+    # Delete results beyond the bound, and what writers that were killed left unfinished
     total = 0
-    for file, known in _last_used_first(folder):
+    for file, known in _last_used_first(path.parent):
         if file.name.startswith(UNFINISHED):
             old = time.time() - known.st_mtime > ABANDONED
         else:

@@ -89,9 +89,25 @@ def run_guarded(
                 start_new_session=True,
             )
         try:
-            _wait(child, folder, started, time_limit, progress)
+            while child.poll() is None:
+                seconds = time.monotonic() - started
+                if seconds > time_limit:
+                    raise ChildFailure("time", f"no result within {time_limit:g} s", seconds)
+                if progress is not None:
+                    # What the child said it is doing: its last line of the form `stage: WORD`
+                    with (folder / _LOG).open("rb") as log_file:
+                        log_file.seek(max(0, log_file.seek(0, os.SEEK_END) - 4096))
+                        lines = log_file.read().decode(errors="replace").splitlines()
+                    stages = [line.partition("stage: ")[2] for line in lines if "stage: " in line]
+                    progress((stages[-1] if stages else "working"), seconds)
+                time.sleep(POLL)
         finally:
-            _kill_group(child)
+            # Kill the child and whatever it started; nothing is left behind
+            try:
+                os.killpg(child.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                log.debug("the child process group had already ended")
+            child.wait()
         return _result(child, folder, time.monotonic() - started)
 
 
@@ -99,40 +115,6 @@ def _memory() -> int:
     share = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     ours, _ = resource.getrlimit(resource.RLIMIT_AS)
     return share if ours == resource.RLIM_INFINITY else min(share, ours)
-
-
-def _wait(
-    child: subprocess.Popen[bytes],
-    folder: Path,
-    started: float,
-    time_limit: float,
-    progress: Progress | None,
-) -> None:
-    while child.poll() is None:
-        seconds = time.monotonic() - started
-        if seconds > time_limit:
-            raise ChildFailure("time", f"no result within {time_limit:g} s", seconds)
-        if progress is not None:
-            progress(_stage(folder), seconds)
-        time.sleep(POLL)
-
-
-def _stage(folder: Path) -> str:
-    """What the child said it is doing: its last line of the form ``stage: WORD``."""
-    with (folder / _LOG).open("rb") as log_file:
-        log_file.seek(max(0, log_file.seek(0, os.SEEK_END) - 4096))
-        lines = log_file.read().decode(errors="replace").splitlines()
-    stages = [line.partition("stage: ")[2] for line in lines if "stage: " in line]
-    return stages[-1] if stages else "working"
-
-
-def _kill_group(child: subprocess.Popen[bytes]) -> None:
-    """Kill the child and whatever it started; nothing is left behind."""
-    try:
-        os.killpg(child.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        log.debug("the child process group had already ended")
-    child.wait()
 
 
 def _result(child: subprocess.Popen[bytes], folder: Path, seconds: float) -> Arrays:

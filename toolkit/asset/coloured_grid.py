@@ -49,7 +49,20 @@ def read_coloured_grid(path: Path, *, cells: int) -> ColouredGrid:
     Lengths are taken as metres. Clouds that are sparser than that get larger cells.
     """
     if is_density(path):
-        return _of_field(read_density(path), cells)
+        # Cells above the field's threshold that stop light; it has the colour of its own fields
+        source = read_density(path)
+        grid = Grid.around(source.occupied_box(), cells=cells)
+        density = source.on_grid(grid)
+        solid = (density > source.threshold) & (-np.expm1(-density * grid.h) >= SOLID)
+        fields = [source.fields.get(name) for name in ("red", "green", "blue")]
+        colour = np.broadcast_to(GREY[:3].astype(np.float64), (*grid.shape, 3))
+        if all(values is not None for values in fields):
+            shown = [
+                DensityGrid(source.lo, source.hi, np.asarray(v, np.float64)).on_grid(grid)
+                for v in fields
+            ]
+            colour = np.stack(shown, axis=-1).clip(0, 1)
+        return _checked(ColouredGrid(np.where(solid, density, 0.0), colour, grid))
     table = read_points(path)
     return _of_splats(table, cells) if table.is_splat else _of_cloud(table, cells)
 
@@ -94,22 +107,6 @@ def _of_cloud(table: PointTable, cells: int) -> ColouredGrid:
     sums = [np.bincount(flat, c, density.size) for c in _colours(table, keep).T]
     colour = (np.stack(sums, axis=-1) / count[:, None]).reshape(*grid.shape, 3)
     return ColouredGrid(density, colour, grid)
-
-
-def _of_field(source: DensityGrid, cells: int) -> ColouredGrid:
-    """Cells above the field's threshold that stop light; it has the colour of its own fields."""
-    grid = Grid.around(source.occupied_box(), cells=cells)
-    density = source.on_grid(grid)
-    solid = (density > source.threshold) & (-np.expm1(-density * grid.h) >= SOLID)
-    fields = [source.fields.get(name) for name in ("red", "green", "blue")]
-    colour = np.broadcast_to(GREY[:3].astype(np.float64), (*grid.shape, 3))
-    if all(values is not None for values in fields):
-        shown = [
-            DensityGrid(source.lo, source.hi, np.asarray(v, np.float64)).on_grid(grid)
-            for v in fields
-        ]
-        colour = np.stack(shown, axis=-1).clip(0, 1)
-    return _checked(ColouredGrid(np.where(solid, density, 0.0), colour, grid))
 
 
 def _checked(coloured: ColouredGrid) -> ColouredGrid:

@@ -60,7 +60,19 @@ def decimated(surface: Triangles, tolerance: float) -> Decimated:
     another one are left alone: where parts touch, both keep the very same wall.
     """
     whole = Pieces(*surface, edge_components(surface.faces))
-    free = _free(whole)
+    # Which pieces are large, manifold with their rims, coherently wound and touch no other one
+    faces, piece = whole.faces, whole.piece
+    _, edge, times = equal_rows(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
+    bad = times[edge].reshape(-1, 3).max(axis=1, initial=0) > 1
+    edges = face_edges(faces)
+    rim = edges.directed[edges.count[edges.edge] == 1, 0]  # libigl refuses rims that pinch
+    bad |= (np.bincount(rim, minlength=len(whole.points)) > 1)[faces].any(axis=1)
+    place = np.unique(whole.points, axis=0, return_inverse=True)[1].reshape(-1)
+    owners = np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)])
+    shared = np.flatnonzero(np.bincount(owners[equal_rows(owners).first, 0]) > 1)
+    bad |= np.isin(place[faces], shared).any(axis=1)
+    size, spoilt = np.bincount(piece), np.bincount(piece, weights=bad)
+    free = (spoilt == 0) & (size >= SMALL)
     left_alone = int((~free[whole.piece]).sum())
     if len(whole.faces) - left_alone <= FEWEST:
         return Decimated(surface, len(free), left_alone)
@@ -76,38 +88,19 @@ def _collapsed(given: Pieces, coarse: Pieces, step: float, tolerance: float) -> 
     count = int(given.piece.max()) + 1
     active = np.ones(count, dtype=bool)
     while len((now := coarse.only(active)).faces) > FEWEST:
-        tried = _fewer(now, step)
+        points, faces, birth = collapsed(
+            Triangles(now.points, now.faces), int(step * len(now.faces))
+        )
+        tried = Pieces(points, faces, now.piece[birth])
         before, after = (np.bincount(p.piece, minlength=count) for p in (now, tried))
         active &= (after > 0) & (after <= STUCK * before)
-        active &= _apart(given.only(active), tried.only(active), count) <= tolerance
+        one = given.only(active)
+        other = tried.only(active)
+        active &= (
+            np.maximum(_distance(one, other, count), _distance(other, one, count)) <= tolerance
+        )
         coarse = coarse.only(~active).joined(tried.only(active))
     return coarse
-
-
-def _fewer(now: Pieces, share: float) -> Pieces:
-    points, faces, birth = collapsed(Triangles(now.points, now.faces), int(share * len(now.faces)))
-    return Pieces(points, faces, now.piece[birth])
-
-
-def _free(surface: Pieces) -> Bool[np.ndarray, "pieces"]:
-    """Which pieces are large, manifold with their rims, coherently wound and touch no other one."""
-    faces, piece = surface.faces, surface.piece
-    _, edge, times = equal_rows(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2))
-    bad = times[edge].reshape(-1, 3).max(axis=1, initial=0) > 1
-    edges = face_edges(faces)
-    rim = edges.directed[edges.count[edges.edge] == 1, 0]  # libigl refuses rims that pinch
-    bad |= (np.bincount(rim, minlength=len(surface.points)) > 1)[faces].any(axis=1)
-    place = np.unique(surface.points, axis=0, return_inverse=True)[1].reshape(-1)
-    owners = np.column_stack([place[faces.reshape(-1)], np.repeat(piece, 3)])
-    shared = np.flatnonzero(np.bincount(owners[equal_rows(owners).first, 0]) > 1)
-    bad |= np.isin(place[faces], shared).any(axis=1)
-    size, spoilt = np.bincount(piece), np.bincount(piece, weights=bad)
-    return (spoilt == 0) & (size >= SMALL)
-
-
-def _apart(one: Pieces, other: Pieces, count: int) -> Float[np.ndarray, "pieces"]:
-    """Largest distance [m] of every piece between two surfaces, either way."""
-    return np.maximum(_distance(one, other, count), _distance(other, one, count))
 
 
 def _distance(start: Pieces, end: Pieces, count: int) -> Float[np.ndarray, "pieces"]:

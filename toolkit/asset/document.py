@@ -195,25 +195,22 @@ def load_again(path: str | Path, known: Sidecar | None) -> Asset:
     return replace(again, size_stated=known.source.get("size_stated", False))
 
 
-def _check_no_asset(path: Path) -> None:
-    from ...converters.registry import MESH_FORMATS
-    from .formats import ASSET_FORMATS
-
-    suffix = path.suffix.lower()
-    if suffix in ASSET_FORMATS and suffix not in MESH_FORMATS:
-        raise InputError(
-            f"{path} is an asset, wanted a mesh of tets: `autophyx-tet run` takes the asset and "
-            "does it all, `autophyx-tet convert` makes the mesh"
-        )
-
-
 def read_known(mesh: str | Path | TetMesh, asset: str | Path | Asset | None):
     """Return the mesh, what is known of its regions, the asset, and what the user should know."""
     from ...converters.mesh.meshdata import read_mesh
 
     found = None
     if not isinstance(mesh, TetMesh):
-        _check_no_asset(Path(mesh))
+        path = Path(mesh)
+        from ...converters.registry import MESH_FORMATS
+        from .formats import ASSET_FORMATS
+
+        suffix = path.suffix.lower()
+        if suffix in ASSET_FORMATS and suffix not in MESH_FORMATS:
+            raise InputError(
+                f"{path} is an asset, wanted a mesh of tets: `autophyx-tet run` takes the asset "
+                "and does it all, `autophyx-tet convert` makes the mesh"
+            )
         mesh, found = read_mesh(mesh), Sidecar.read(Path(mesh))
     if asset is not None:
         asset = asset if isinstance(asset, Asset) else load_again(asset, found)

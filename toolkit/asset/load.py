@@ -71,7 +71,15 @@ def load_asset(
         content = reconstructed(path, content)
     surfaces, warnings = _with_extent(path, [_checked(path, s) for s in content.surfaces])
     warnings = [*references.warnings, *content.warnings, *warnings]
-    parts = _parts(surfaces, path.stem, warnings)
+    # One part per (node, material); per material alone where that would be too many
+    groups = _grouped(surfaces, [(s.node[:1], s.material, s.material_number) for s in surfaces])
+    if len(groups) > MAX_PARTS:
+        groups = _grouped(surfaces, [s.material for s in surfaces])
+        warnings.append(f"more than {MAX_PARTS} named pieces: merged by material to {len(groups)}")
+    parts = tuple(
+        Part(name, _joined([s.mesh for s in group]), _labels(group))
+        for name, group in zip(_unique_names(groups, path.stem), groups, strict=True)
+    )
     asset = Asset(
         name=path.stem,
         parts=parts,
@@ -107,7 +115,20 @@ def scaled(
         warnings.append(f"the file does not say which axis is up: taken as +{asset.up.upper()}")
     factor = _metres(asset, size, units, stated.metres, warnings)
     known = size is not None or units is not None
-    return _in_metres(replace(asset, up=up or asset.up, size_stated=known), factor, warnings)
+    # Scale to metres and say what was assumed
+    asset = replace(asset, up=up or asset.up, size_stated=known)
+    longest = float(asset.size.max()) * factor
+    smallest, largest = USUAL_SIZE
+    if not smallest <= longest <= largest:
+        likely = "likely mm, --units mm or --size" if longest > largest else "--size or --units"
+        said = "as was stated" if asset.size_stated else f"{likely} sets it"
+        warnings.append(f"a longest side of {longest:.4g} m is unusual: {said}")
+    if factor != 1:
+        for part in asset.parts:
+            part.mesh.vertices = part.mesh.vertices * factor
+    for sentence in warnings:
+        log.info("%s: %s", asset.source, sentence)
+    return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
 
 
 def _check_scale(size: float | None, units: Unit | None) -> None:
@@ -185,18 +206,6 @@ def _with_extent(path: Path, surfaces: list[NamedSurface]) -> tuple[list[NamedSu
     return kept, [f"{dropped} surfaces that shrink to one point were left out"] * bool(dropped)
 
 
-def _parts(surfaces: Sequence[NamedSurface], stem: str, warnings: list[str]) -> tuple[Part, ...]:
-    """One part per (node, material); per material alone where that would be too many."""
-    groups = _grouped(surfaces, [(s.node[:1], s.material, s.material_number) for s in surfaces])
-    if len(groups) > MAX_PARTS:
-        groups = _grouped(surfaces, [s.material for s in surfaces])
-        warnings.append(f"more than {MAX_PARTS} named pieces: merged by material to {len(groups)}")
-    return tuple(
-        Part(name, _joined([s.mesh for s in group]), _labels(group))
-        for name, group in zip(_unique_names(groups, stem), groups, strict=True)
-    )
-
-
 def _grouped(surfaces: Sequence[NamedSurface], keys: Sequence[Any]) -> list[list[NamedSurface]]:
     groups: dict[Any, list[NamedSurface]] = {}
     for surface, key in zip(surfaces, keys, strict=True):
@@ -261,22 +270,6 @@ def _metres(
             "--size or --units sets it"
         )
     return 1.0 if stated is None else stated
-
-
-def _in_metres(asset: Asset, factor: float, warnings: list[str]) -> Asset:
-    """Scale to metres and say what was assumed."""
-    longest = float(asset.size.max()) * factor
-    smallest, largest = USUAL_SIZE
-    if not smallest <= longest <= largest:
-        likely = "likely mm, --units mm or --size" if longest > largest else "--size or --units"
-        said = "as was stated" if asset.size_stated else f"{likely} sets it"
-        warnings.append(f"a longest side of {longest:.4g} m is unusual: {said}")
-    if factor != 1:
-        for part in asset.parts:
-            part.mesh.vertices = part.mesh.vertices * factor
-    for sentence in warnings:
-        log.info("%s: %s", asset.source, sentence)
-    return replace(asset, metres_per_unit=float(factor), warnings=tuple(warnings))
 
 
 # Point clouds: a surface through points that came without triangles.

@@ -44,7 +44,13 @@ def _rows(path: Path) -> Iterator[Material]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read the materials {path}: {error}") from error
     if path.suffix.lower() == ".toml":
-        records = _toml_records(path, text)
+        try:
+            given = tomllib.loads(text).get("material", [])
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{path} is no TOML: {error}") from error
+        if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
+            raise InputError(f"{path}: wanted tables [[material]]")
+        records = [_as_record(item) for item in given]
     else:
         records = list(csv.DictReader(text.splitlines()))
     if not records:
@@ -54,16 +60,6 @@ def _rows(path: Path) -> Iterator[Material]:
         if missing:
             raise InputError(f"{path}, material {number}: no {', '.join(missing)}")
         yield row_of_record(record, f"{path}, material {number}")
-
-
-def _toml_records(path: Path, text: str) -> list[dict[str, str]]:
-    try:
-        given = tomllib.loads(text).get("material", [])
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is no TOML: {error}") from error
-    if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
-        raise InputError(f"{path}: wanted tables [[material]]")
-    return [_as_record(item) for item in given]
 
 
 def _as_record(item: Mapping[str, Any]) -> dict[str, str]:

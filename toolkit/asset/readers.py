@@ -42,16 +42,7 @@ def parse_scene(path: Path, data: bytes, references: References, **options: Any)
         process=False,
         **options,
     )
-    _decode_textures(scene, references)
-    return scene
-
-
-def _decode_textures(scene: trimesh.Scene, references: References) -> None:
-    """Decode the pictures that a skin is made of, once, and let go of all others.
-
-    An image that Pillow has only opened decodes itself in whoever first asks for a pixel, and two
-    threads that ask at the same time break each other's stream.
-    """
+    # Decode the pictures that a skin is made of, once, and let go of all others
     visuals = (getattr(geometry, "visual", None) for geometry in scene.geometry.values())
     materials = (getattr(visual, "material", None) for visual in visuals)
     for material in {id(material): material for material in materials}.values():
@@ -72,6 +63,7 @@ def _decode_textures(scene: trimesh.Scene, references: References) -> None:
                     f"a texture of material {name} cannot be decoded ({reason}): its parts have "
                     "the plain colour of the material; export the texture again"
                 )
+    return scene
 
 
 def surface_meshes(scene: trimesh.Scene) -> list[tuple[str, trimesh.Trimesh]]:
@@ -136,18 +128,8 @@ def refuse_entities(path: Path, text: bytes) -> None:
 def read_gltf(path: Path, data: bytes, references: References) -> AssetContent:
     """Read one surface per node and material, in world coordinates."""
     document = json.loads(gltf_json(data))
-    surfaces = _primitives(parse_scene(path, data, references), document)
-    if not surfaces and references.warnings:
-        raise InputError(f"{path}: {references.warnings[0]}")
-    return AssetContent(surfaces, metres=1.0, up="y", warnings=_textures_not_read(document))
-
-
-def _primitives(scene: trimesh.Scene, document: dict[str, Any]) -> list[NamedSurface]:
-    """One surface per node and primitive, with the names that the file gives node and mesh.
-
-    trimesh hangs the primitives of a mesh that has several under nodes of its own, whose names are
-    drawn at random, and counts up the mesh's name for each; they come here in the file's order.
-    """
+    # One surface per node and primitive, with the names that the file gives node and mesh
+    scene = parse_scene(path, data, references)
     nodes, meshes = _nodes_by_name(document), document.get("meshes", [])
     order = {geometry: number for number, geometry in enumerate(scene.geometry)}
     materials: dict[int, int] = {}
@@ -168,7 +150,10 @@ def _primitives(scene: trimesh.Scene, document: dict[str, Any]) -> list[NamedSur
             materials.setdefault(material, len(materials)),
         )
         found.append((names[0], order[geometry], surface))
-    return [surface for *_, surface in sorted(found, key=lambda entry: entry[:2])]
+    surfaces = [surface for *_, surface in sorted(found, key=lambda entry: entry[:2])]
+    if not surfaces and references.warnings:
+        raise InputError(f"{path}: {references.warnings[0]}")
+    return AssetContent(surfaces, metres=1.0, up="y", warnings=_textures_not_read(document))
 
 
 def _nodes_by_name(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -397,7 +382,8 @@ CARRIER = Format("splats, cloud or density grid", (*_SPLATS, *_GRIDS, *_CLOUDS),
 
 def read_ply_surface(path: Path, data: bytes, references: References) -> AssetContent:
     """PLY: faces, triangle strips, Gaussian splats, or points alone."""
-    if _is_splat(data):
+    header = data[: data.find(b"end_header")]
+    if b" packed_position" in header or (b" opacity" in header and b" scale_0" in header):
         return read_carrier(path, data, references)
     if (found := binary_strips(path, data)) is not None:
         return AssetContent([NamedSurface(mesh) for mesh in _triangles(path, *found)])
@@ -411,12 +397,6 @@ def read_ply_surface(path: Path, data: bytes, references: References) -> AssetCo
 
 
 PLY_SURFACE = Format("PLY surface, splats or cloud", (".ply",), read=read_ply_surface)
-
-
-def _is_splat(data: bytes) -> bool:
-    """Whether a PLY's header names the columns of Gaussians, plain or packed."""
-    header = data[: data.find(b"end_header")]
-    return b" packed_position" in header or (b" opacity" in header and b" scale_0" in header)
 
 
 def _strips(path: Path, geometry: Any) -> Iterator[trimesh.Trimesh]:

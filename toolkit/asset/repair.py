@@ -76,7 +76,9 @@ def close_holes(
     if not len(edges):
         return Closed(surface)
     loops = _loops(surface, edges, owner)
-    share = _hole_share(surface, owner, loops)
+    mine = np.zeros(len(loops.centre))
+    mine[loops.loop] = component_areas(surface)[surface.component[owner]]
+    share = loops.fan / mine
     fill = share <= HOLE_SHARE
     if largest > HOLE_SHARE:  # but never a flat sheet onto itself
         thick = np.zeros(len(share), dtype=bool)
@@ -84,7 +86,15 @@ def close_holes(
         fill |= thick & (share <= largest)
     if joint and (fill & (share > SMALL)).any():
         fill &= (share <= SMALL) | ~_seams(surface, edges, loops)
-    caps = _bent_caps(surface, edges, loops, fill)
+    # Caps of the loops to `fill` that are one bent cycle: a fan would cut through the body
+    caps = {}
+    length = np.bincount(loops.loop)
+    for loop in np.flatnonzero(fill & (length > 3) & (length <= MOST_EDGES)):
+        points = cycle(edges[loops.loop == loop])
+        if points is not None:
+            cap = least_area_cap(surface.points[points])
+            if cap.area < BENT * loops.fan[loop]:
+                caps[int(loop)] = points[cap.faces][:, ::-1]
     fan = fill.copy()
     fan[list(caps)] = False
     edge = fan[loops.loop]
@@ -103,21 +113,6 @@ def close_holes(
     return Closed(closed, int(fill.sum()), len(faces) - len(surface.faces))
 
 
-def _bent_caps(
-    surface: Surface, edges: np.ndarray, loops: _Loops, fill: Bool[np.ndarray, "loops"]
-) -> dict[int, Int[np.ndarray, "faces 3"]]:
-    """Caps of the loops to ``fill`` that are one bent cycle: a fan would cut through the body."""
-    caps = {}
-    length = np.bincount(loops.loop)
-    for loop in np.flatnonzero(fill & (length > 3) & (length <= MOST_EDGES)):
-        points = cycle(edges[loops.loop == loop])
-        if points is not None:
-            cap = least_area_cap(surface.points[points])
-            if cap.area < BENT * loops.fan[loop]:
-                caps[int(loop)] = points[cap.faces][:, ::-1]
-    return caps
-
-
 def _loops(surface: Surface, edges: np.ndarray, owner: np.ndarray) -> _Loops:
     """Rim edges that hang together; where loops of two components touch, each has its own."""
     from scipy.sparse import coo_matrix
@@ -134,13 +129,6 @@ def _loops(surface: Surface, edges: np.ndarray, owner: np.ndarray) -> _Loops:
     return _Loops(
         loop, centre, np.bincount(loop, weights=np.linalg.norm(np.cross(a, b), axis=1) / 2)
     )
-
-
-def _hole_share(surface: Surface, owner: np.ndarray, loops: _Loops) -> Float[np.ndarray, "loops"]:
-    """Area of the fan that would close each boundary loop, as a share of that of its component."""
-    mine = np.zeros(len(loops.centre))
-    mine[loops.loop] = component_areas(surface)[surface.component[owner]]
-    return loops.fan / mine
 
 
 def _seams(surface: Surface, edges: np.ndarray, loops: _Loops) -> Bool[np.ndarray, "loops"]:
@@ -241,22 +229,16 @@ def _singled(surface: Surface, *, within_parts: bool) -> tuple[np.ndarray, np.nd
     paired = (has_side[:, 0] & has_side[:, 1])[group]
     share = np.bincount(surface.component, weights=paired) / np.bincount(surface.component)
     two_sided = share[surface.component] >= TWO_SIDED_SHARE
-    two_sided[paired] |= _go_on_single(surface.faces, paired)
+    # Of the regions of paired faces, those with more rim edges on odd numbers of other faces
+    edge = face_edges(surface.faces).edge.reshape(-1, 3)
+    others = np.bincount(edge[~paired].reshape(-1), minlength=edge.max() + 1)[edge[paired]]
+    region = edge_components(surface.faces[paired])
+    odd, even = others % 2 == 1, (others > 0) & (others % 2 == 0)
+    surplus = np.bincount(region, weights=odd.sum(axis=1) - even.sum(axis=1))
+    two_sided[paired] |= surplus[region] > 0
     first = np.zeros(len(group), dtype=bool)
     first[np.unique(2 * group + np.where(two_sided, 0, side), return_index=True)[1]] = True
     return first, paired & ~two_sided
-
-
-def _go_on_single(
-    faces: Int[np.ndarray, "faces 3"], paired: Bool[np.ndarray, "faces"]
-) -> Bool[np.ndarray, "paired"]:
-    """Of the regions of paired faces, those with more rim edges on odd numbers of other faces."""
-    edge = face_edges(faces).edge.reshape(-1, 3)
-    others = np.bincount(edge[~paired].reshape(-1), minlength=edge.max() + 1)[edge[paired]]
-    region = edge_components(faces[paired])
-    odd, even = others % 2 == 1, (others > 0) & (others % 2 == 0)
-    surplus = np.bincount(region, weights=odd.sum(axis=1) - even.sum(axis=1))
-    return surplus[region] > 0
 
 
 MOST_CROSSED = 100_000  # triangles: crossings are told, not needed; foliage has millions of them
@@ -332,7 +314,14 @@ def repair(
         how = {"largest": closing.largest, "joint": closing.joint}
         surface, closed_holes, added = close_holes(surface, *rim, **how)
         changed += RepairReport(closed_holes=closed_holes, added_faces=added)
-    return surface, changed + _left_over(surface)
+    # What stays open, non-manifold or crossing after repair
+    count = face_edges(surface.faces).count
+    many = len(surface.faces) > MOST_CROSSED
+    return surface, changed + RepairReport(
+        open_edges=int((count == 1).sum()),
+        non_manifold_edges=int((count > 2).sum()),
+        crossing_faces=None if many else len(crossing_pairs(surface.points, surface.faces)),
+    )
 
 
 def oriented(
@@ -347,7 +336,12 @@ def oriented(
     closed, pool = subset(surface, ~is_open), subset(surface, is_open)
     pool, seams = weld(pool, tolerance, within_parts=False)
     pool, doubled = clean(pool, within_parts=False)
-    surface, turned = _orient(_concatenated(closed, pool), joint=joint)
+    faces = np.concatenate([closed.faces, pool.faces + len(closed.points)])
+    points = np.concatenate([closed.points, pool.points])
+    surface, turned = _orient(
+        Surface(points, faces, np.concatenate([closed.part, pool.part]), edge_components(faces)),
+        joint=joint,
+    )
     report = RepairReport(
         merged_vertices=welded + seams,
         null_faces=removed.null + doubled.null,
@@ -369,12 +363,6 @@ def stacked(parts: Sequence[Part]) -> Surface:
     )
 
 
-def _concatenated(a: Surface, b: Surface) -> Surface:
-    faces = np.concatenate([a.faces, b.faces + len(a.points)])
-    points = np.concatenate([a.points, b.points])
-    return Surface(points, faces, np.concatenate([a.part, b.part]), edge_components(faces))
-
-
 def _orient(surface: Surface, *, joint: bool) -> tuple[Surface, RepairReport]:
     """Orient every component coherently, and outward unless it is a cavity of its part."""
     if not len(surface.faces):
@@ -386,15 +374,8 @@ def _orient(surface: Surface, *, joint: bool) -> tuple[Surface, RepairReport]:
     if loose.any():  # what hung together by loose faces only may now be one patch
         faces = _majority(oriented.faces, *coherent_patches(oriented.faces))
         oriented = oriented._replace(faces=faces)
-    oriented = _outward(oriented)
-    if joint:
-        oriented = _as_seen(oriented)
-    flipped = face_orientation(oriented.faces) != face_orientation(given)
-    return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
-
-
-def _outward(surface: Surface) -> Surface:
-    """Turn the components whose volume is negative, unless they are cavities of their part."""
+    # Turn the components whose volume is negative, unless they are cavities of their part
+    surface = oriented
     volumes = component_volumes(surface)
     bulky = bulky_components(surface)
     first = np.unique(surface.component, return_index=True)[1]
@@ -404,8 +385,22 @@ def _outward(surface: Surface) -> Surface:
     volumes = component_volumes(surface)
     is_open = open_components(surface)
     inverted = (volumes < 0) & (bulky | ~is_open)
-    inverted &= ~_cavities(surface, inverted)
-    return surface._replace(faces=_turned(surface.faces, inverted[surface.component]))
+    # Which inverted components lie inside the rest of their part: they are holes in its solid
+    cavity = np.zeros(len(inverted), dtype=bool)
+    for part in np.unique(surface.part[inverted[surface.component]]):
+        mine = surface.part == part
+        faces = surface.faces[mine]
+        component = surface.component[mine]
+        candidates = np.unique(component[inverted[component]])
+        probes = np.array([_inside(surface.points, faces[component == c]) for c in candidates])
+        winding = winding_numbers(surface.points, faces, probes)
+        cavity[candidates] = winding > -0.5
+    inverted &= ~cavity
+    oriented = surface._replace(faces=_turned(surface.faces, inverted[surface.component]))
+    if joint:
+        oriented = _as_seen(oriented)
+    flipped = face_orientation(oriented.faces) != face_orientation(given)
+    return oriented, RepairReport(flipped_faces=int(flipped.sum()), loose_faces=int(loose.sum()))
 
 
 def _as_seen(surface: Surface) -> Surface:
@@ -482,23 +477,6 @@ def _majority(before: np.ndarray, coherent: np.ndarray, patch: np.ndarray) -> np
     return _turned(coherent, share[patch] > 0.5)
 
 
-def _cavities(surface: Surface, inverted: Bool[np.ndarray, "components"]) -> np.ndarray:
-    """Which inverted components lie inside the rest of their part: they are holes in its solid.
-
-    Just inside such a shell the whole part has winding number 0; inside a stray inverted one -1.
-    """
-    cavity = np.zeros(len(inverted), dtype=bool)
-    for part in np.unique(surface.part[inverted[surface.component]]):
-        mine = surface.part == part
-        faces = surface.faces[mine]
-        component = surface.component[mine]
-        candidates = np.unique(component[inverted[component]])
-        probes = np.array([_inside(surface.points, faces[component == c]) for c in candidates])
-        winding = winding_numbers(surface.points, faces, probes)
-        cavity[candidates] = winding > -0.5
-    return cavity
-
-
 def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
     """Point just below the largest face of an inverted shell, on the side it encloses."""
     a, b, c = (points[faces[:, i]] for i in range(3))
@@ -507,17 +485,6 @@ def _inside(points: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "3"]:
     best = length.argmax()
     size = np.ptp(points[faces].reshape(-1, 3), axis=0).max()
     return (a + b + c)[best] / 3 + CAVITY_DEPTH * size * normal[best] / length[best]
-
-
-def _left_over(surface: Surface) -> RepairReport:
-    """What stays open, non-manifold or crossing after repair."""
-    count = face_edges(surface.faces).count
-    many = len(surface.faces) > MOST_CROSSED
-    return RepairReport(
-        open_edges=int((count == 1).sum()),
-        non_manifold_edges=int((count > 2).sum()),
-        crossing_faces=None if many else len(crossing_pairs(surface.points, surface.faces)),
-    )
 
 
 # Caps: triangles of least area across a loop that does not lie in a plane.
@@ -613,7 +580,8 @@ def patch_sides(
     ``patch`` numbers, from 0, those of the first faces; the others only bound.
     """
     below, above, patch = _probed(points, faces, patch)
-    inside = _inside_hull if _odd_edges(faces) else _orientation_inside
+    times = _faces_by_edge(faces)
+    inside = _inside_hull if bool(((times > 1) & (times % 2 == 1)).any()) else _orientation_inside
     return Sides(inside(below, faces, patch), inside(above, faces, patch))
 
 
@@ -654,12 +622,6 @@ def _probed(
     counts = crossings(points, faces, np.concatenate([middle - step, middle + step]))
     below, above = np.split(counts, 2, axis=1)
     return below, above, patch[asked]
-
-
-def _odd_edges(faces: Int[np.ndarray, "faces 3"]) -> bool:
-    """Whether walls of three, five ... faces meet in an edge: crossings then have no parity."""
-    times = _faces_by_edge(faces)
-    return bool(((times > 1) & (times % 2 == 1)).any())
 
 
 def _faces_by_edge(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges"]:

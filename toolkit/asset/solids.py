@@ -200,20 +200,7 @@ def sheet_faces(surface: Surface, *, thinnest: float) -> Bool[np.ndarray, "faces
 
 def _solid(surface: Surface, thinnest: float) -> Bool[np.ndarray, "components"]:
     thick = open_components(surface) | (_thickness(surface) >= thinnest)
-    return _encloses(surface) & thick
-
-
-def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
-    """Twice volume by area [m] of each component: the thickness of a plate."""
-    area = np.maximum(component_areas(surface), np.finfo(float).tiny)
-    return 2 * np.abs(component_volumes(surface)) / area
-
-
-def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
-    """Whether each component encloses a volume: it is closed, or open but more than a sheet.
-
-    Open ones must enclose it with those that do, without the help of sheets.
-    """
+    # Whether each component encloses a volume: it is closed, or open but more than a sheet
     is_open = open_components(surface)
     encloses = is_open | (component_volumes(surface) != 0)
     joint = is_open
@@ -222,7 +209,13 @@ def _encloses(surface: Surface) -> Bool[np.ndarray, "components"]:
         if (held == joint).all():
             break
         joint = held
-    return np.where(is_open, joint, encloses)
+    return np.where(is_open, joint, encloses) & thick
+
+
+def _thickness(surface: Surface) -> Float[np.ndarray, "components"]:
+    """Twice volume by area [m] of each component: the thickness of a plate."""
+    area = np.maximum(component_areas(surface), np.finfo(float).tiny)
+    return 2 * np.abs(component_volumes(surface)) / area
 
 
 def _of_components(surface: Surface, which: Bool[np.ndarray, "components"]) -> Surface:
@@ -281,17 +274,7 @@ def _shells(surface: Surface) -> Iterator[Shell]:
     own = ~shared[surface.component] & ~is_open
     groups = [own & (surface.part == part) for part in np.unique(surface.part[own])]
     groups += [surface.component == c for c in np.unique(surface.component[~own & ~is_open])]
-    groups = _with_cavities(surface, groups)
-    groups += [is_open] if is_open.any() else []
-    for group in groups:
-        yield Shell(surface.points, surface.faces[group], surface.part[group])
-
-
-def _with_cavities(surface: Surface, groups: list[np.ndarray]) -> list[np.ndarray]:
-    """Join each group that is inside out to the largest one with a part of it: as its cavity.
-
-    A bottle's inner surface is glass alone, its outer one glass and label.
-    """
+    # Join each group that is inside out to the largest one with a part of it: as its cavity
     volumes = component_volumes(surface)
     volume = [float(volumes[np.unique(surface.component[group])].sum()) for group in groups]
     solid = {i: group for i, group in enumerate(groups) if volume[i] >= 0}
@@ -303,7 +286,10 @@ def _with_cavities(surface: Surface, groups: list[np.ndarray]) -> list[np.ndarra
             solid[host] = solid[host] | groups[i]
         else:
             solid[i] = groups[i]
-    return list(solid.values())
+    groups = list(solid.values())
+    groups += [is_open] if is_open.any() else []
+    for group in groups:
+        yield Shell(surface.points, surface.faces[group], surface.part[group])
 
 
 # The layer under a surface: how much of a body its wall is, without a mesh of the wall.

@@ -129,7 +129,11 @@ def touching_places(surface: Surface, *, touching: float, spacing: float) -> Tou
         near = [n for n in np.flatnonzero(meet.all(axis=1)).tolist() if n != number]
         if not near:
             continue
-        places = _samples(surface.points, own, spacing)
+        # Random points [m] of a body of which each has others within `spacing` [m]
+        a, b, c = (surface.points[own[:, i]] for i in range(3))
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+        count = int(np.clip(PER_SQUARE * area / spacing**2, 1, MOST_SAMPLES))
+        places = sample(surface.points, own, rng=np.random.default_rng(0), count=count).where
         around = [(places >= low[n] - touching) & (places <= high[n] + touching) for n in near]
         places = places[np.any([both.all(axis=1) for both in around], axis=0)]
         others = np.concatenate([faces[n] for n in near])
@@ -140,16 +144,6 @@ def touching_places(surface: Surface, *, touching: float, spacing: float) -> Tou
         mine = np.full(int(touch.sum()), numbers[number])
         bodies.append(np.sort(np.stack([mine, owner[face[touch]]], axis=1), axis=1))
     return TouchingPlaces(np.concatenate(where), np.concatenate(bodies))
-
-
-def _samples(
-    points: Float[np.ndarray, "points 3"], faces: np.ndarray, spacing: float
-) -> Float[np.ndarray, "n 3"]:
-    """Random points [m] of a body of which each has others within ``spacing`` [m]."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-    count = int(np.clip(PER_SQUARE * area / spacing**2, 1, MOST_SAMPLES))
-    return sample(points, faces, rng=np.random.default_rng(0), count=count).where
 
 
 # Rows of whole numbers that are equal: edges, faces, cells.

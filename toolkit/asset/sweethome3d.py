@@ -60,7 +60,19 @@ def furniture_folder() -> Path:
     for folder in [Path(named)] if named else [Path("/") / _INSIDE, cached]:
         if (folder / f"{SOURCES[0]}.sh3f").exists():
             return folder
-    _fetch(_cache())
+    # Download the Debian package and unpack it; neither step needs root
+    folder = _cache()
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        try:
+            _call(["apt-get", "download", PACKAGE], work)
+            (deb,) = Path(work).glob("*.deb")
+            _call(["dpkg", "-x", str(deb), str(folder)], work)
+        except (OSError, ValueError, subprocess.CalledProcessError) as error:
+            raise InputError(
+                f"cannot fetch Debian's {PACKAGE} ({error}): run `apt-get update`, or unpack it "
+                f"yourself and set {FOLDER_VARIABLE} to the folder of its .sh3f files"
+            ) from error
     return cached
 
 
@@ -106,21 +118,6 @@ def _cache() -> Path:
     from platformdirs import user_cache_path
 
     return user_cache_path("autophyx-tet") / PACKAGE
-
-
-def _fetch(folder: Path) -> None:
-    """Download the Debian package and unpack it; neither step needs root."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder) as work:
-        try:
-            _call(["apt-get", "download", PACKAGE], work)
-            (deb,) = Path(work).glob("*.deb")
-            _call(["dpkg", "-x", str(deb), str(folder)], work)
-        except (OSError, ValueError, subprocess.CalledProcessError) as error:
-            raise InputError(
-                f"cannot fetch Debian's {PACKAGE} ({error}): run `apt-get update`, or unpack it "
-                f"yourself and set {FOLDER_VARIABLE} to the folder of its .sh3f files"
-            ) from error
 
 
 def _call(command: list[str], folder: str) -> None:

@@ -75,27 +75,24 @@ def main(arguments: list[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that knows no cube sign shows a ?
     try:
-        return _main(given)
+        if given == ["--version"]:
+            sys.stdout.write(f"autophyx-tet {__version__}\n")
+            return 0
+        try:
+            command = _parse(given)
+        except AutophyxError as error:
+            _say(f"autophyx-tet: {_one_line(error)}")
+            return error.exit_code
+        common: Common = command.common
+        if common.print_config:
+            sys.stdout.write(config_text(command))
+            return 0
+        level = logging.INFO if common.verbose else logging.ERROR
+        logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
+        return _call(command, common)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
         return EXIT_PIPE
-
-
-def _main(given: list[str]) -> int:
-    if given == ["--version"]:
-        sys.stdout.write(f"autophyx-tet {__version__}\n")
-        return 0
-    try:
-        command = _parse(given)
-    except AutophyxError as error:
-        _say(f"autophyx-tet: {_one_line(error)}")
-        return error.exit_code
-    common: Common = command.common
-    if common.print_config:
-        sys.stdout.write(config_text(command))
-        return 0
-    _configure_logging(common)
-    return _call(command, common)
 
 
 def _parse(given: list[str]) -> Any:
@@ -105,7 +102,13 @@ def _parse(given: list[str]) -> Any:
         close = get_close_matches(verb, COMMANDS, n=1)
         hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(COMMANDS)}"
         raise UsageError(f"there is no command {verb!r}: {hint}")
-    given = _joined_signs(given)
+    # Write `--up -y` as `--up=-y`: the parser takes a word with a dash for an option
+    joined: list[str] = []
+    for word in given:
+        if word in ("-x", "-y", "-z") and joined and joined[-1] == "--up":
+            word = f"{joined.pop()}={word}"
+        joined.append(word)
+    given = joined
     commands: dict[str, Any] = dict(COMMANDS)
     help_wanted = asked(given) if verb in COMMANDS else ""
     if help_wanted == WHOLE:
@@ -127,16 +130,6 @@ def _parse(given: list[str]) -> Any:
     finally:
         if help_wanted in BRIEF:
             sys.stdout.write(f"Every option: autophyx-tet {verb} {WHOLE}\n")
-
-
-def _joined_signs(given: list[str]) -> list[str]:
-    """Write ``--up -y`` as ``--up=-y``: the parser takes a word with a dash for an option."""
-    joined: list[str] = []
-    for word in given:
-        if word in ("-x", "-y", "-z") and joined and joined[-1] == "--up":
-            word = f"{joined.pop()}={word}"
-        joined.append(word)
-    return joined
 
 
 def lone_sentence(verb: str, given: list[str]) -> str:
@@ -181,11 +174,6 @@ def _call(command: Any, common: Common) -> int:
 def _trace(common: Common) -> None:
     if common.traceback:
         traceback.print_exc()
-
-
-def _configure_logging(common: Common) -> None:
-    level = logging.INFO if common.verbose else logging.ERROR
-    logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
 
 
 def _one_line(error: BaseException) -> str:

@@ -99,20 +99,22 @@ def tetrahedralize(
     target = EngineTarget.of(diagonal, rel, epsilon_rel, stop_energy, layers)
     target = target.on_lattice(max_tets, sharp=not asset.sampled)
     target = replace(target, most_triangles=QUICK_TRIANGLES if mesher == AUTO else None)
-    held = _held(asset, _walls(asset, wall, part_wall or {}), target.epsilon, solid)
+    walls = _walls(asset, wall, part_wall or {})
+    names = asset.part_names
+    held = {
+        p: wall for p, wall in walls.items() if wall >= target.epsilon and names[p] not in solid
+    }
     runner = Runner(time_limit, memory_limit, progress, cache).checked()
     preparation = Preparation.of(asset, thinnest=target.envelope, thicken=thicken, walls=held)
     problem, ready = _problem(asset, target, preparation, runner, rng, lossy=accept_broken)
     found = _found(asset, problem, mesher, max_tets, whole=ready.closing.whole)
-    made = _kept(asset, found, accept_broken)
+    if found.made is None or not (found.kept or accept_broken):
+        raise NoVolumeError(no_mesh(asset, found.record))
+    made = found.made
     report = _report(asset, problem, made, found.record, ready, solid, seed)
     mesh = replace(made.mesh, points=made.mesh.points + asset.bounds.mean(axis=0))
-    return mesh, _worded(report, layers, max_tets)
-
-
-def _worded(report: ConversionReport, layers: int, max_tets: int | None) -> ConversionReport:
     told = said(report, layers, max_tets)
-    return replace(report, warnings=told, differences=differences(report))
+    return mesh, replace(report, warnings=told, differences=differences(report))
 
 
 def _problem(
@@ -177,13 +179,6 @@ def _judged(
     return judge
 
 
-def _kept(asset: Asset, found: Attempts, accept_broken: bool) -> Made:
-    """The best mesh, unless it breaks what a conversion promises."""
-    if found.made is None or not (found.kept or accept_broken):
-        raise NoVolumeError(no_mesh(asset, found.record))
-    return found.made
-
-
 def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> dict[int, float]:
     """Wall [m] by number of the part."""
     unknown = [name for name in part_wall if name not in asset.part_names]
@@ -197,14 +192,6 @@ def _walls(asset: Asset, wall: float | None, part_wall: Mapping[str, float]) -> 
     if bad:
         raise UsageError(f"--wall and --part-wall must be lengths > 0 m, got {bad[0]:g}")
     return walls
-
-
-def _held(
-    asset: Asset, walls: Mapping[int, float], thinnest: float, solid: Sequence[str]
-) -> dict[int, float]:
-    """Walls [m] that the mesh is to have: not of ``solid`` parts, nor below ``thinnest``."""
-    names = asset.part_names
-    return {p: wall for p, wall in walls.items() if wall >= thinnest and names[p] not in solid}
 
 
 def _mesh(filling: Filling, names: tuple[str, ...]) -> TetMesh:
@@ -233,12 +220,23 @@ def _report(
     thin = _thin(solids.plates, names)
     missing = [name for name in names if name not in (*mesh.region_names, *thin.parts)]
     sheets = tuple(names[i] for i in solids.sheets if names[i] in missing)
+    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
     return ConversionReport(
         repair=ready.repair,
         attempts=attempts,
         guarantees=(*made.guarantees, ready.kept_volume),
         quality=made.quality,
-        regions=_regions(mesh, names, problem.volume),
+        regions=tuple(
+            Region(
+                name,
+                int(count),
+                float(filled),
+                float(problem.volume.by_part[list(names).index(name)]),
+            )
+            for name, count, filled in zip(
+                mesh.region_names, tets, mesh.region_volumes(), strict=True
+            )
+        ),
         diagonal=filling.target.diagonal,
         edge_length=filling.target.edge_length,
         epsilon=made.epsilon,
@@ -287,14 +285,6 @@ def _parted_volume(lattice: LatticeFit, mesh: TetMesh, names: Sequence[str]) -> 
     """Volume [m^3] of the pieces that have come off."""
     volume = dict(zip(mesh.region_names, mesh.region_volumes().tolist(), strict=True))
     return sum(share * volume[names[part]] for part, share in lattice.parted_shares.items())
-
-
-def _regions(mesh: TetMesh, names: Sequence[str], volume: InputVolume) -> tuple[Region, ...]:
-    tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
-    return tuple(
-        Region(name, int(count), float(filled), float(volume.by_part[list(names).index(name)]))
-        for name, count, filled in zip(mesh.region_names, tets, mesh.region_volumes(), strict=True)
-    )
 
 
 # Attempts at a mesh: as asked, repaired harder, coarser, wrapped; every one is on record.

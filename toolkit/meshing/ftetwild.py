@@ -299,7 +299,17 @@ def edge_field(surface: Triangles, *, edge: float, layers: int) -> dict[str, np.
     for corner in np.ndindex(2, 2, 2):
         np.minimum.at(values, tuple((cell + corner).T), np.tile(wanted[thin], 3))
     vertices = lo + CELL * edge * np.argwhere(np.ones(shape, dtype=bool))
-    return {"bg_vertices": vertices, "bg_tets": _lattice(shape), "bg_values": values.reshape(-1)}
+    # Six tets in every cell of a lattice of points, in the order of `numpy.argwhere`
+    number = np.arange(shape.prod()).reshape(shape)
+    corners = [
+        number[i : shape[0] - 1 + i, j : shape[1] - 1 + j, k : shape[2] - 1 + k].reshape(-1)
+        for k, j, i in np.ndindex(2, 2, 2)
+    ]
+    return {
+        "bg_vertices": vertices,
+        "bg_tets": np.stack(corners, axis=1)[:, CUBE_TETS].reshape(-1, 4).astype(np.int32),
+        "bg_values": values.reshape(-1),
+    }
 
 
 def thicknesses(
@@ -317,13 +327,3 @@ def thicknesses(
     rays = RayMeshIntersector(Trimesh(*surface, process=False))
     hit, ray, _ = rays.intersects_location(origin, -normal, multiple_hits=False)
     return where[ray], hit, np.linalg.norm(hit - where[ray], axis=1)
-
-
-def _lattice(shape: Int[np.ndarray, "3"]) -> Int[np.ndarray, "tets 4"]:
-    """Six tets in every cell of a lattice of points, in the order of ``numpy.argwhere``."""
-    number = np.arange(shape.prod()).reshape(shape)
-    corners = [
-        number[i : shape[0] - 1 + i, j : shape[1] - 1 + j, k : shape[2] - 1 + k].reshape(-1)
-        for k, j, i in np.ndindex(2, 2, 2)
-    ]
-    return np.stack(corners, axis=1)[:, CUBE_TETS].reshape(-1, 4).astype(np.int32)

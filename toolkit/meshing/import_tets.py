@@ -50,7 +50,23 @@ def import_tets(
     """
     path = Path(path)
     given = read_mesh(path)
-    asset = scaled(_asset(path, given), size=size, units=units, up=up)
+    # The closed surface of every region, in the units of the file
+    import trimesh
+
+    parts = []
+    for number, name in enumerate(given.region_names):
+        faces = boundary_faces(given.tets[given.region == number]).faces
+        if len(faces):
+            used, index = np.unique(faces, return_inverse=True)
+            surface = trimesh.Trimesh(given.points[used], index.reshape(-1, 3), process=False)
+            parts.append(Part(name, surface, (name,)))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    asset = scaled(
+        Asset(path.stem, tuple(parts), source=str(path), source_hash=digest),
+        size=size,
+        units=units,
+        up=up,
+    )
     apart = separate(given.points * asset.metres_per_unit, given.tets)
     mesh = TetMesh(
         apart.points, apart.tets, given.region[apart.origin], region_names=given.region_names
@@ -60,25 +76,11 @@ def import_tets(
     return ImportedTets(asset, mesh, _report(mesh, apart.split_edges, apart.doubled_points))
 
 
-def _asset(path: Path, mesh: TetMesh) -> Asset:
-    """The closed surface of every region, in the units of the file."""
-    import trimesh
-
-    parts = []
-    for number, name in enumerate(mesh.region_names):
-        faces = boundary_faces(mesh.tets[mesh.region == number]).faces
-        if len(faces):
-            used, index = np.unique(faces, return_inverse=True)
-            surface = trimesh.Trimesh(mesh.points[used], index.reshape(-1, 3), process=False)
-            parts.append(Part(name, surface, (name,)))
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Asset(path.stem, tuple(parts), source=str(path), source_hash=digest)
-
-
 def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionReport:
     """What can be measured without a surface to compare with."""
     measured, volumes = quality(mesh), mesh.region_volumes()
     tets = np.bincount(mesh.region, minlength=len(mesh.region_names))
+    a, b = mesh.points[mesh.tets[:, 0]], mesh.points[mesh.tets[:, 1]]
     return ConversionReport(
         repair=RepairReport(),
         attempts=(),
@@ -92,16 +94,10 @@ def _report(mesh: TetMesh, split_edges: int, doubled_points: int) -> ConversionR
             for name, n, v in zip(mesh.region_names, tets, volumes, strict=True)
         ),
         diagonal=float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))),
-        edge_length=_median_edge(mesh),
+        edge_length=float(np.median(np.linalg.norm(b - a, axis=1))),
         epsilon=0.0,
         input_volume=mesh.volume,
         distances=Distances(0.0, 0.0),
         split_edges=split_edges,
         doubled_points=doubled_points,
     )
-
-
-def _median_edge(mesh: TetMesh) -> float:
-    """Median length [m] of the edges between the first two vertices of the tets."""
-    a, b = mesh.points[mesh.tets[:, 0]], mesh.points[mesh.tets[:, 1]]
-    return float(np.median(np.linalg.norm(b - a, axis=1)))

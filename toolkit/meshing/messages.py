@@ -63,7 +63,19 @@ def _left_out(report: ConversionReport) -> Iterator[str]:
     if report.sheets:
         yield f"{listed(report.sheets)}: a sheet without volume, not meshed; --thicken gives it one"
     if report.thin.count:
-        yield _thin(report)
+        # Which closed pieces are left out, how much that is, and what would keep them
+        thin, share = report.thin, report.losses.thin
+        much = f", {share:.0%} of the volume that the file encloses," if share > SHARE_TOLD else ""
+        keeping = 2 * KEPT_BY * thin.thickness / report.diagonal
+        way = (
+            f"--epsilon-rel {keeping:.2g} keeps them"
+            if keeping > FINEST
+            else f"they are {thin.thickness:.2g} m thick, too thin for tets"
+        )
+        yield (
+            f"{thin.count} closed pieces thinner than {thin.thinnest:.3g} m, "
+            f"of {listed(thin.parts)}{much} are left out; {way}"
+        )
     if report.lost:
         yield (
             f"{listed(report.lost)}: thinner than {_thinnest(report)} or covered by other parts, "
@@ -79,22 +91,6 @@ def _left_out(report: ConversionReport) -> Iterator[str]:
             f"{report.distances.missed_share:.1%} of the surface is on plates or gaps thinner than "
             f"{_thinnest(report)}, which the mesh lacks or blurs; {_finer(report)} keeps them"
         )
-
-
-def _thin(report: ConversionReport) -> str:
-    """Which closed pieces are left out, how much that is, and what would keep them."""
-    thin, share = report.thin, report.losses.thin
-    much = f", {share:.0%} of the volume that the file encloses," if share > SHARE_TOLD else ""
-    keeping = 2 * KEPT_BY * thin.thickness / report.diagonal
-    way = (
-        f"--epsilon-rel {keeping:.2g} keeps them"
-        if keeping > FINEST
-        else f"they are {thin.thickness:.2g} m thick, too thin for tets"
-    )
-    return (
-        f"{thin.count} closed pieces thinner than {thin.thinnest:.3g} m, of {listed(thin.parts)}"
-        f"{much} are left out; {way}"
-    )
 
 
 def _closed(report: ConversionReport) -> Iterator[str]:

@@ -297,10 +297,19 @@ def payload(content: ReportContent) -> str:
         if index == len(meshes):
             meshes.append(case.mesh)
             geometries.append(_geometry(case))
+        material = case.mesh.material
+        assert material is not None  # Case guarantees it
+        values: dict[str, object] = {
+            name: _packed(getattr(material, name), "<f4") for name in ("E", "nu", "rho")
+        }
+        if case.von_mises is not None:
+            values["von_mises"] = _packed(case.von_mises, "<f4")
+        if case.displacement is not None:
+            values["displacement"] = _quantised(case.displacement[None])
         cases.append(
             {
                 "geometry": index,
-                **_values(case),
+                **values,
                 **_motion(case, frames_shown(case, content)),
                 **_vibrations(case),
                 **_marks(case),
@@ -348,19 +357,6 @@ def _geometry(case: Case) -> dict:
         "names": list(mesh.region_names),
         "look": seen,
     }
-
-
-def _values(case: Case) -> dict:
-    material = case.mesh.material
-    assert material is not None  # Case guarantees it
-    values: dict[str, object] = {
-        name: _packed(getattr(material, name), "<f4") for name in ("E", "nu", "rho")
-    }
-    if case.von_mises is not None:
-        values["von_mises"] = _packed(case.von_mises, "<f4")
-    if case.displacement is not None:
-        values["displacement"] = _quantised(case.displacement[None])
-    return values
 
 
 def _motion(case: Case, shown: np.ndarray) -> dict:
@@ -463,10 +459,16 @@ def report_page(content: ReportContent) -> str:
     from plotly.offline import get_plotlyjs
 
     scripts = [_inline(get_plotlyjs()), _inline("".join(map(_text, SCRIPTS)))]
+    # Content security policy: only these scripts run, and nothing is fetched from anywhere
+    digests = (hashlib.sha256(text.encode()).digest() for text in scripts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return render(
         "report.html",
         **page(content),
-        policy=_policy(scripts),
+        policy=(
+            f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+            "img-src data: blob:; base-uri 'none'; form-action 'none'"
+        ),
         # Ours, or made so that they cannot end their elements: not escaped again.
         style=Markup(_text("report.css")),
         data=Markup(payload(content)),
@@ -483,16 +485,6 @@ def _inline(script: str) -> str:
     """Script text that cannot end its own element and hashes alike here and in a browser."""
     script = script.replace("\r\n", "\n").replace("\r", "\n").replace("\0", "�")
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
-
-
-def _policy(scripts: list[str]) -> str:
-    """Content security policy: only these scripts run, and nothing is fetched from anywhere."""
-    digests = (hashlib.sha256(text.encode()).digest() for text in scripts)
-    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
-    return (
-        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
-    )
 
 
 # Templates of pages: Jinja fills them in, and escapes every word that is not ``Markup``.

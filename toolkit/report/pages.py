@@ -57,11 +57,25 @@ def run_page(
         cases = [replace(case, alpha=alpha) for case, alpha in zip(cases, places, strict=True)]
     if touch:
         cases = [_touched(case, c.simulation) for case, c in zip(cases, result.cases, strict=True)]
+    mesh, quality = conversion.mesh, conversion.report.quality
+    kept = sum(guarantee.ok for guarantee in conversion.report.guarantees)
     return ReportContent(
         title=asset.name,
         cases=tuple(cases),
         up=asset.up,
-        quality=_quality(conversion),
+        quality={
+            "tets": quality.tets,
+            "points": quality.points,
+            "volume [m³]": quality.volume,
+            "guarantees kept": f"{kept} of {len(conversion.report.guarantees)}",
+            "distance to the input [m]": conversion.report.distances.to_input,
+            "distance from the input [m]": conversion.report.distances.from_input,
+            "smallest altitude [m]": quality.altitude_min,
+            "connected components": quality.components,
+            "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(
+                1
+            ),
+        },
         warnings=tuple(document["warnings"]),
         provenance={
             "asset": asset.source or asset.name,
@@ -87,6 +101,7 @@ def simulation_page(
     mesh, chosen = simulation.mesh, sidecar.record.get("assign", {})
     found = quality(mesh)
     case = _case(chosen.get("text", ""), simulation, chosen)
+    before = (w for stage in sidecar.record.values() for w in stage.get("warnings", ()))
     return ReportContent(
         title=sidecar.source.get("name") or name,
         cases=(_touched(case, simulation) if touch else case,),
@@ -101,7 +116,7 @@ def simulation_page(
                 1
             ),
         },
-        warnings=_warnings(simulation, sidecar),
+        warnings=tuple(dict.fromkeys((*before, *simulation.warnings))),
         provenance={
             **{key: value for key, value in sidecar.source.items() if value},
             "scenario": simulation.scenario,
@@ -113,12 +128,6 @@ def simulation_page(
         command=command,
         loaded=tuple(loaded_mesh(name, mesh, sidecar)),
     )
-
-
-def _warnings(simulation: Simulation, sidecar: Sidecar) -> tuple[str, ...]:
-    """Those of the simulation, after those of what made its mesh."""
-    before = (w for stage in sidecar.record.values() for w in stage.get("warnings", ()))
-    return tuple(dict.fromkeys((*before, *simulation.warnings)))
 
 
 class Framed(NamedTuple):
@@ -154,22 +163,6 @@ def _films(simulation: Simulation, up: UpAxis) -> dict[str, bytes]:
     if simulation.particles is None:
         return {}
     return {PARTICLES: particle_film(simulation.particles, up=up)}
-
-
-def _quality(conversion: Conversion) -> dict[str, object]:
-    mesh, quality = conversion.mesh, conversion.report.quality
-    kept = sum(guarantee.ok for guarantee in conversion.report.guarantees)
-    return {
-        "tets": quality.tets,
-        "points": quality.points,
-        "volume [m³]": quality.volume,
-        "guarantees kept": f"{kept} of {len(conversion.report.guarantees)}",
-        "distance to the input [m]": conversion.report.distances.to_input,
-        "distance from the input [m]": conversion.report.distances.from_input,
-        "smallest altitude [m]": quality.altitude_min,
-        "connected components": quality.components,
-        "smallest dihedral angle of each tet [°]": dihedral_angles(mesh.points, mesh.tets).min(1),
-    }
 
 
 def _case(
@@ -284,7 +277,19 @@ def found(simulation: Simulation, parts: Sequence[dict[str, Any]]) -> Iterator[F
         first = simulation.frequencies[:1]
         yield "Rings", f"first at {si(first[0], 'Hz')}" if first else "no frequency was found"
     else:
-        yield "Moves most", _moves(simulation)
+        # How far, which part and where: of all frames of a motion
+        if isinstance(simulation, Settled):
+            frames, when = simulation.displacement[None], ""
+        else:
+            frames, when = simulation.animation.displacement, " at most"
+        far = np.linalg.norm(frames, axis=-1).max(axis=0)
+        point = int(far.argmax())
+        mesh = simulation.mesh
+        place = ", ".join(f"{x:.3g}" for x in mesh.points[point])
+        yield (
+            "Moves most",
+            (f"{_part_at(mesh, point)} by {si(float(far[point]), 'm')}{when}, at ({place}) m"),
+        )
     judged = isinstance(simulation, Settled)
     yield "Gives way", _gives_way(simulation) if judged else UNJUDGED
     if parts:
@@ -298,19 +303,6 @@ def unheard(doubts: Sequence[str]) -> Fact:
 
 def _file_name(source: str) -> str:
     return source.replace("\\", "/").rpartition("/")[2]
-
-
-def _moves(simulation: Simulation) -> str:
-    """How far, which part and where: of all frames of a motion."""
-    if isinstance(simulation, Settled):
-        frames, when = simulation.displacement[None], ""
-    else:
-        frames, when = simulation.animation.displacement, " at most"
-    far = np.linalg.norm(frames, axis=-1).max(axis=0)
-    point = int(far.argmax())
-    mesh = simulation.mesh
-    place = ", ".join(f"{x:.3g}" for x in mesh.points[point])
-    return f"{_part_at(mesh, point)} by {si(float(far[point]), 'm')}{when}, at ({place}) m"
 
 
 def _part_at(mesh: TetMesh, point: int) -> str:

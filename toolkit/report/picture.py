@@ -353,19 +353,18 @@ GRAIN = 0.3
 def write_picture(path: Path, simulation: Simulation, *, up: UpAxis) -> Path:
     """Write what becomes of a mesh, beside its stiffness where the picture stands still."""
     if path.suffix.lower() == STILL:
-        panels = [_stiffness(simulation), _answer(simulation, simulation.displacement[None])]
+        mesh = simulation.mesh
+        assert mesh.material is not None, "a simulated mesh has a material"
+        E = mesh.material.E
+        scale = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
+        panels = [
+            mesh_panel(mesh, E, scale=scale, title="Stiffness"),
+            _answer(simulation, simulation.displacement[None]),
+        ]
         return render_png(path, panels, up=up)
     frames = simulation.animation.displacement
     shown = np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)
     return render_animation(path, [_answer(simulation, frames[shown])], up=up)
-
-
-def _stiffness(simulation: Simulation) -> Panel:
-    mesh = simulation.mesh
-    assert mesh.material is not None, "a simulated mesh has a material"
-    E = mesh.material.E
-    scale = Scale.around(E, label="Young's modulus", unit="Pa", palette="E", log=True)
-    return mesh_panel(mesh, E, scale=scale, title="Stiffness")
 
 
 def _answer(simulation: Simulation, displacement: np.ndarray) -> Panel:
@@ -392,7 +391,19 @@ def particle_film(run: ParticleRun, *, up: UpAxis) -> bytes:
     states = run.positions[shown.round().astype(int)]
     ends = np.stack([states.min(axis=(0, 1)), states.max(axis=(0, 1))]).astype(np.float64)
     camera = hemisphere(ends, count=5, up=up)[1]
-    table = PointTable(_balls(run))
+    # Columns of splats: a round one at every particle, of the colour of its part
+    count = len(run.part)
+    colours = np.array([rgb(colour) for colour in PARTS])[run.part % len(PARTS)]
+    shade = 1 - GRAIN * np.random.default_rng(0).random((count, 1))
+    table = PointTable(
+        standard_columns(
+            means=run.positions[0],
+            log_scales=np.full((count, 3), np.log(BALL * run.spacing)),
+            rotations=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            opacity=np.full(count, 0.95),
+            f_dc=(shade * colours - 0.5) / SH_C0,
+        )
+    )
     sheets = []
     for places in states:
         moved = table.with_columns(dict(zip(XYZ, places.T, strict=True)))
@@ -402,20 +413,6 @@ def particle_film(run: ParticleRun, *, up: UpAxis) -> bytes:
     each = round(2000 / len(sheets))  # two seconds, as other loops
     sheets[0].save(out, "GIF", save_all=True, append_images=sheets[1:], duration=each, loop=0)
     return out.getvalue()
-
-
-def _balls(run: ParticleRun) -> dict[str, np.ndarray]:
-    """Columns of splats: a round one at every particle, of the colour of its part."""
-    count = len(run.part)
-    colours = np.array([rgb(colour) for colour in PARTS])[run.part % len(PARTS)]
-    shade = 1 - GRAIN * np.random.default_rng(0).random((count, 1))
-    return standard_columns(
-        means=run.positions[0],
-        log_scales=np.full((count, 3), np.log(BALL * run.spacing)),
-        rotations=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        opacity=np.full(count, 0.95),
-        f_dc=(shade * colours - 0.5) / SH_C0,
-    )
 
 
 # Colour scales: values to colours, and the round numbers that stand beside them.

@@ -147,11 +147,8 @@ class _Daylight:
         normal *= -np.sign(turned)[:, None]  # both sides of a face are lit
         color = to_linear(np.einsum("nc,nck->nk", weights, self.surface.colors[face]))
         pixels[seen] = color * self._light(at, normal, samples)[:, None]
-        self._shade_ground(pixels, origin, rays, hit["primID"] < 0, samples)
-        return pixels
-
-    def _shade_ground(self, pixels, origin, rays, free, samples: int) -> None:
-        """Darken the white ground where the object takes light from it, fading with distance."""
+        # Darken the white ground where the object takes light from it, fading with distance
+        free = hit["primID"] < 0
         down = -(rays @ self.up)
         below = np.flatnonzero(free & (down > 1e-6) & (origin @ self.up > self.floor))
         travelled = (origin @ self.up - self.floor) / down[below]
@@ -163,6 +160,7 @@ class _Daylight:
         open_light = SKY * _sky(2 / 3) + SUN * (self._sun() @ self.up)  # 2/3: Lambert's mean height
         shadow = 1 - np.minimum(self._light(at, normal, samples) / open_light, 1)
         pixels[below] = (1 - shadow * (1 - away[near] ** 2))[:, None]
+        return pixels
 
     def _light(self, at, normal, samples: int) -> np.ndarray:
         """Light on a white surface: the free share of a bright sky, and the sun if it is seen."""
@@ -172,7 +170,10 @@ class _Daylight:
         facing = normal @ self._sun()
         lit = np.flatnonzero(facing > 0)
         for i in range(samples):
-            ball = _on_ball((base + i * np.array(PLASTIC)) % 1)
+            pair = (base + i * np.array(PLASTIC)) % 1
+            height, turn = 2 * pair[:, 0] - 1, 2 * np.pi * pair[:, 1]
+            ring = np.sqrt(1 - height**2)
+            ball = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
             towards = normal + 0.999 * ball  # Lambert: the cosine is in the density
             towards /= np.linalg.norm(towards, axis=1, keepdims=True)
             sky += self._free(start, towards) * _sky(towards @ self.up)
@@ -194,10 +195,3 @@ class _Daylight:
 def _sky(height):
     """Brightness of the sky at a height (sine of the elevation), 1 overhead, dimmer to the side."""
     return (1 + 0.35 * height) / 1.35
-
-
-def _on_ball(pair: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-    """Points on the unit sphere from pairs in the unit square, area for area."""
-    height, turn = 2 * pair[:, 0] - 1, 2 * np.pi * pair[:, 1]
-    ring = np.sqrt(1 - height**2)
-    return np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)

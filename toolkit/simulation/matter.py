@@ -59,7 +59,12 @@ def particle_method(
     if options.grid < 4:
         raise UsageError(f"--grid {options.grid}: wanted at least 4 cells along the longest side")
     if options.preset:
-        _check_preset(options)
+        # Say which number a preset would leave out in silence
+        for name in ("grid", "stiff", "damping"):
+            if getattr(options, name) != getattr(SimulateOptions, name):
+                raise UsageError(
+                    f"--preset {options.preset} has its own --{name}: leave one of them out"
+                )
     if not (np.isfinite(options.damping) and options.damping >= 0):
         raise UsageError(f"--damping {options.damping:g}: wanted a rate >= 0 [1/s]")
     own = MpmMethod(grid=options.grid, stiff=Stiff(options.stiff), damping=options.damping)
@@ -73,15 +78,6 @@ def particle_method(
         threads=options.threads,
         announce=announce,
     )
-
-
-def _check_preset(options: SimulateOptions) -> None:
-    """Say which number a preset would leave out in silence."""
-    for name in ("grid", "stiff", "damping"):
-        if getattr(options, name) != getattr(SimulateOptions, name):
-            raise UsageError(
-                f"--preset {options.preset} has its own --{name}: leave one of them out"
-            )
 
 
 def cells_wanted(options: SimulateOptions) -> int:
@@ -251,12 +247,24 @@ def voxel_body(path: Path, *, cells: int, scale: float = 1.0) -> VoxelBody | Non
     if suffix not in POINT_FORMATS or not path.is_file():
         return None
     table = read_points(path)
-    if not _has_material(table):
+    if not all(name in table.columns for name in ("E", "nu", "rho")):
         return None
     places = {name: scale * np.asarray(table.columns[name], dtype=np.float64) for name in "xyz"}
     names = _part_names(table)
     field = field_from_points(table.with_columns(places), cells=cells, part_names=names)
-    return VoxelBody(tets_of_field(field), (_filled(field),), path, {})
+    from scipy.ndimage import binary_erosion
+
+    solid = np.asarray(field.occupied)
+    outer = 1 - binary_erosion(solid).sum() / solid.sum()
+    return VoxelBody(
+        tets_of_field(field),
+        (
+            f"filled: {solid.sum():,} voxels of {field.grid.h:.3g} m; the {outer:.0%} at the "
+            "surface are taken as full: mass and thickness may be half of that too large",
+        ),
+        path,
+        {},
+    )
 
 
 def rows_of_field(field: MaterialField) -> dict[str, str]:
@@ -276,10 +284,6 @@ def check_particles(path: Path, *, particles: bool) -> None:
         raise UsageError(f"{path} is no mesh: --solver mpm makes particles of it, or `convert` it")
 
 
-def _has_material(table: PointTable) -> bool:
-    return all(name in table.columns for name in ("E", "nu", "rho"))
-
-
 def _part_names(table: PointTable) -> tuple[str, ...]:
     """Names of the parts from the remark that ``transfer`` leaves."""
     for comment in table.comments:
@@ -290,14 +294,3 @@ def _part_names(table: PointTable) -> tuple[str, ...]:
         if isinstance(known, dict) and "part" in known:
             return tuple(map(str, known["part"]))
     return ()
-
-
-def _filled(field: MaterialField) -> str:
-    from scipy.ndimage import binary_erosion
-
-    solid = np.asarray(field.occupied)
-    outer = 1 - binary_erosion(solid).sum() / solid.sum()
-    return (
-        f"filled: {solid.sum():,} voxels of {field.grid.h:.3g} m; the {outer:.0%} at the surface "
-        "are taken as full: mass and thickness may be half of that too large"
-    )

@@ -75,7 +75,11 @@ def run_scenario(
     scenario = _scenario(options, stated.gravity)
     kind = method_name(options, scenario)
     method = chosen_method(kind, options, rows, announce(progress, started), classes=classes)
-    _check_law(options, method)
+    if options.law and method.laws and options.law not in method.laws:
+        raise UsageError(
+            f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
+            f"got {options.law!r}"
+        )
     scene = stated_scene(mesh, options, up=up, materials=rows)
     result = method.solve(
         scene,
@@ -168,14 +172,6 @@ def _check_conditions(
         for kind in (*LOADS, "move"):
             if getattr(conditions, kind):
                 raise UsageError(f"--{kind}: loads do not change vibrations; --fix does")
-
-
-def _check_law(options: SimulateOptions, method: Method) -> None:
-    if options.law and method.laws and options.law not in method.laws:
-        raise UsageError(
-            f"--scenario {options.scenario} knows only --law {', '.join(method.laws)}, "
-            f"got {options.law!r}"
-        )
 
 
 def announce(progress: Progress | None, started: float) -> Callable[[str], None] | None:
@@ -281,18 +277,7 @@ STAGED = {"supports": "sag", "modes": "modal"} | {
 
 def method_name(options: SimulateOptions, scenario: Scenario) -> str:
     """Name of the method of ``--solver`` for ``scenario``; ``UsageError`` where it cannot."""
-    _check_owners(options, scenario)
-    if options.solver == "fem":
-        return scenario.method
-    why = REFUSED.get((options.solver, options.scenario))
-    if why is not None:
-        other = "mpm" if scenario.method == "mpm" else "fem"
-        raise UsageError(f"--scenario {options.scenario}: {why}; --solver {other}")
-    return options.solver
-
-
-def _check_owners(options: SimulateOptions, scenario: Scenario) -> None:
-    """Refuse what neither the solver nor the scenario would read, rather than leave it out."""
+    # Refuse what neither the solver nor the scenario would read, rather than leave it out
     solver = "mpm" if scenario.method == "mpm" else options.solver
     known = [field.name for field in fields(scenario)]  # type: ignore  (a scenario is a dataclass)
     read = {*known, *(f"{options.scenario}_{name}" for name in known)}
@@ -306,6 +291,13 @@ def _check_owners(options: SimulateOptions, scenario: Scenario) -> None:
         if name in STAGED and name not in read:
             wanted = f"wanted --scenario {STAGED[name]}, not {options.scenario}"
             raise UsageError(f"--{option}: {wanted}")
+    if options.solver == "fem":
+        return scenario.method
+    why = REFUSED.get((options.solver, options.scenario))
+    if why is not None:
+        other = "mpm" if scenario.method == "mpm" else "fem"
+        raise UsageError(f"--scenario {options.scenario}: {why}; --solver {other}")
+    return options.solver
 
 
 def chosen_method(

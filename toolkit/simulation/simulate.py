@@ -54,7 +54,7 @@ def simulate(
 
     options = changed_options(options or SimulateOptions(), given)
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
-    drive = drive or _own_carrier(body, output)
+    drive = drive or (None if body is None or output is None or output.suffix else body.carrier)
     wanted = {"output": output, "report": report, "picture": picture}
     output = _checked_output(drive, output)
     _check_pages(report, picture, touch=options.touch)
@@ -73,7 +73,12 @@ def simulate(
         size_stated=record.size_stated,
     )
     if drive is not None and output is not None:
-        result = _driven(result, drive, folder=output.parent, scale=scale, up=sidecar.up)
+        # The result with the frames of a carrier that moved with it
+        output.parent.mkdir(parents=True, exist_ok=True)
+        place = {"folder": output.parent, "scale": scale, "up": sidecar.up}
+        moved = result.animation.displacement
+        driven = move_carrier(result.mesh, moved, drive, run=result.particles, **place)
+        result = replace(result, driven=driven, files=driven.files)
     again = command_line("simulate", source, options=(options,), up=up, drive=drive, **wanted)
     files = {**wanted, "output": output, "touch": options.touch, "command": again}
     return _shown(result, source.stem, sidecar, **files)
@@ -82,7 +87,8 @@ def simulate(
 def _with_material(mesh: TetMesh | str | Path, up: UpAxis | None) -> tuple[TetMesh, Sidecar]:
     """The mesh, which must have a material, and its sidecar."""
     mesh, sidecar, *_ = read_known(mesh, None)
-    _check_material(mesh)
+    if mesh.material is None:
+        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
     return mesh, replace(sidecar, up=up or sidecar.up)
 
 
@@ -97,22 +103,6 @@ def _known(
     return replace(record, materials=body.materials)
 
 
-def _check_material(mesh: TetMesh) -> None:
-    if mesh.material is None:
-        raise InputError("the mesh has no E, nu and rho: run `autophyx-tet assign` on it first")
-
-
-def _driven(
-    result: Simulation, carrier: Path, *, folder: Path, scale: float, up: UpAxis
-) -> Simulation:
-    """The result with the frames of a carrier that moved with it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    place = {"folder": folder, "scale": scale, "up": up}
-    moved = result.animation.displacement
-    driven = move_carrier(result.mesh, moved, carrier, run=result.particles, **place)
-    return replace(result, driven=driven, files=driven.files)
-
-
 def _voxels(
     source: str | Path | TetMesh, options: SimulateOptions, scale: float
 ) -> VoxelBody | None:
@@ -124,11 +114,6 @@ def _voxels(
         by_particles = options.solver == "mpm" or SCENARIOS[options.scenario].method == "mpm"
         check_particles(Path(source), particles=by_particles)
     return body
-
-
-def _own_carrier(body: VoxelBody | None, output: Path | None) -> Path | None:
-    """Splats that are the body themselves follow it where the output is a folder."""
-    return None if body is None or output is None or output.suffix else body.carrier
 
 
 def _noted(result: Simulation, body: VoxelBody | None) -> Simulation:

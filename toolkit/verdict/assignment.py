@@ -131,8 +131,18 @@ class Assignment:
             more = f" (and {len(others)} more)" if others else ""
             raise UsageError(f"--strict: {first}{more}")
 
-    def _bands(self) -> list[Verdict]:
-        """Whether the E, nu and rho of every part are usual for its category."""
+    def _unlike(self) -> Iterator[Verdict]:
+        """Say where a network's own E is far from the row that it is said to be like."""
+        for choice in self.choices:
+            E, row = choice.value.E, choice.row
+            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
+                said = f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row"
+                span = f"({row.E.min:.3g} to {row.E.max:.3g})"
+                yield Verdict("note", f"{said} {span}.", "inside band", ADVICE["inside band"])
+
+    def verdicts(self) -> list[Verdict]:
+        """Whether E, nu and rho are usual, and how well the mass is known."""
+        # Whether the E, nu and rho of every part are usual for its category
         found = [
             Verdict("note", f"{choice.part}: {complaint}", "inside band", ADVICE["inside band"])
             for choice in self.choices
@@ -146,20 +156,7 @@ class Assignment:
         if stated:
             said = f"{', '.join(stated)}: no strength is known of what is only numbers, as stated."
             found.append(Verdict("note", said, "as stated"))
-        return found
-
-    def _unlike(self) -> Iterator[Verdict]:
-        """Say where a network's own E is far from the row that it is said to be like."""
-        for choice in self.choices:
-            E, row = choice.value.E, choice.row
-            if choice.network and not row.E.min / UNLIKE <= E <= row.E.max * UNLIKE:
-                said = f"{choice.part}: E = {E:.3g} Pa is not that of {row.name}, the nearest row"
-                span = f"({row.E.min:.3g} to {row.E.max:.3g})"
-                yield Verdict("note", f"{said} {span}.", "inside band", ADVICE["inside band"])
-
-    def verdicts(self) -> list[Verdict]:
-        """Whether E, nu and rho are usual, and how well the mass is known."""
-        return [*self._bands(), *self._mass()]
+        return [*found, *self._mass()]
 
     def _mass(self) -> Iterator[Verdict]:
         """How far the mass may be off, where nothing says whether parts are hollow."""

@@ -60,7 +60,10 @@ def marks(scene: Scene) -> Marks:
     still = held.fixed & (held.values == 0)
     ids = _thinned(np.flatnonzero(still.any(axis=1)), MOST_HELD)
     moving = _thinned(np.flatnonzero((held.fixed & ~still).any(axis=1)), MOST_ARROWS)
-    moved = np.hstack([points[moving], _unit_largest(held.values[moving])])
+    vectors = held.values[moving]
+    moved = np.hstack(
+        [points[moving], (vectors / (np.linalg.norm(vectors, axis=1).max(initial=0.0) or 1.0))]
+    )
     arrows = [_arrows(scene, load) for load in scene.tractions]
     largest = max((np.linalg.norm(a[:, 3:], axis=1).max(initial=0.0) for a in arrows), default=0.0)
     joined = np.concatenate([np.zeros((0, 6)), *arrows])
@@ -188,10 +191,6 @@ def _thinned(ids: np.ndarray, most: int) -> np.ndarray:
     return ids[np.linspace(0, len(ids) - 1, most).round().astype(int)]
 
 
-def _unit_largest(vectors: np.ndarray) -> np.ndarray:
-    return vectors / (np.linalg.norm(vectors, axis=1).max(initial=0.0) or 1.0)
-
-
 # Outlines of obstacles: lines that a picture draws around them.
 
 # Lines of a circle.
@@ -203,9 +202,18 @@ REACH = 0.75
 def outline(obstacle: Obstacle, bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "lines 6"]:
     """Ends [m] of lines around an ``obstacle`` beside a body with these ``bounds`` [m]."""
     if isinstance(obstacle, Plane):
-        return _square(obstacle, bounds)
+        normal = np.asarray(obstacle.normal, dtype=float) / np.linalg.norm(obstacle.normal)
+        middle = bounds.mean(axis=0)
+        middle = middle - ((middle - np.asarray(obstacle.point)) @ normal) * normal
+        across = np.linalg.svd(normal[None])[2][1:] * REACH * float(np.ptp(bounds, axis=0).max())
+        corners = middle + np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across
+        return np.hstack([corners, np.roll(corners, -1, axis=0)])
     if isinstance(obstacle, Box):
-        return _edges(obstacle)
+        signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+        i, j = np.triu_indices(8, 1)
+        edge = np.abs(signs[i] - signs[j]).sum(axis=1) == 2
+        corners = np.asarray(obstacle.centre) + signs * np.asarray(obstacle.half)
+        return np.hstack([corners[i[edge]], corners[j[edge]]])
     if isinstance(obstacle, Sphere):
         return _ball(np.asarray(obstacle.centre, dtype=float), obstacle.radius)
     if isinstance(obstacle, Capsule):
@@ -213,23 +221,6 @@ def outline(obstacle: Obstacle, bounds: Float[np.ndarray, "2 3"]) -> Float[np.nd
         balls = [_ball(end, obstacle.radius) for end in ends]
         return np.concatenate([*balls, ends.reshape(1, 6)])
     return np.zeros((0, 6))
-
-
-def _square(plane: Plane, bounds: np.ndarray) -> np.ndarray:
-    normal = np.asarray(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
-    middle = bounds.mean(axis=0)
-    middle = middle - ((middle - np.asarray(plane.point)) @ normal) * normal
-    across = np.linalg.svd(normal[None])[2][1:] * REACH * float(np.ptp(bounds, axis=0).max())
-    corners = middle + np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across
-    return np.hstack([corners, np.roll(corners, -1, axis=0)])
-
-
-def _edges(box: Box) -> np.ndarray:
-    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
-    i, j = np.triu_indices(8, 1)
-    edge = np.abs(signs[i] - signs[j]).sum(axis=1) == 2
-    corners = np.asarray(box.centre) + signs * np.asarray(box.half)
-    return np.hstack([corners[i[edge]], corners[j[edge]]])
 
 
 def _ball(centre: np.ndarray, radius: float) -> np.ndarray:

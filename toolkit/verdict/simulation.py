@@ -323,6 +323,10 @@ class Moving(Simulation):
         frames = self.motion.frames
         pushes = np.linalg.norm(self.motion.obstacle_forces, axis=2)
         forces = pushes.max(axis=0)
+        # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
+        from ...fem.solve.energy import energy_balance
+
+        found = energy_balance(self.motion, self.scene)
         return {
             "frames": len(frames),
             "dt": self.motion.dt,
@@ -333,20 +337,13 @@ class Moving(Simulation):
             "obstacle_forces": pushes.tolist(),
             **self._contact(),
             "energy": [f.energy for f in frames],
-            "energy_balance": self._energy(),
+            "energy_balance": (found and found._asdict()),
             "order": self.motion.order,
             "newton_iterations": sum(f.iterations for f in frames),
             "model_error": self.motion.model_error,
             "stiffening": self.motion.stiffening,
             **({} if self.motion.particles is None else {"particles": self._particles()}),
         }
-
-    def _energy(self) -> dict[str, float] | None:
-        """Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]."""
-        from ...fem.solve.energy import energy_balance
-
-        found = energy_balance(self.motion, self.scene)
-        return found and found._asdict()
 
     def _contact(self) -> dict[str, Any]:
         """Largest pressures [Pa], and forces [N] of the pieces on each other: largest and last."""

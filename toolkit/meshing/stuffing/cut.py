@@ -96,7 +96,18 @@ def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) 
     pieces, many = _divided(local, region[tets[mixed]], mirrored[mixed])
     kept = _wild_tets(lattice, field, points, wild, offsets)
     *inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
-    return _compact(points, wild, [whole, *pieces, DividedTets(*inner), kept])
+    # All pieces, positively oriented, on the points that they use
+    pieces = [whole, *pieces, DividedTets(*inner), kept]
+    tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])
+    region = np.concatenate([piece.region for piece in pieces])
+    inside = region > 0
+    used = np.zeros(len(points), dtype=bool)
+    used[tets[inside]] = True
+    number = np.cumsum(used) - 1
+    free = np.zeros(len(points), dtype=bool)
+    free[: len(wild)] = ~wild
+    tets = number[tets[inside]].astype(np.int32)
+    return CutMesh(points[used], tets, region[inside], free[used])
 
 
 def _warped(
@@ -186,24 +197,6 @@ def _wild_tets(
 
 def _positive(tets: Int[np.ndarray, "tets 4"], mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
     return np.where(mirrored[:, None], tets[:, [0, 1, 3, 2]], tets)
-
-
-def _compact(
-    points: Float[np.ndarray, "points 3"],
-    wild: Bool[np.ndarray, "nodes"],
-    pieces: list[DividedTets],
-) -> CutMesh:
-    """All pieces, positively oriented, on the points that they use."""
-    tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])
-    region = np.concatenate([piece.region for piece in pieces])
-    inside = region > 0
-    used = np.zeros(len(points), dtype=bool)
-    used[tets[inside]] = True
-    number = np.cumsum(used) - 1
-    free = np.zeros(len(points), dtype=bool)
-    free[: len(wild)] = ~wild
-    tets = number[tets[inside]].astype(np.int32)
-    return CutMesh(points[used], tets, region[inside], free[used])
 
 
 # Tets in which three or four regions meet: cones from a point in their middle.

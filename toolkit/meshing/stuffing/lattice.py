@@ -161,7 +161,14 @@ def features_of(surface: Triangles) -> SharpFeatures:
     cosine = np.einsum("ei,ei->e", normal[left], normal[right])
     sharp = (cosine < np.cos(SHARP)) & proper[left] & proper[right]
     edges, mean = edges[sharp], (normal[left] + normal[right])[sharp]
-    corner = _corners(points, edges)
+    # Vertices at which sharp edges end, branch, or go on in another direction
+    count = np.bincount(edges.reshape(-1), minlength=len(points))
+    total = np.zeros_like(points)  # of unit vectors along the edges: 0 where two go straight on
+    along = _unit(points[edges[:, 1]] - points[edges[:, 0]])
+    np.add.at(total, edges[:, 0], along)
+    np.add.at(total, edges[:, 1], -along)
+    bend = np.linalg.norm(total, axis=1) > 2 * np.sin(SHARP / 2)
+    corner = np.flatnonzero((count == 1) | (count > 2) | ((count == 2) & bend))
     towards = np.zeros_like(points)
     for end in edges.T:
         np.add.at(towards, end, mean)
@@ -182,34 +189,9 @@ def shared_edges(faces: Int[np.ndarray, "faces 3"]) -> tuple[np.ndarray, np.ndar
     return ends, order[two] // 3, order[two + 1] // 3
 
 
-def _corners(
-    points: Float[np.ndarray, "points 3"], edges: Int[np.ndarray, "edges 2"]
-) -> Int[np.ndarray, "corners"]:
-    """Vertices at which sharp edges end, branch, or go on in another direction."""
-    count = np.bincount(edges.reshape(-1), minlength=len(points))
-    total = np.zeros_like(points)  # of unit vectors along the edges: 0 where two go straight on
-    along = _unit(points[edges[:, 1]] - points[edges[:, 0]])
-    np.add.at(total, edges[:, 0], along)
-    np.add.at(total, edges[:, 1], -along)
-    bend = np.linalg.norm(total, axis=1) > 2 * np.sin(SHARP / 2)
-    return np.flatnonzero((count == 1) | (count > 2) | ((count == 2) & bend))
-
-
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.maximum(length, np.finfo(float).tiny)
-
-
-def _asked_by_cell(
-    visible: Visible, where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]
-) -> Bool[np.ndarray, "n"]:
-    """Ask one place for all in a cell of ``SEEN`` that look into the same octant.
-
-    Finely rounded rims have thousands of edges in a long edge of the lattice.
-    """
-    cell = np.column_stack([np.floor(where / SEEN).astype(int), normal > 0])
-    _, first, group = np.unique(cell, axis=0, return_index=True, return_inverse=True)
-    return visible(where[first], normal[first])[group.reshape(-1)]
 
 
 class OnEdges(NamedTuple):
@@ -238,7 +220,10 @@ class FeatureFinder:
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         share = (rank + 0.5) / np.repeat(count, count)  # ends belong to other edges too
         where = self.start[edge] + share[:, None] * (self.end - self.start)[edge]
-        shown = _asked_by_cell(visible, where, features.normals[edge])
+        normal = features.normals[edge]
+        cell = np.column_stack([np.floor(where / SEEN).astype(int), normal > 0])
+        _, first, group = np.unique(cell, axis=0, return_index=True, return_inverse=True)
+        shown = visible(where[first], normal[first])[group.reshape(-1)]
         self.edge, self.tree = edge[shown], KDTree(where[shown]) if shown.any() else None
 
     def on_edges(self, where: Float[np.ndarray, "n 3"], reach: float) -> OnEdges:

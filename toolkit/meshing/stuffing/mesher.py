@@ -15,7 +15,7 @@ from ....fem.errors import UsageError
 from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
 from ...asset.cache import Runner
 from ...asset.solids import INSIDE, Solids
-from ...asset.surface import TouchingPlaces, component_volumes, touching_places
+from ...asset.surface import component_volumes, touching_places
 from ...asset.triangles import Inside, Triangles, closest, inside, winding_numbers
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
@@ -62,7 +62,14 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
         return best.filling  # a finer lattice may keep it in one piece
     touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
     for _ in range(ROUNDS):
-        more = _apart(best.filling, solids, target, touch, edge)
+        # Places [m] where the solids hang together and their tets do not
+        filling = best.filling
+        assert filling.lattice is not None
+        mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
+        # Surfaces that are samples have thin places by their noise.
+        thin = list(filling.lattice.thin_shares) if target.sharp else []
+        parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
+        more = np.concatenate([loose_contacts(mesh, touch, edge), parted])
         if not len(more):
             break
         places = np.concatenate([places, more])
@@ -77,18 +84,6 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
 @lru_cache(maxsize=1)  # an attempt with beads begins with what the one before it made
 def _unbeaded(solids: Solids, target: EngineTarget, edge: float) -> _Filled:
     return _filled(solids, target, edge, NOWHERE)
-
-
-def _apart(
-    filling: Filling, solids: Solids, target: EngineTarget, touch: TouchingPlaces, edge: float
-) -> Float[np.ndarray, "n 3"]:
-    """Places [m] where the solids hang together and their tets do not."""
-    assert filling.lattice is not None
-    mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
-    # Surfaces that are samples have thin places by their noise.
-    thin = list(filling.lattice.thin_shares) if target.sharp else []
-    parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
-    return np.concatenate([loose_contacts(mesh, touch, edge), parted])
 
 
 def _filled(
@@ -448,7 +443,15 @@ def filled_ridges(
     near = near[np.isfinite(features.on_edges(mesh.points[near], NEAR).distance)]
     for _ in range(ROUNDS):
         before = len(mesh.tets)
-        mesh = _added(mesh, *_between(mesh, _ridges(mesh, near), on_edge), region)
+        # Tets on edges that run across between two points on a sharp edge which are not linked
+        ridge = _ridges(mesh, near)
+        key = np.array([len(mesh.points), 1])
+        new = np.flatnonzero(on_edge[ridge.tips].all(axis=1))
+        along = mesh.tets[on_edge[mesh.tets].sum(axis=1) > 1]
+        known = edges_of(along, len(mesh.points))[0]
+        new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
+        tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
+        mesh = _added(mesh, *(tets[:, None], ridge.region[new]), region)
         mesh = _added(*_above(mesh, _ridges(mesh, near), on_edge, features), region)
         on_edge = np.r_[on_edge, np.ones(len(mesh.points) - len(on_edge), dtype=bool)]
         near = np.unique(mesh.tets[before:])  # what was refused elsewhere is refused again
@@ -470,19 +473,6 @@ def _ridges(mesh: CutMesh, near: Int[np.ndarray, "near"]) -> Ridge:
     edges, sides = edges[same], np.stack([left[same], right[same]], axis=1)
     tips = faces[sides].sum(axis=-1) - edges.sum(axis=1, keepdims=True)
     return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]])
-
-
-def _between(
-    mesh: CutMesh, ridge: Ridge, on_edge: Bool[np.ndarray, "points"]
-) -> tuple[Int[np.ndarray, "n 1 4"], Int[np.ndarray, "n"]]:
-    """Tets on edges that run across between two points on a sharp edge which are not linked."""
-    key = np.array([len(mesh.points), 1])
-    new = np.flatnonzero(on_edge[ridge.tips].all(axis=1))
-    along = mesh.tets[on_edge[mesh.tets].sum(axis=1) > 1]
-    known = edges_of(along, len(mesh.points))[0]
-    new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
-    tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
-    return tets[:, None], ridge.region[new]
 
 
 def _above(
@@ -624,7 +614,10 @@ class Guard:
         touched = asked = np.flatnonzero(on[self.tets].any(axis=1))
         while asked.size:
             tets = self.tets[asked]
-            bad = self._bad(there, asked) & on[tets].any(axis=1)
+            volume, sharp, blunt = _shape(there, self.tets[asked])
+            bad = (
+                (volume <= 0) | (sharp > self.sharpest[asked]) | (blunt < self.blunt[asked])
+            ) & on[tets].any(axis=1)
             worst = tets[bad]
             moves = np.where(on[worst], length[worst], -1.0)
             undone = np.unique(worst[np.arange(len(worst)), moves.argmax(axis=1)])
@@ -635,12 +628,6 @@ class Guard:
             asked = touched[changed[self.tets[touched]].any(axis=1)]
         self.points = there
         return nodes[on[nodes]]
-
-    def _bad(
-        self, points: Float[np.ndarray, "points 3"], asked: Int[np.ndarray, "asked"]
-    ) -> Bool[np.ndarray, "asked"]:
-        volume, sharp, blunt = _shape(points, self.tets[asked])
-        return (volume <= 0) | (sharp > self.sharpest[asked]) | (blunt < self.blunt[asked])
 
 
 def _shape(

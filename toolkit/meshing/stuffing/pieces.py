@@ -45,10 +45,32 @@ def came_off(
     largest[piece[order]] = order
     face = closest(points[tets[largest]].mean(axis=1), surface.points, surface.faces).face
     body = surface.component[face]
-    group = _touching(surface, touching)[body]
+    # Group of each component: those within `distance` [m] of each other, or in each other
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    points, faces = surface.points, surface.faces
+    where, _ = sample(points, faces, rng=np.random.default_rng(0), count=SAMPLES)
+    owner = surface.component[closest(where, points, faces).face]
+    count = int(surface.component.max()) + 1
+    links = []
+    for number in np.unique(surface.component).tolist():
+        own = faces[surface.component == number]
+        lo, hi = points[own].min(axis=(0, 1)) - touching, points[own].max(axis=(0, 1)) + touching
+        near = np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1) & (owner != number))
+        apart = ClosestTo(points, own)(where[near]).distance > touching
+        inside = np.abs(winding_numbers(points, own, where[near])) > INSIDE
+        links += [(number, other) for other in np.unique(owner[near[~apart | inside]]).tolist()]
+    ends = np.array(links, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(count, count))
+    group = connected_components(graph, directed=False)[1][body]
     most = np.zeros(group.max() + 1)
     np.maximum.at(most, group, size)
-    single = open_components(surface)[body] & _have_nodes_within(tets, piece)
+    within = np.ones(tets.max() + 1, dtype=bool)
+    within[boundary_faces(tets).faces] = False
+    single = open_components(surface)[body] & (
+        np.bincount(piece, weights=within[tets].any(axis=1)) > 0
+    )
     off = ((size < most[group]) & ~single)[piece]
     total = np.bincount(part, weights=volumes)
     gone = np.bincount(part[off], weights=volumes[off], minlength=len(total))
@@ -153,7 +175,18 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[
     out = [NOWHERE]
     for bodies in np.unique(found.bodies, axis=0):
         where = found.where[(found.bodies == bodies).all(axis=1)]
-        for patch in _patches(where, BEAD * edge, REACH * edge):
+        # Groups of places [m] that are farther than that `apart` [m], thinned to one a cell
+        within = BEAD * edge
+        apart = REACH * edge
+        from scipy.sparse.csgraph import connected_components
+        from scipy.spatial.distance import cdist
+
+        cells = np.floor(where / within)
+        _, one, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        thinned = where[one]
+        count, group = connected_components(cdist(thinned, thinned) <= apart, directed=False)
+        of_all = group[cell.ravel()]
+        for patch in [_Patch(where[of_all == k], thinned[group == k]) for k in range(count)]:
             near = mesh.around(patch.thinned, REACH * edge)
             if not len(near):
                 continue
@@ -184,19 +217,6 @@ class _Patch(NamedTuple):
 
     where: np.ndarray
     thinned: np.ndarray
-
-
-def _patches(where: Float[np.ndarray, "n 3"], within: float, apart: float) -> list[_Patch]:
-    """Groups of places [m] that are farther than that ``apart`` [m], thinned to one a cell."""
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial.distance import cdist
-
-    cells = np.floor(where / within)
-    _, one, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    thinned = where[one]
-    count, group = connected_components(cdist(thinned, thinned) <= apart, directed=False)
-    of_all = group[cell.ravel()]
-    return [_Patch(where[of_all == k], thinned[group == k]) for k in range(count)]
 
 
 def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarray, "fewer 3"]:
@@ -252,37 +272,6 @@ def _two_nearest(
         distance[near] = np.take_along_axis(three, order, axis=1)
         which[near] = np.take_along_axis(names, order, axis=1)
     return distance, np.sort(which, axis=1)
-
-
-def _have_nodes_within(
-    tets: Int[np.ndarray, "tets 4"], piece: Int[np.ndarray, "tets"]
-) -> Bool[np.ndarray, "pieces"]:
-    """Whether each piece has a node that is not on its boundary."""
-    within = np.ones(tets.max() + 1, dtype=bool)
-    within[boundary_faces(tets).faces] = False
-    return np.bincount(piece, weights=within[tets].any(axis=1)) > 0
-
-
-def _touching(surface: Surface, distance: float) -> Int[np.ndarray, "components"]:
-    """Group of each component: those within ``distance`` [m] of each other, or in each other."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    points, faces = surface.points, surface.faces
-    where, _ = sample(points, faces, rng=np.random.default_rng(0), count=SAMPLES)
-    owner = surface.component[closest(where, points, faces).face]
-    count = int(surface.component.max()) + 1
-    links = []
-    for number in np.unique(surface.component).tolist():
-        own = faces[surface.component == number]
-        lo, hi = points[own].min(axis=(0, 1)) - distance, points[own].max(axis=(0, 1)) + distance
-        near = np.flatnonzero(((where >= lo) & (where <= hi)).all(axis=1) & (owner != number))
-        apart = ClosestTo(points, own)(where[near]).distance > distance
-        inside = np.abs(winding_numbers(points, own, where[near])) > INSIDE
-        links += [(number, other) for other in np.unique(owner[near[~apart | inside]]).tolist()]
-    ends = np.array(links, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
 
 
 def pieces_of(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
