@@ -98,21 +98,17 @@ def _blas() -> Any:
     return ThreadpoolController()
 
 
-def one_thread() -> contextlib.AbstractContextManager:
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
     """Context in which BLAS has one thread.
 
     Vectors this small take longer with more: threads wait for each other, on a busy machine most
     of the time.
     """
-    return _blas().limit(limits=1, user_api="blas")
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
 
 
 def single_threaded(function: Callable[Parameters, Answer]) -> Callable[Parameters, Answer]:
     """Make ``function`` run with ``one_thread``."""
-
-    @functools.wraps(function)
-    def wrapped(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Answer:
-        with one_thread():
-            return function(*args, **kwargs)
-
-    return wrapped
+    return one_thread()(function)

@@ -1,8 +1,12 @@
 """The rules of the house: what imports what, and what a folder says of itself."""
 
 import ast
+import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 # Arrows go down this list, between rooms and inside each: a folder or a file of a room imports only
@@ -121,3 +125,102 @@ def test_a_folder_can_be_read():
         named = lines["Read"].strip(".").split(", ")
         there = {*files, *(inner.parent.name for inner in folder.glob("*/__init__.py"))}
         assert set(named) <= there, f"{folder}: {set(named) - there} to read is not there"
+
+
+# Three words and more, one of them of those that join words: lists of words to read are none.
+WORD = re.compile(r"(?<![\w-])[A-Za-z]?[a-z'-]+(?![\w-])|(?<![\w-])[aA](?![\w-])")
+JOINS = {
+    "a", "an", "and", "are", "as", "at", "be", "beside", "but", "by", "for", "from", "got", "had",
+    "has", "have", "how", "in", "into", "is", "it", "its", "no", "not", "of", "off", "on", "or",
+    "over", "than", "that", "the", "their", "there", "they", "this", "to", "until", "wanted", "was",
+    "were", "what", "where", "which", "with", "without",
+}  # fmt: skip
+FLAG = re.compile(r"(?<![\w-])--[a-z][\w-]*")
+# Of a regular expression; of a file's text, or a kernel's: a deck, a tree of tags, statements.
+PATTERN = re.compile(r"\(\?|\\[bdswWSD]|\[\^|\.\*|\w\|\w|^\s*[<*#]|;\n|^ {4}|\nimport ")
+LOGGED = {"debug", "info", "warning", "error", "exception"}
+BELOW = ("fem", "converters", "predictors")
+
+
+def strings(tree: ast.AST, *, inside: tuple[ast.AST, ...] = ()) -> Iterator[tuple]:
+    """Each string of a tree, holes of an f-string as {}, and the nodes that it lies in.
+
+    Docstrings, log lines, annotations (shapes) and what is split into words are left out.
+    """
+    if isinstance(tree, ast.Constant | ast.JoinedStr):
+        parts = tree.values if isinstance(tree, ast.JoinedStr) else [tree]
+        texts = [getattr(part, "value", None) for part in parts]
+        joined = "".join(text if isinstance(text, str) else "{}" for text in texts)
+        if isinstance(tree, ast.JoinedStr) or isinstance(tree.value, str):
+            yield joined, tree.lineno, inside
+    for name, value in ast.iter_fields(tree):
+        for node in value if isinstance(value, list) else [value]:
+            if not isinstance(node, ast.AST) or name in ("annotation", "returns"):
+                continue
+            if isinstance(tree, ast.JoinedStr) and isinstance(node, ast.Constant):
+                continue  # a piece of what was told above
+            if isinstance(tree, ast.Expr) and isinstance(node, ast.Constant | ast.JoinedStr):
+                continue  # a docstring
+            function = getattr(node, "func", None)
+            if isinstance(function, ast.Attribute):
+                owner = getattr(function.value, "id", "")
+                if owner in ("log", "_log", "logger") and function.attr in LOGGED:
+                    continue
+                if function.attr in ("split", "splitlines", "partition", "einsum"):
+                    continue
+                if owner == "re":
+                    continue
+            yield from strings(node, inside=(*inside, tree))
+
+
+def is_sentence(text: str) -> bool:
+    words = WORD.findall(text)
+    joined = JOINS & {word.lower() for word in words}
+    return len(words) > 2 and bool(joined) and " " in text and not PATTERN.search(text)
+
+
+def worded(path: Path) -> list[tuple]:
+    """Sentences and flags of a file, with the nodes that they lie in."""
+    return [
+        found
+        for found in strings(ast.parse(path.read_text()))
+        if is_sentence(found[0]) or FLAG.search(found[0])
+    ]
+
+
+@pytest.mark.xfail(strict=False, reason="642 sentences and flags are still there")
+def test_numbers_below_words_above():
+    """Errors carry what, got and wanted, results typed checks: `toolkit/verdict` words them.
+
+    No English of three words and more below it, and no flag of the command line: a caller from
+    Python has none.
+    """
+    spoken = [
+        f"{path.relative_to(ROOT)}:{line}: {text}"
+        for room in BELOW
+        for path in sorted((ROOT / room).rglob("*.py"))
+        for text, line, _ in worded(path)
+    ]
+    assert spoken == []
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("raise InputError(f'{x} is no part of it')", ["{} is no part of it"]),
+        ("raise UsageError('--fix: unknown')", ["--fix: unknown"]),
+        ("x = 'one of ' 'these'", ["one of these"]),
+        ("def f():\n    'Sag of a beam.'", []),
+        ("log.info('step of %g s failed', 1)", []),
+        ("x = 'is of a the in'.split()", []),
+        ("def f(x: Float[np.ndarray, 'a in of']): ...", []),
+        (r"x = re.compile('a of (the|an)'), r'(?i)\bof the\b'", []),
+        ("x = 'oak pine steel'", []),
+        ("x = 'part:name'", []),
+    ],
+)
+def test_what_a_sentence_is(source, found):
+    """Docstrings, log lines, patterns, shapes and lists of words are none."""
+    told = [text for text, *_ in strings(ast.parse(source)) if is_sentence(text)]
+    assert [text for text in found if not FLAG.search(text)] == told
+    assert [t for t, *_ in strings(ast.parse(source)) if is_sentence(t) or FLAG.search(t)] == found
