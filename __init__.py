@@ -15,6 +15,8 @@ _HOME = {
     "assign": "toolkit.pipeline",
     "simulate": "toolkit.simulation.simulate",
     "run": "toolkit.pipeline",
+    "reduce": "toolkit.simulation.reducing",
+    "match": "toolkit.simulation.reducing",
     "transfer": "toolkit.transfer",
     "export": "toolkit.transfer",
     "features": "toolkit.features",

@@ -266,7 +266,7 @@ def row_of_record(record: Mapping[str, str], place: str) -> Material:
 
 
 @lru_cache(maxsize=4)
-def load_table(path: Path | None = None) -> MaterialTable:
+def load_table(path: str | Path | None = None) -> MaterialTable:
     """Return the validated table at ``path`` (a CSV as the packaged one), or the packaged table."""
     try:
         with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:

@@ -14,7 +14,7 @@ from ..fem.errors import InputError, UsageError
 from ..predictors.encoders import speaking_encoder
 from ..toolkit.asset import sweethome3d
 from ..toolkit.asset.child import Progress
-from ..toolkit.asset.document import check_folder
+from ..toolkit.asset.document import check_folder, path_of
 from .datasets.real import RealObject, load_real
 from .prepare import RANGES, TEXT, TRAINING, VALIDATION, furniture
 
@@ -34,7 +34,11 @@ _UNTIL = 10**9  # steps: time ends the run
 
 
 def train(
-    config: Path | str, *, data: Path, output: Path, start: Path | None = None
+    config: Path | str,
+    *,
+    data: str | Path,
+    output: str | Path,
+    start: str | Path | None = None,
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
@@ -47,6 +51,7 @@ def train(
     from .training.unipixie.config import PRESETS as RANGE_PRESETS
     from .training.unipixie.recipe import train_matter
 
+    data, output, start = path_of(data), path_of(output), path_of(start)
     check_folder(output)
     real = data / TRAINING
     if str(config) == KINDS:
@@ -99,8 +104,8 @@ def evaluate(
     split: str,
     *,
     predictors: Sequence[str] = (),
-    data: Path | None = None,
-    weights: Path | None = None,
+    data: str | Path | None = None,
+    weights: str | Path | None = None,
     objects: int = 64,
     cells: int = 64,
     seed: int = 0,
@@ -108,7 +113,7 @@ def evaluate(
     encoder: str | None = None,
     renders: int = 0,
     swing: bool = False,
-    memory: Path | None = None,
+    memory: str | Path | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Score predictors on objects of a split, or on a folder of examples.
@@ -136,6 +141,7 @@ def evaluate(
     from .evaluation.held_out_evaluation import evaluate_held_out
     from .evaluation.rows import DEFAULT_ROWS
 
+    data, weights, memory = map(path_of, (data, weights, memory))
     if encoder and (split not in FURNITURE or data):
         raise UsageError("--encoder wants --split validation or merged, and no --data")
     if split not in ("procedural", *FURNITURE):

@@ -27,8 +27,8 @@ from ..predictors.grid import PartVoxels
 from ..predictors.matter import LOOK
 from .asset.cache import digest, recalled, remember
 from .asset.coloured_grid import is_carrier, read_coloured_grid
-from .asset.document import check_file
-from .options import FeatureOptions
+from .asset.document import check_file, path_of
+from .options import FeatureOptions, with_given
 
 log = logging.getLogger(__name__)
 
@@ -69,8 +69,9 @@ class Features:
 def features(
     asset: str | Path | Asset,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     options: FeatureOptions | None = None,
+    **given: Any,
 ) -> Features:
     """See an asset from a hemisphere of cameras and lift what an encoder sees onto its voxels.
 
@@ -92,8 +93,8 @@ def features(
     """
     from .asset.load import load_asset
 
-    options = (options or FeatureOptions()).checked()
-    picture = options.picture
+    options = with_given(options or FeatureOptions(), given, verb="features").checked()
+    output, picture = path_of(output), options.picture
     for path, suffix in ((output, ".npz"), (picture, ".png")):
         if path is not None:
             check_file(path, (suffix,))

@@ -55,7 +55,7 @@ def _row(row: Material) -> dict[str, Any]:
     }
 
 
-def info(file: Path) -> dict[str, Any]:
+def info(file: str | Path) -> dict[str, Any]:
     """Size, regions with lowest and highest E, nu, rho, volume, mass and quality of a mesh file."""
     from ..converters.mesh.meshdata import read_mesh
     from .meshing.quality import quality
@@ -66,7 +66,7 @@ def info(file: Path) -> dict[str, Any]:
         for number, row in enumerate(document["regions"]):
             mine = mesh.region == number
             row |= {name: _ends(getattr(mesh.material, name)[mine]) for name in ("E", "nu", "rho")}
-    return {"file": file, **document, "quality": quality(mesh)}
+    return {"file": Path(file), **document, "quality": quality(mesh)}
 
 
 def _ends(values: np.ndarray) -> tuple[float, float] | None:

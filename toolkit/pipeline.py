@@ -20,6 +20,7 @@ from .asset.document import (
     check_outputs,
     check_run,
     now,
+    path_of,
     read_known,
 )
 from .options import AssignOptions, ConvertOptions, SimulateOptions, command_line, pairs, with_given
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 def convert(
     asset: str | Path | Asset,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     options: ConvertOptions | None = None,
     walls: WallOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -73,7 +74,7 @@ def convert(
     from .meshing.import_tets import SUFFIXES, import_tets
 
     options = with_given(options or ConvertOptions(), given, verb="convert")
-    walls = walls or WallOptions()
+    walls, output = walls or WallOptions(), path_of(output)
     if output is not None:
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
@@ -113,8 +114,8 @@ def assign(
     text: str,
     *,
     asset: str | Path | Asset | None = None,
-    output: Path | None = None,
-    field_output: Path | None = None,
+    output: str | Path | None = None,
+    field_output: str | Path | None = None,
     options: AssignOptions | None = None,
     walls: WallOptions | None = None,
     **given: Any,
@@ -136,6 +137,7 @@ def assign(
     from .walls import Called, Walls, build_parts, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
+    output, field_output = path_of(output), path_of(field_output)
     check_outputs(output, field_output)
     mesh, sidecar, seen, warnings = read_known(mesh, asset)
     said = Walls.said(walls, sidecar, mesh.region_names)
@@ -243,8 +245,8 @@ def run(
     asset: str | Path | Asset,
     texts: Sequence[str],
     *,
-    output: Path,
-    picture: Path | None = None,
+    output: str | Path,
+    picture: str | Path | None = None,
     convert_options: ConvertOptions | None = None,
     walls: WallOptions | None = None,
     assign_options: AssignOptions | None = None,
@@ -264,6 +266,7 @@ def run(
     from .report.picture import SUFFIXES, write_picture
     from .walls import with_stated_walls
 
+    output, picture = path_of(output), path_of(picture)
     check_run(output)
     ways = dialled((assign_options or AssignOptions()).checked(), dial=dial)
     if picture is not None:

@@ -17,9 +17,9 @@ from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
-from .asset.document import BodyRecord, Sidecar, check_file, mesh_document
+from .asset.document import BodyRecord, Sidecar, check_file, mesh_document, path_of
 from .driving import checked_scale
-from .options import ExportOptions, TransferOptions
+from .options import ExportOptions, TransferOptions, with_given
 from .simulation.matter import rows_of_field
 from .simulation.scenario import stated_grains
 
@@ -94,8 +94,9 @@ def transfer(
     source: str | Path | MaterialField | TetMesh,
     target: str | Path,
     *,
-    output: Path,
+    output: str | Path,
     options: TransferOptions | None = None,
+    **given: Any,
 ) -> TransferResult:
     """Write splats, a point cloud or a density grid again with E, nu, rho appended.
 
@@ -118,18 +119,18 @@ def transfer(
     from ..converters.carriers import append_material
     from ..converters.transfer import field_from_tets
 
-    options, target = options or TransferOptions(), Path(target)
+    options = with_given(options or TransferOptions(), given, verb="transfer")
+    target, output = Path(target), path_of(output)
     check_file(output, _room(target))
     if output.resolve() == target.resolve():
         raise UsageError(f"output {output} is the file to be written again: give it another name")
     scale = checked_scale(options.scale, source, target)
-    given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
-    lost = _grain_of(source, given)
-    if isinstance(given, TetMesh):
-        given = field_from_tets(given, cells=options.cells)
-    grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
+    known = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
+    lost = _grain_of(source, known)
+    field = field_from_tets(known, cells=options.cells) if isinstance(known, TetMesh) else known
+    grid = Grid(field.grid.lo / scale, field.grid.h / scale, field.grid.shape)
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
-        done = append_material(replace(given, grid=grid), target, Path(scratch) / output.name)
+        done = append_material(replace(field, grid=grid), target, Path(scratch) / output.name)
         files = _publish(done.files, output.parent, source)
     warnings = (*_misfit(done, grid), *_left_out(output.name, (*done.lost, *lost)))
     return TransferResult(done, scale, files, warnings)
@@ -139,8 +140,9 @@ def export(
     mesh: str | Path | TetMesh,
     target: str,
     *,
-    output: Path,
+    output: str | Path,
     options: ExportOptions | None = None,
+    **given: Any,
 ) -> ExportResult:
     """Write a mesh with materials as the files of another program.
 
@@ -164,7 +166,8 @@ def export(
     from ..converters.programs.export import export_mesh
     from ..converters.registry import PROGRAMS
 
-    options = options or ExportOptions()
+    options = with_given(options or ExportOptions(), given, verb="export")
+    output = path_of(output)
     suffixes = PROGRAMS[target].suffixes
     if options.bins < 1:
         raise UsageError(f"--bins must be at least 1, got {options.bins}")

@@ -126,7 +126,7 @@ def test_a_soft_and_a_stiff_motion_give_what_lies_between(bar, tmp_path, capsys)
     found = simulate(bar, **poke, parameters=tmp_path / "p.npz", parameters_alpha=1.0)
     last = np.abs(ends["stiff"].displacement).max()
     assert found.displacement == pytest.approx(ends["stiff"].displacement, abs=0.05 * last)
-    swapped = {"motion": tmp_path / "stiff.pvd", "stiff": tmp_path / "soft.pvd"}
+    swapped = {"to": tmp_path / "stiff.pvd", "to_stiff": tmp_path / "soft.pvd"}
     with pytest.raises(InputError, match="wanted the softer one first"):
         match(bar, **swapped, **poke)
 
@@ -150,7 +150,7 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     assert f / f[0] == pytest.approx(np.sqrt([1, 2, 4]), rel=1e-6)
     table.write_text("leg\n1\n")
     with pytest.raises(InputError, match="columns leg: wanted each once of body, load, gx"):
-        reduce(bar, runs=table)
+        reduce(bar, what_if=table)
 
 
 def test_what_cannot_be_done_is_said(bar, tmp_path):

@@ -81,14 +81,14 @@ def catalog(source: Source) -> list[Furniture]:
     ]
 
 
-def extract(item: Furniture, folder: Path) -> Path:
+def extract(item: Furniture, folder: str | Path) -> Path:
     """Unpack an object with its materials and textures into ``folder``; return its OBJ file."""
     home = PurePosixPath(item.model).parent
     with _open(item.source) as archive:
         for name in archive.namelist():
             if PurePosixPath(name).is_relative_to(home) and not name.endswith("/"):
                 archive.extract(name, folder)
-    return folder / item.model
+    return Path(folder) / item.model
 
 
 def _open(source: Source) -> zipfile.ZipFile:

@@ -11,7 +11,7 @@ from ...fem.errors import InputError, UsageError
 from ...fem.mesh import TetMesh
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
-from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, read_known
+from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, path_of, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
@@ -24,10 +24,10 @@ def simulate(
     mesh: str | Path | TetMesh,
     *,
     up: UpAxis | None = None,
-    output: Path | None = None,
-    report: Path | None = None,
-    picture: Path | None = None,
-    drive: Path | None = None,
+    output: str | Path | None = None,
+    report: str | Path | None = None,
+    picture: str | Path | None = None,
+    drive: str | Path | None = None,
     drive_scale: float | None = None,
     materials: Mapping[str, str] | None = None,
     record: BodyRecord | None = None,
@@ -53,6 +53,7 @@ def simulate(
     from .scenario import run_scenario
 
     options = changed_options(options or SimulateOptions(), given)
+    output, report, picture, drive = map(path_of, (output, report, picture, drive))
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
     drive = drive or _own_carrier(body, output)
     wanted = {"output": output, "report": report, "picture": picture}
