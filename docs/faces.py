@@ -1,4 +1,4 @@
-"""Public names for the pages: what a face of the package loads on first use stands there for griffe.
+"""Public names for the pages: griffe finds what a face of the package loads on first use.
 
 Griffe reads sources and runs nothing, so that it knows no name that a module finds when asked.
 """
