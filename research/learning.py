@@ -43,9 +43,29 @@ def train(
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
     "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
-    network trains on several GPUs. ``output`` holds the whole state, so that the same command
-    continues an interrupted run, and the weights at the end; ``start`` are weights to
-    begin with.
+    network trains on several GPUs.
+
+    Parameters
+    ----------
+    config
+        TOML file of a training run, or the name of a preset.
+    data
+        Folder that ``dataset build`` wrote.
+    output
+        Folder of the whole state, so that the same call continues an interrupted run, and of the
+        weights at the end.
+    start
+        Weights to begin with.
+
+    Returns
+    -------
+    dict
+        ``files`` of the weights, ``steps`` and ``history``.
+
+    Raises
+    ------
+    InputError
+        Where the config cannot be read or the folder not be written.
     """
     from .training.film.recipe import train_film
     from .training.unipixie.config import PRESETS as RANGE_PRESETS
@@ -136,6 +156,18 @@ def evaluate(
         How many objects are put under load, and whether their motions are compared, not the rest.
     progress
         Called with the stage and the seconds so far.
+
+    Returns
+    -------
+    dict
+        ``rows``, one a predictor, with its errors; ``papers``, those of others beside them.
+
+    Raises
+    ------
+    UsageError
+        Where an encoder or renders are asked for of a split that has none.
+    InputError
+        Where the split is no folder of examples, or weights cannot be read.
     """
     from .evaluation.held_out import HeldOutSet
     from .evaluation.held_out_evaluation import evaluate_held_out

@@ -265,10 +265,17 @@ def batch(
         assets.
     output
         Folder of the results, one folder a row; the same again continues where it ended.
+    options
+        Workers, seconds [s] and memory [GB] of a row.
     run_config
         TOML file of options for all rows, as ``run --print-config`` writes it.
     progress
         Called with (outcome, rows done, rows in all) whenever a row ends.
+
+    Returns
+    -------
+    BatchResult
+        How every row ended, the table, and the files.
 
     Raises
     ------

@@ -84,7 +84,13 @@ def features(
     output
         The .npz to write.
     options
-        How the asset is looked at, what is drawn and what is remembered.
+        How the asset is looked at, what is drawn and what is remembered; each may be ``given`` by
+        name.
+
+    Returns
+    -------
+    Features
+        ``voxels``: cells, values (cells, channels) [1] and the grid [m]; labels by words.
 
     Raises
     ------

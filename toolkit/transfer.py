@@ -98,7 +98,7 @@ def transfer(
     options: TransferOptions | None = None,
     **given: Any,
 ) -> TransferResult:
-    """Write splats, a point cloud or a density grid again with E, nu, rho appended.
+    """Write splats, points or a density grid again with E [Pa], nu [1], rho [kg/m^3] appended.
 
     Parameters
     ----------
@@ -108,6 +108,13 @@ def transfer(
         Carrier to write again, every property kept.
     output
         File to write; a format without room for more columns gets STEM.npz beside it.
+    options
+        Scale [m] of a unit of the target, cells of the field; each may be ``given`` by name.
+
+    Returns
+    -------
+    TransferResult
+        How many values were carried, how far outside the field any was, the files, warnings.
 
     Raises
     ------
@@ -115,6 +122,18 @@ def transfer(
         Where a file cannot be read or written, or the source has no material.
     UsageError
         Where the output is the carrier itself.
+
+    Examples
+    --------
+    >>> import numpy as np, autophyx_tet as apx
+    >>> from autophyx_tet.converters import PointTable, read_points, write_points
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> jelly = ElementMaterial.uniform(6, E=1e5, nu=0.3, rho=1e3)
+    >>> write_points("point.ply", PointTable({name: np.full(1, 0.5) for name in "xyz"}))
+    >>> mesh = box_mesh((1, 1, 1), (1, 1, 1)).with_material(jelly)
+    >>> done = apx.transfer(mesh, "point.ply", output="jelly.ply", cells=4)
+    >>> read_points("jelly.ply").columns["E"].round(1).tolist()  # Pa
+    [100000.0]
     """
     from ..converters.carriers import append_material
     from ..converters.transfer import field_from_tets
@@ -149,11 +168,18 @@ def export(
     Parameters
     ----------
     mesh
-        Mesh with E [Pa], nu, rho [kg/m^3] on its tets.
+        Mesh [m] with E [Pa], nu [1], rho [kg/m^3] on its tets, or a file of one.
     target
-        Name of one of ``converters.registry.PROGRAMS``: gmsh, calculix ...
+        Name of the program: gmsh, calculix, newton, mujoco, usd, sofa, fenics.
     output
         Main file; without a suffix it is a stem.
+    options
+        Bins, names of arrays, gravity; each may be ``given`` by name.
+
+    Returns
+    -------
+    ExportResult
+        ``files``, and what binning changed.
 
     Raises
     ------
@@ -161,6 +187,17 @@ def export(
         For an unknown target, or an option that it cannot follow.
     InputError
         Where the mesh has no material or the output cannot be written.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.converters import read_mesh
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> jelly = ElementMaterial.uniform(6, E=1e5, nu=0.3, rho=1e3)
+    >>> mesh = box_mesh((1, 1, 1), (1, 1, 1)).with_material(jelly)
+    >>> done = apx.export(mesh, "gmsh", output="jelly.msh")
+    >>> round(read_mesh("jelly.msh").mass, 6)  # kg: rho V
+    1000.0
     """
     from ..converters.mesh.meshdata import read_mesh
     from ..converters.programs.export import export_mesh

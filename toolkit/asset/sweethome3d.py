@@ -65,7 +65,25 @@ def furniture_folder() -> Path:
 
 
 def catalog(source: Source) -> list[Furniture]:
-    """All objects of a source that are OBJ models, in the order of its catalogue."""
+    """All objects of a source that are OBJ models, in the order of its catalogue.
+
+    Parameters
+    ----------
+    source
+        Name of an archive of Debian's package: "Scopia", "BlendSwap-CC-0" or "KatorLegaz".
+
+    Returns
+    -------
+    list[Furniture]
+        Name, category, and size [m] along x, y (up) and z.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such source.
+    InputError
+        Where the package is not installed and cannot be fetched.
+    """
     with _open(source) as archive:
         text = archive.read(_CATALOG).decode("latin-1")
     fields: dict[str, dict[str, str]] = {}
@@ -82,7 +100,25 @@ def catalog(source: Source) -> list[Furniture]:
 
 
 def extract(item: Furniture, folder: str | Path) -> Path:
-    """Unpack an object with its materials and textures into ``folder``; return its OBJ file."""
+    """Unpack an object with its materials and textures.
+
+    Parameters
+    ----------
+    item
+        Object of a ``catalog``.
+    folder
+        Where its files go.
+
+    Returns
+    -------
+    Path
+        Its OBJ file.
+
+    Raises
+    ------
+    InputError
+        Where the package is not installed and cannot be fetched.
+    """
     home = PurePosixPath(item.model).parent
     with _open(item.source) as archive:
         for name in archive.namelist():

@@ -74,6 +74,16 @@ def reduce(
         Where the mesh has no material, or a file cannot be read or written.
     UsageError
         Where an option is unknown or is for another solver.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> model = apx.reduce(bar).model
+    >>> round(float(model.mass.sum()), 9), bool(abs(model.accuracy.frequency - 1) < 0.01)  # kg, 1
+    (4.0, True)
     """
     options = changed_options(options or SimulateOptions(), given)
     if options.solver not in ("fem", "lbs"):
