@@ -12,6 +12,7 @@ SOURCES = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.p
 EACH = pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 FACES = ("autophyx_tet", *(f"autophyx_tet.{room}" for room in ("fem", "converters", "predictors")))
 LONGEST = 60  # lines: an example is read at a glance
+QUICK = ("drive_splats", "into_other_programs", "linear_or_neo_hookean", "ringing_bar")  # < 2 s
 
 
 @EACH
@@ -52,8 +53,13 @@ def test_the_list_of_examples_is_complete(root):
     assert {file: question for question, file in listed} == asked
 
 
-@pytest.mark.slow
-@EACH
+@pytest.mark.parametrize(
+    "source",
+    [
+        pytest.param(path, id=path.stem, marks=[] if path.stem in QUICK else [pytest.mark.slow])
+        for path in SOURCES
+    ],
+)
 def test_it_keeps_its_promises(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(source))
