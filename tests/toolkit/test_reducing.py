@@ -1,8 +1,11 @@
 """The verbs reduce and match, and simulate --solver lbs: files, documents, refusals."""
 
+import inspect
 import json
 import re
+from dataclasses import fields
 
+import autophyx_tet as apx
 import numpy as np
 import pytest
 from autophyx_tet.converters.archives import load_fits, load_reduced, save_fits
@@ -13,6 +16,7 @@ from autophyx_tet.fem.identify import MotionFit
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.schemes import Scheme
+from autophyx_tet.toolkit.cli.commands import MatchCommand, ReduceCommand
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
@@ -151,6 +155,13 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     table.write_text("leg\n1\n")
     with pytest.raises(InputError, match="columns leg: wanted each once of body, load, gx"):
         reduce(bar, what_if=table)
+
+
+def test_python_has_the_names_of_the_command_line():
+    """What a command takes is a parameter of its function; progress is Python's own."""
+    for command, verb in ((ReduceCommand, apx.reduce), (MatchCommand, apx.match)):
+        taken = {item.name for item in fields(command)} - {"common"}
+        assert taken == {*inspect.signature(verb).parameters} - {"progress", "given"}
 
 
 def test_what_cannot_be_done_is_said(bar, tmp_path):
