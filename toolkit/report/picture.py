@@ -594,6 +594,13 @@ class Scale:
     ------
     InputError
         Where the palette is unknown, or the ends are not in order.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> scale = apx.Scale.around([1e6, 2e9], label="E", unit="Pa", palette="E", log=True)
+    >>> scale.lo, scale.hi
+    (1000000.0, 2000000000.0)
     """
 
     label: str
