@@ -33,7 +33,36 @@ _ARRAYS = [field.name for field in fields(ReducedModel) if "ndarray" in str(fiel
 
 
 def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
-    """Save ``model``; ``load_reduced`` gives it back exactly."""
+    """Save a reduced model; ``load_reduced`` gives it back exactly.
+
+    Parameters
+    ----------
+    path
+        File to write, .npz.
+    model
+        The model, in SI: points [m], mass [kg], E [Pa] ...
+
+    Returns
+    -------
+    None
+        The file is whole, or not there.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> from autophyx_tet.converters import load_reduced, save_reduced
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, reduce_body
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> held = Supports.clamp(len(bar.points), bar.points[:, 2] == 0)
+    >>> save_reduced("bar.npz", reduce_body(bar, held))
+    >>> round(float(load_reduced("bar.npz").mass.sum()), 9)  # kg: rho V
+    4.0
+    """
     meta = {
         "kind": KIND,
         "version": MODEL_VERSION,
@@ -49,10 +78,31 @@ def save_reduced(path: str | os.PathLike, model: ReducedModel) -> None:
 def load_reduced(path: str | os.PathLike) -> ReducedModel:
     """Load what ``save_reduced`` wrote, checked.
 
+    Parameters
+    ----------
+    path
+        File, .npz.
+
+    Returns
+    -------
+    ReducedModel
+        Points [m], mass [kg], basis, and the cells that the elastic energy [J] is summed over.
+
     Raises
     ------
     InputError
         If it is no reduced model, of another version, or not whole.
+
+    Examples
+    --------
+    >>> from autophyx_tet.converters import load_reduced, save_reduced
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, reduce_body
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> held = Supports.clamp(len(bar.points), bar.points[:, 2] == 0)
+    >>> save_reduced("bar.npz", reduce_body(bar, held))
+    >>> round(float(load_reduced("bar.npz").mass.sum()), 9)  # kg: rho V
+    4.0
     """
     arrays = load_npz(path)
     with reading(path, "a reduced model saved by this package") as source:

@@ -32,10 +32,29 @@ NORMALS = ("nx", "ny", "nz")
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A table of points or splats embedded in a mesh at rest.
+    """A table of points or splats embedded in a mesh at rest, or in particles; made by ``of``.
 
-    ``valid`` are the points with a finite position; the others stay as they are. ``scale`` is the
-    metres per unit of the table.
+    Parameters
+    ----------
+    table
+        The points at rest.
+    embedding
+        Tet of every point and its place there, or the particles around it.
+    valid
+        Points with a finite position, shape (n,); the others stay as they are.
+    scale
+        Metres per unit [m] of the table.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import Driven, PointTable
+    >>> from autophyx_tet.fem import box_mesh
+    >>> box = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> middle = PointTable({name: np.full(1, 0.5) for name in "xyz"})
+    >>> (moved,) = Driven.of(middle, box).frames([0.1 * box.points])  # m: 10 % larger
+    >>> moved.positions.round(9).tolist()
+    [[0.55, 0.55, 0.55]]
     """
 
     table: PointTable

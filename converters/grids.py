@@ -32,10 +32,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class DensityGrid:
-    """Density [1/m] in the cells of the box ``lo`` .. ``hi`` [m], cells not always cubes.
+    """Density of a radiance field in the cells of a box, which are not always cubes.
 
-    The centre of cell ``i`` is ``lo + (i + 1/2) (hi - lo) / shape``. ``fields`` are further arrays
-    of the same shape (E, nu, rho); ``threshold`` is the density of the surface.
+    It is how much light a cell absorbs, never mass.
+
+    Parameters
+    ----------
+    lo, hi
+        Corners of the box [m], shape (3,). The centre of cell ``i`` is
+        ``lo + (i + 1/2) (hi - lo) / shape``.
+    density
+        Density [1/m], shape (nx, ny, nz).
+    threshold
+        Density [1/m] of the surface.
+    fields
+        Further arrays of the same shape: E [Pa], nu [1], rho [kg/m^3].
+
+    Raises
+    ------
+    InputError
+        Where the box is none, a density is not finite, or an array has another shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import DensityGrid
+    >>> grid = DensityGrid(np.zeros(3), np.ones(3), np.zeros((2, 2, 2)))
+    >>> grid.spacing.tolist(), grid.centers()[0].tolist()  # m
+    ([0.5, 0.5, 0.5], [0.25, 0.25, 0.25])
     """
 
     lo: Float[np.ndarray, "3"]
@@ -136,7 +160,32 @@ log = logging.getLogger(__name__)
 
 
 def read_density(path: str | os.PathLike) -> DensityGrid:
-    """Read a density grid [1/m] by suffix."""
+    """Read a density grid by suffix.
+
+    Parameters
+    ----------
+    path
+        File: .npz, .nvdb, or a checkpoint of nerfacc or Instant-NGP.
+
+    Returns
+    -------
+    DensityGrid
+        Density [1/m] in the cells of a box [m].
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown, or the file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import DensityGrid, read_density, write_density
+    >>> box = DensityGrid(np.zeros(3), np.ones(3), np.full((2, 2, 2), 50.0), threshold=10.0)
+    >>> files = write_density("box.npz", box)
+    >>> float(read_density("box.npz").density.max())  # 1/m
+    50.0
+    """
     reader = format_of(path, GRID_FORMATS).read
     if reader is None:
         raise InputError(f"{path}: {Path(path).suffix} is written only")
@@ -144,7 +193,35 @@ def read_density(path: str | os.PathLike) -> DensityGrid:
 
 
 def write_density(path: str | os.PathLike, grid: DensityGrid) -> list[Path]:
-    """Write a grid with its further arrays and return the files; what is lost is logged."""
+    """Write a grid with its further arrays; what is lost is logged.
+
+    Parameters
+    ----------
+    path
+        File to write: .npz or .nvdb.
+    grid
+        Density [1/m] in the cells of a box [m].
+
+    Returns
+    -------
+    list[Path]
+        The files.
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown or cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import DensityGrid, read_density, write_density
+    >>> cells, rho = np.full((2, 2, 2), 50.0), np.full((2, 2, 2), 700.0)  # 1/m, kg/m^3
+    >>> grid = DensityGrid(np.zeros(3), np.ones(3), cells, fields={"rho": rho})
+    >>> files = write_density("oak.npz", grid)
+    >>> float(read_density("oak.npz").fields["rho"].max())
+    700.0
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     writer = GRID_FORMATS[suffix].write if suffix in GRID_FORMATS else None

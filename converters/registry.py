@@ -139,6 +139,7 @@ MESH_FORMATS: Registry[Format] = Registry(
         ".mesh": "mesh.meshdata:MEDIT",
     },
 )
+"""Mesh formats by suffix; ``MESH_FORMATS.register(".mine", Format(...))`` adds one."""
 POINT_FORMATS: Registry[Format] = Registry(
     "point suffix",
     _HERE,

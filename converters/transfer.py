@@ -60,11 +60,42 @@ def field_from_points(
     fill: bool = True,
     part_names: tuple[str, ...] = (),
 ) -> MaterialField:
-    """Field of points with E [Pa], nu, rho [kg/m^3] and, where known, part.
+    """Field of points with E [Pa], nu [1], rho [kg/m^3] and, where known, part.
 
     A voxel takes the mean of its points in (log10 E, nu, log10 rho), of the commonest part alone.
-    ``spacing`` [m] is the voxel where the points lie on a grid of their own, else ``cells`` go
-    along the longest side; ``fill`` closes the inside of a shell with the nearest voxel.
+
+    Parameters
+    ----------
+    table
+        Points [m] with the columns E, nu and rho, or the names of VoMP and Pixie for them.
+    cells
+        Voxels along the longest side.
+    spacing
+        Edge of a voxel [m], where the points lie on a grid of their own.
+    fill
+        Whether the inside of a shell is closed with the nearest voxel.
+    part_names
+        Names of the parts that the column of parts counts.
+
+    Returns
+    -------
+    MaterialField
+        E, nu and rho on the occupied voxels.
+
+    Raises
+    ------
+    InputError
+        Where a column is missing, or no point has finite numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import PointTable, field_from_points
+    >>> places = {name: np.array([0.0, 1.0]) for name in "xyz"}
+    >>> values = {"E": np.full(2, 1e6), "nu": np.full(2, 0.3), "rho": np.full(2, 1e3)}
+    >>> field = field_from_points(PointTable(places | values), cells=2, fill=False)
+    >>> bool(np.allclose(field.E[field.occupied], 1e6))  # Pa
+    True
     """
     values = {name: _column(table, name) for name in ("E", "nu", "rho")}
     positions = table.positions
@@ -173,12 +204,41 @@ class SampledMesh(NamedTuple):
 
 
 def sample_material(mesh: TetMesh, field: MaterialField, *, mode: Mode = "centroid") -> SampledMesh:
-    """Give every tet E [Pa], nu, rho [kg/m^3] of the field.
+    """Give every tet E [Pa], nu [1], rho [kg/m^3] of a field.
 
     A region samples only the part of its own name.
 
-    ``centroid`` takes one sample a tet; ``quadrature`` the mean of four in (log10 E, nu,
-    log10 rho), for tets larger than a voxel.
+    Parameters
+    ----------
+    mesh
+        Tets [m].
+    field
+        Values on voxels [m].
+    mode
+        "centroid": one sample a tet; "quadrature": the mean of four in (log10 E, nu, log10 rho),
+        for tets larger than a voxel.
+
+    Returns
+    -------
+    SampledMesh
+        ``mesh`` with its material, and how far [m] a sample was from the nearest voxel.
+
+    Raises
+    ------
+    InputError
+        Where the mode is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import sample_material
+    >>> from autophyx_tet.fem import box_mesh
+    >>> from autophyx_tet.predictors import Grid, MaterialField
+    >>> cells = (2, 2, 2)
+    >>> E, nu, rho = (np.full(cells, value) for value in (1e6, 0.3, 1e3))
+    >>> field = MaterialField(Grid(np.zeros(3), 0.5, cells), np.ones(cells, dtype=bool), E, nu, rho)
+    >>> round(sample_material(box_mesh((1, 1, 1), (1, 1, 1)), field).mesh.mass, 6)  # kg: rho V
+    1000.0
     """
     part, unmatched = _parts(mesh, field)
     at = np.full((1, 4), 0.25) if mode == "centroid" else _QUADRATURE

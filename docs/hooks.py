@@ -121,6 +121,17 @@ def gallery() -> str:
     return "\n\n".join(shown)
 
 
+def examples() -> str:
+    """Every script of the examples under its question, in the order of their own page."""
+    page = (ROOT / "examples" / "README.md").read_text()
+    listed = re.findall(r"^\* \[(.*)\]\((\w+\.py)\)$", page, re.MULTILINE)
+    shown = []
+    for question, name in listed:
+        code = (ROOT / "examples" / name).read_text().rstrip()
+        shown += [f"## {question}", f"`examples/{name}`", f"```python\n{code}\n```"]
+    return "\n\n".join(shown)
+
+
 def batch(name: str) -> str:
     """What became of a batch: the counts, then the rows that failed or were tried again."""
     document = json.loads((DATA / f"{name}.json").read_text())
@@ -151,6 +162,7 @@ def _table(heads, rows) -> str:
 FILLERS = {
     "batch": batch,
     "commands": commands,
+    "examples": examples,
     "formats": formats,
     "gallery": gallery,
     "measured": measured,

@@ -127,6 +127,13 @@ class ElementMaterial:
     ------
     InputError
         Where a value is not finite, E or rho is not positive, or nu is outside [0, 0.5).
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial
+    >>> steel = ElementMaterial.uniform(2, E=2e11, nu=0.25, rho=7850.0)
+    >>> steel.lame.mu / 1e9  # GPa, E / (2 (1 + nu))
+    array([80., 80.])
     """
 
     E: Float[np.ndarray, "tets"]

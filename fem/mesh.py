@@ -57,6 +57,14 @@ class TetMesh:
         On wrong shapes, values that are not finite, ids out of range or a tet that is not positive.
 
     The arrays are copies that cannot be written to: what is kept of them stays true.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import TetMesh
+    >>> points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]  # m
+    >>> tet = TetMesh.oriented(points, [[0, 1, 2, 3]])
+    >>> round(6 * tet.volume, 12)  # a sixth of the cube around it
+    1.0
     """
 
     points: Float[np.ndarray, "points 3"]
@@ -443,7 +451,34 @@ def face_normals(
 
 
 def box_mesh(size: Sequence[float], cells: Sequence[int], *, lo=(0.0, 0.0, 0.0)) -> TetMesh:
-    """Box of ``size`` [m] at ``lo`` [m]; Kuhn's 6 tets in each of ``cells`` = (nx, ny, nz)."""
+    """Box of tets: Kuhn's six in every cell.
+
+    Parameters
+    ----------
+    size
+        Sides [m], shape (3,).
+    cells
+        Cells along x, y and z.
+    lo
+        Lower corner [m], shape (3,).
+
+    Returns
+    -------
+    TetMesh
+        6 nx ny nz tets in one region, without a material.
+
+    Raises
+    ------
+    InputError
+        Where a side is not positive: its tets are flat.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import box_mesh
+    >>> box = box_mesh((0.2, 0.1, 0.1), (2, 1, 1))
+    >>> len(box.tets), round(box.volume, 12)  # m^3
+    (12, 0.002)
+    """
     nx, ny, nz = cells
     axes = [o + np.linspace(0, s, n + 1) for o, s, n in zip(lo, size, cells, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -86,10 +86,23 @@ def sag(
     device
         'cpu' or 'cuda'.
 
+    Returns
+    -------
+    SagResult
+        Largest displacement [m], the whole static solution, and how far off its mesh may be.
+
     Raises
     ------
     ConvergenceError
         If the linear solve does not reach its tolerance.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, sag
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> round(sag(block, gravity=10.0, order=2).max_displacement, 9)  # m: rho g L^2 / (2 E)
+    0.005
     """
     scene = Sag(supports, gravity).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
@@ -124,7 +137,31 @@ def hang(
     law: str | None = None,
     device: str = "cpu",
 ) -> SagResult:
-    """Hang ``mesh`` from its highest points under its weight; options as in ``sag``."""
+    """Hang ``mesh`` from its highest points under its weight.
+
+    Parameters
+    ----------
+    mesh, up, order, gravity, law, device
+        As in ``sag``: metres and m/s^2.
+
+    Returns
+    -------
+    SagResult
+        Largest displacement [m], the whole static solution, and how far off its mesh may be.
+
+    Raises
+    ------
+    ConvergenceError
+        If the linear solve does not reach its tolerance.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, hang
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> round(hang(block, gravity=10.0, order=2).max_displacement, 9)  # m: rho g L^2 / (2 E)
+    0.005
+    """
     scene = Hang(gravity).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
@@ -182,16 +219,39 @@ def wind(
 ) -> SagResult:
     """Blow on a standing ``mesh``: drag on every face that looks into the wind.
 
+    The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+
     Parameters
     ----------
+    mesh, up, order, law, device
+        As in ``sag``.
     direction
-        Where the wind blows to; by default along the first horizontal axis.
+        Where the wind blows to, shape (3,); by default along the first horizontal axis.
     speed
         Speed of the wind [m/s].
     drag
         Drag coefficient [1] of a face across the wind.
 
-    The weight is left out: the answer is what the wind adds. Faces do not shelter each other.
+    Returns
+    -------
+    SagResult
+        Largest displacement [m], the whole static solution, and how far off its mesh may be.
+
+    Raises
+    ------
+    InputError
+        Where the wind has no direction, or a number is not positive.
+    ConvergenceError
+        If the linear solve does not reach its tolerance.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, wind
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> blown = wind(block, speed=10.0, drag=1.2)
+    >>> round(float(-blown.static.reaction[:, 0].sum()), 6)  # N: 1.2 (1.225 / 2) v^2 on 1 m^2
+    73.5
     """
     scene = Wind(direction, speed, drag).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
@@ -251,12 +311,35 @@ def poke(
 
     Parameters
     ----------
+    mesh, up, order, law, device
+        As in ``sag``.
     force
         Force of the finger [N], spread over a patch of a twentieth of the diagonal.
     at
         Where [m], shape (3,); by default the highest point.
     direction
-        Where the finger pushes to; by default down.
+        Where the finger pushes to, shape (3,); by default down.
+
+    Returns
+    -------
+    SagResult
+        Largest displacement [m], the whole static solution, and how far off its mesh may be.
+
+    Raises
+    ------
+    InputError
+        Where there is no face to push on, or a number is out of range.
+    ConvergenceError
+        If the linear solve does not reach its tolerance.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, poke
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> pushed = poke(block, force=10.0)
+    >>> round(float(pushed.static.reaction[:, 2].sum()), 6)  # N: the ground holds against it
+    10.0
     """
     scene = Poke(force, at, direction).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
@@ -331,10 +414,45 @@ def squeeze(
     device: str = "cpu",
     progress: FrameProgress | None = None,
 ) -> MotionResult:
-    """Squeeze ``mesh`` between two plates that close by ``share`` of its width along ``axis``.
+    """Squeeze ``mesh`` between two plates, slowly against the waves in the body, without gravity.
 
-    The plates close slowly against the waves in the body; gravity is left out; ``progress`` is
-    called after every frame.
+    Parameters
+    ----------
+    mesh
+        Tets [m] with E [Pa], nu [1] and rho [kg/m^3].
+    axis
+        Along which the plates close.
+    share
+        How far they close, as a share [1] of the body's width.
+    friction
+        Coefficient of Coulomb friction [1] of the plates.
+    frames
+        States wanted.
+    law, order, device
+        Elastic law, order of the elements, and where to solve.
+    progress
+        Called after every frame.
+
+    Returns
+    -------
+    MotionResult
+        States at equal times [s]; ``obstacle_forces`` (frames, 2, 3) [N] are those of the plates.
+
+    Raises
+    ------
+    InputError
+        Where a number is out of range.
+    ConvergenceError
+        If a step fails however short it is made.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, squeeze
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> left, right = squeeze(block, frames=2, friction=0.0).obstacle_forces[-1, :, 0]
+    >>> bool(left > 0 > right), bool(abs(left / 1e5 - 1) < 0.2)  # about E A e = 1e5 N
+    (True, True)
     """
     scene = Squeeze(axis, share, friction, frames).scene(mesh)
     return DynamicMethod().solve(scene, law=law, order=order, device=device, progress=progress)
@@ -396,10 +514,47 @@ def drop(
     device: str = "cpu",
     progress: FrameProgress | None = None,
 ) -> MotionResult:
-    """Let ``mesh`` fall on the ground from ``height`` [m], half its size by default.
+    """Let ``mesh`` fall on the ground.
 
-    ``friction`` is the coefficient of Coulomb friction of the ground, ``gravity`` in [m/s^2];
-    ``progress`` is called after every frame.
+    Parameters
+    ----------
+    mesh
+        Tets [m] with E [Pa], nu [1] and rho [kg/m^3].
+    up
+        The axis that points up.
+    height
+        Height of the fall [m]; by default half the size of the body.
+    friction
+        Coefficient of Coulomb friction [1] of the ground.
+    gravity
+        Acceleration [m/s^2], downwards.
+    frames
+        States wanted over three times the time of the fall.
+    law, order, scheme, device
+        Elastic law, order of the elements, time integration, and where to solve.
+    progress
+        Called after every frame.
+
+    Returns
+    -------
+    MotionResult
+        States at equal times [s]: displacement [m], velocity [m/s], forces [N] and energies [J].
+
+    Raises
+    ------
+    InputError
+        Where a number is out of range.
+    ConvergenceError
+        If a step fails however short it is made.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, drop
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> fall = drop(block, height=0.5, frames=6)
+    >>> fall.smallest_gap > 0, bool(fall.contact_forces[:, 2].max() > 0)  # the ground keeps it out
+    (True, True)
     """
     scene = Drop(height, friction, gravity, frames).scene(mesh, up=up)
     return DynamicMethod().solve(

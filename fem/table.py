@@ -264,8 +264,32 @@ def row_of_record(record: Mapping[str, str], place: str) -> Material:
 
 
 @lru_cache(maxsize=4)
-def load_table(path: Path | None = None) -> MaterialTable:
-    """Return the validated table at ``path`` (a CSV as the packaged one), or the packaged table."""
+def load_table(path: str | Path | None = None) -> MaterialTable:
+    """Materials with lowest and highest E [Pa], nu [1] and rho [kg/m^3], each with its source.
+
+    Parameters
+    ----------
+    path
+        A CSV with the columns of the packaged table; None: that one.
+
+    Returns
+    -------
+    MaterialTable
+        ``exact(name)`` is a row, ``search(words)`` those that match; ``value()`` of a row has one
+        number each.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or a row is not valid.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import load_table
+    >>> oak = load_table().exact("oak")
+    >>> oak.category, oak.E[0] <= oak.value().E <= oak.E[1]
+    ('wood', True)
+    """
     try:
         with open(path or TABLE_PATH, encoding="utf-8", newline="") as file:
             records = list(csv.DictReader(file))

@@ -37,11 +37,29 @@ class Part:
 class Asset:
     """A 3D asset in metres, on its own axes.
 
-    ``metres_per_unit`` has already been applied to the parts; ``up`` is the axis that points up;
-    ``source_hash`` is the SHA-256 of the file and of what it refers to; ``samples`` says in words
-    what a surface was made through ("5,000 points"), nothing of one that the file has;
-    ``warnings`` are sentences for the user (missing texture, unit taken as metres ...);
-    ``size_stated``: the user gave its size or its unit.
+    Parameters
+    ----------
+    name, parts
+        What it is called, and its named surfaces [m].
+    up
+        The axis that points up.
+    metres_per_unit
+        Metres [m] per unit of the file, already applied to the parts.
+    source, source_hash
+        The file, and the SHA-256 of it and of what it refers to.
+    samples
+        What a surface was made through in words ("5,000 points"); nothing of one that the file has.
+    size_stated
+        Whether the user gave its size or its unit.
+    warnings
+        Sentences for the user: a missing texture, a unit taken as metres ...
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> asset = apx.load_asset(apx.write_bonsai("bonsai.glb"))
+    >>> sorted(asset.part_names), bool(0.3 < asset.size.max() < 0.5)  # m
+    (['foliage', 'pot', 'soil', 'trunk'], True)
     """
 
     name: str

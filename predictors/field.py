@@ -23,11 +23,39 @@ class Ranges(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MaterialField:
-    """E [Pa], nu [1], rho [kg/m^3] on the occupied cells of a grid; other cells are ignored.
+    """E, nu and rho on the occupied cells of a grid; other cells are ignored.
 
-    ``part`` labels cells with an index into ``part_names`` (-1 outside), ``material`` with an index
-    into ``material_names``. ``ranges`` are the [min, max] the values were chosen from, and
-    ``alpha`` in [0, 1] where between them (soft to stiff), if the predictor knows.
+    Parameters
+    ----------
+    grid
+        The cells [m].
+    occupied
+        Cells that hold matter, shape (nx, ny, nz).
+    E, nu, rho
+        Young's modulus [Pa], Poisson's ratio [1], density [kg/m^3], shape (nx, ny, nz).
+    part, part_names
+        Index of every cell into the names, -1 outside.
+    material, material_names
+        The same for the rows of the table.
+    ranges
+        Lowest and highest values that E, nu and rho were chosen from.
+    alpha
+        Where between them, in [0, 1], soft to stiff, if the predictor knows.
+
+    Raises
+    ------
+    InputError
+        Where shapes differ, or an occupied cell has no valid value or part.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.predictors import Grid, MaterialField
+    >>> cells = (2, 2, 2)
+    >>> E, nu, rho = (np.full(cells, value) for value in (1e6, 0.3, 1e3))
+    >>> field = MaterialField(Grid(np.zeros(3), 0.5, cells), np.ones(cells, dtype=bool), E, nu, rho)
+    >>> float(field.rho[field.occupied].sum() * field.grid.h**3)  # kg: rho V
+    1000.0
     """
 
     grid: Grid

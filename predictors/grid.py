@@ -27,6 +27,13 @@ class Grid:
         Edge of a cell [m].
     shape
         Cells along x, y, z.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.predictors import Grid
+    >>> Grid(np.zeros(3), 0.5, (2, 2, 2)).centers()[1, 0, 0].tolist()  # m
+    [0.75, 0.25, 0.25]
     """
 
     lo: Float[np.ndarray, "3"]

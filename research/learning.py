@@ -14,7 +14,7 @@ from ..fem.errors import InputError, UsageError
 from ..predictors.encoders import speaking_encoder
 from ..toolkit.asset import sweethome3d
 from ..toolkit.asset.child import Progress
-from ..toolkit.asset.document import check_folder
+from ..toolkit.asset.document import check_folder, path_of
 from .datasets.real import RealObject, load_real
 from .prepare import RANGES, TEXT, TRAINING, VALIDATION, furniture
 
@@ -34,19 +34,44 @@ _UNTIL = 10**9  # steps: time ends the run
 
 
 def train(
-    config: Path | str, *, data: Path, output: Path, start: Path | None = None
+    config: Path | str,
+    *,
+    data: str | Path,
+    output: str | Path,
+    start: str | Path | None = None,
 ) -> dict[str, Any]:
     """Train a network as a TOML file says (or a preset), or go on where it stopped.
 
     "kinds" fits kinds of matter to looks of real objects, in seconds. Started by ``torchrun`` a
-    network trains on several GPUs. ``output`` holds the whole state, so that the same command
-    continues an interrupted run, and the weights at the end; ``start`` are weights to
-    begin with.
+    network trains on several GPUs.
+
+    Parameters
+    ----------
+    config
+        TOML file of a training run, or the name of a preset.
+    data
+        Folder that ``dataset build`` wrote.
+    output
+        Folder of the whole state, so that the same call continues an interrupted run, and of the
+        weights at the end.
+    start
+        Weights to begin with.
+
+    Returns
+    -------
+    dict
+        ``files`` of the weights, ``steps`` and ``history``.
+
+    Raises
+    ------
+    InputError
+        Where the config cannot be read or the folder not be written.
     """
     from .training.film.recipe import train_film
     from .training.unipixie.config import PRESETS as RANGE_PRESETS
     from .training.unipixie.recipe import train_matter
 
+    data, output, start = path_of(data), path_of(output), path_of(start)
     check_folder(output)
     real = data / TRAINING
     if str(config) == KINDS:
@@ -99,8 +124,8 @@ def evaluate(
     split: str,
     *,
     predictors: Sequence[str] = (),
-    data: Path | None = None,
-    weights: Path | None = None,
+    data: str | Path | None = None,
+    weights: str | Path | None = None,
     objects: int = 64,
     cells: int = 64,
     seed: int = 0,
@@ -108,7 +133,7 @@ def evaluate(
     encoder: str | None = None,
     renders: int = 0,
     swing: bool = False,
-    memory: Path | None = None,
+    memory: str | Path | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Score predictors on objects of a split, or on a folder of examples.
@@ -131,11 +156,24 @@ def evaluate(
         How many objects are put under load, and whether their motions are compared, not the rest.
     progress
         Called with the stage and the seconds so far.
+
+    Returns
+    -------
+    dict
+        ``rows``, one a predictor, with its errors; ``papers``, those of others beside them.
+
+    Raises
+    ------
+    UsageError
+        Where an encoder or renders are asked for of a split that has none.
+    InputError
+        Where the split is no folder of examples, or weights cannot be read.
     """
     from .evaluation.held_out import HeldOutSet
     from .evaluation.held_out_evaluation import evaluate_held_out
     from .evaluation.rows import DEFAULT_ROWS
 
+    data, weights, memory = map(path_of, (data, weights, memory))
     if encoder and (split not in FURNITURE or data):
         raise UsageError("--encoder wants --split validation or merged, and no --data")
     if split not in ("procedural", *FURNITURE):

@@ -241,9 +241,9 @@ RowProgress = Callable[[Outcome, int, int], None]
 def batch(
     manifest: str | os.PathLike[str],
     *,
-    output: Path,
+    output: str | Path,
     options: BatchOptions | None = None,
-    run_config: Path | None = None,
+    run_config: str | Path | None = None,
     progress: RowProgress | None = None,
 ) -> BatchResult:
     """Run every row of a manifest and write results.csv, results.json and index.html.
@@ -253,13 +253,21 @@ def batch(
     Parameters
     ----------
     manifest
-        CSV file; see ``manifest.py`` for its columns.
+        CSV file with the columns asset and text, also id and any option of ``run``; or a folder of
+        assets.
     output
         Folder of the results, one folder a row; the same again continues where it ended.
+    options
+        Workers, seconds [s] and memory [GB] of a row.
     run_config
         TOML file of options for all rows, as ``run --print-config`` writes it.
     progress
         Called with (outcome, rows done, rows in all) whenever a row ends.
+
+    Returns
+    -------
+    BatchResult
+        How every row ended, the table, and the files.
 
     Raises
     ------
@@ -267,10 +275,10 @@ def batch(
         Where the manifest cannot be read, the folder not be written, or another batch works in it.
     """
     options = (options or BatchOptions()).checked()
-    common = () if run_config is None else read_config(run_config)
+    common = () if run_config is None else read_config(Path(run_config))
     jobs = read_manifest(Path(manifest), common=common)
+    output = Path(output).resolve()
     check_folder(output)
-    output = output.resolve()
     _check_theirs(jobs, output)
     with _alone(output):
         ended = {job.id: past for job in jobs if (past := stored(job, output))}

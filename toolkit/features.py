@@ -26,8 +26,8 @@ from ..predictors.grid import PartVoxels
 from ..predictors.matter import LOOK
 from .asset.cache import digest, recalled, remember
 from .asset.coloured_grid import is_carrier, read_coloured_grid
-from .asset.document import check_file
-from .options import FeatureOptions
+from .asset.document import check_file, path_of
+from .options import FeatureOptions, with_given
 
 log = logging.getLogger(__name__)
 
@@ -68,8 +68,9 @@ class Features:
 def features(
     asset: str | Path | Asset,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     options: FeatureOptions | None = None,
+    **given: Any,
 ) -> Features:
     """See an asset from a hemisphere of cameras and lift what an encoder sees onto its voxels.
 
@@ -82,7 +83,13 @@ def features(
     output
         The .npz to write.
     options
-        How the asset is looked at, what is drawn and what is remembered.
+        How the asset is looked at, what is drawn and what is remembered; each may be ``given`` by
+        name.
+
+    Returns
+    -------
+    Features
+        ``voxels``: cells, values (cells, channels) [1] and the grid [m]; labels by words.
 
     Raises
     ------
@@ -91,8 +98,8 @@ def features(
     """
     from .asset.load import load_asset
 
-    options = (options or FeatureOptions()).checked()
-    picture = options.picture
+    options = with_given(options or FeatureOptions(), given, verb="features").checked()
+    output, picture = path_of(output), options.picture
     for path, suffix in ((output, ".npz"), (picture, ".png")):
         if path is not None:
             check_file(path, (suffix,))

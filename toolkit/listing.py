@@ -19,10 +19,31 @@ if TYPE_CHECKING:
 
 
 def materials(query: str = "", *, contents: bool = False) -> dict[str, Any]:
-    """Rows of the material table that match ``query`` (all rows without one).
+    """Rows of the material table that match a query.
 
-    ``contents`` asks for what fills things instead. Where nothing matches, a ``UsageError`` names
-    the nearest words.
+    Parameters
+    ----------
+    query
+        Words to look for in names, aliases and categories; all rows without one.
+    contents
+        Whether what fills things (water, books) is asked for, not what they are made of.
+
+    Returns
+    -------
+    dict
+        ``materials``: rows with lowest and highest E [Pa], nu [1], rho [kg/m^3], and their source.
+
+    Raises
+    ------
+    UsageError
+        Where nothing matches, with the nearest words.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> oak = apx.materials("oak")["materials"][0]
+    >>> oak["category"], oak["rho"][0] < oak["rho"][1] < 1000  # kg/m^3: it swims
+    ('wood', True)
     """
     from ..fem.table import load_contents, load_table
 
@@ -55,8 +76,33 @@ def _row(row: Material) -> dict[str, Any]:
     }
 
 
-def info(file: Path) -> dict[str, Any]:
-    """Size, regions with lowest and highest E, nu, rho, volume, mass and quality of a mesh file."""
+def info(file: str | Path) -> dict[str, Any]:
+    """Size, regions with lowest and highest E, nu, rho, volume, mass and quality of a mesh file.
+
+    Parameters
+    ----------
+    file
+        Mesh to look at: .msh, .vtu or .vtk.
+
+    Returns
+    -------
+    dict
+        ``volume`` [m^3], ``mass`` [kg], ``bounds`` [m], ``regions`` and ``quality``.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.converters import write_mesh
+    >>> from autophyx_tet.fem import box_mesh
+    >>> kept = write_mesh("box.msh", box_mesh((0.2, 0.1, 0.1), (1, 1, 1)))
+    >>> round(apx.info("box.msh")["volume"], 9)  # m^3
+    0.002
+    """
     from ..converters.mesh.meshdata import read_mesh
     from .meshing.quality import quality
 
@@ -66,7 +112,7 @@ def info(file: Path) -> dict[str, Any]:
         for number, row in enumerate(document["regions"]):
             mine = mesh.region == number
             row |= {name: _ends(getattr(mesh.material, name)[mine]) for name in ("E", "nu", "rho")}
-    return {"file": file, **document, "quality": quality(mesh)}
+    return {"file": Path(file), **document, "quality": quality(mesh)}
 
 
 def _ends(values: np.ndarray) -> tuple[float, float] | None:
@@ -87,7 +133,14 @@ _EXTRA = re.compile(r"extra\s*==\s*[\"']([\w-]+)[\"']")
 
 
 def doctor() -> dict[str, Any]:
-    """Versions, extras, devices, weights [bytes], programs and caches [bytes] of this machine."""
+    """Versions, extras, devices, weights, programs and caches of this machine.
+
+    Returns
+    -------
+    dict
+        ``memory`` [bytes], ``cores``, ``libraries``, ``extras``, ``devices``, ``programs``,
+        ``weights`` and ``caches`` with their sizes [bytes].
+    """
     needed = _requirements()
     libraries = needed.pop("")
     missing = [name for name, found in libraries.items() if found is None]

@@ -21,6 +21,7 @@ from ..fem.scene.up import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS
+from .asset.document import path_of
 from .asset.load import Unit
 from .meshing.meshers import AUTO, MESHERS
 
@@ -371,6 +372,8 @@ def read_config(path: Path) -> list[str]:
 def with_given(options: Options, given: Mapping[str, Any], *, verb: str) -> Options:
     """Return the options with those ``given`` by name, as a Python user writes them.
 
+    A text that is given for a path becomes one.
+
     Raises
     ------
     UsageError
@@ -382,7 +385,10 @@ def with_given(options: Options, given: Mapping[str, Any], *, verb: str) -> Opti
             near = get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise UsageError(f"{verb} has no option {name!r}{hint}")
-    return replace(options, **given)  # type: ignore
+    paths = [item.name for item in fields(options) if "Path" in str(item.type)]  # type: ignore
+    changed = {name: getattr(options, name) for name in paths} | dict(given)
+    taken = {name: path_of(changed[name]) for name in paths}
+    return replace(options, **changed | taken)  # type: ignore
 
 
 def option_names(command: Any) -> set[str]:

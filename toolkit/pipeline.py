@@ -20,6 +20,7 @@ from .asset.document import (
     check_outputs,
     check_run,
     now,
+    path_of,
     read_known,
 )
 from .options import AssignOptions, ConvertOptions, SimulateOptions, command_line, pairs, with_given
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 def convert(
     asset: str | Path | Asset,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     options: ConvertOptions | None = None,
     walls: WallOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -47,18 +48,23 @@ def convert(
 ) -> Conversion:
     """Make a watertight tetrahedral mesh [m] of an asset, one region per part.
 
-    Options may be ``given`` by name too: ``convert("chair.glb", size=0.9)``.
-
     Parameters
     ----------
     asset
         File to load, or an asset already loaded.
     output
         Mesh to write (.msh, .vtu, .vtk), with its sidecar beside it, chair.msh.json.
+    options
+        Size, units and mesher; each may be ``given`` by name: ``convert("chair.glb", size=0.9)``.
     walls
         What closed parts are inside; a wall that the mesh can hold becomes its own.
     progress
         Called with (stage, seconds) while the engine works.
+
+    Returns
+    -------
+    Conversion
+        ``mesh`` [m], the ``asset`` it was made of, and a ``report`` of what was proven of it.
 
     Raises
     ------
@@ -66,6 +72,14 @@ def convert(
         Where the file cannot be read or the output not be written.
     NoVolumeError
         Where the asset encloses no volume.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx, trimesh
+    >>> written = trimesh.creation.box((0.2, 0.1, 0.1)).export("box.stl")
+    >>> made = apx.convert("box.stl", units="m", mesher="stuffing", edge_length=0.05, no_cache=True)
+    >>> bool(abs(made.mesh.volume / 0.002 - 1) < 0.01)  # m^3
+    True
     """
     from ..converters.mesh.meshdata import write_mesh
     from .asset.load import load_asset
@@ -73,7 +87,7 @@ def convert(
     from .meshing.import_tets import SUFFIXES, import_tets
 
     options = with_given(options or ConvertOptions(), given, verb="convert")
-    walls = walls or WallOptions()
+    walls, output = walls or WallOptions(), path_of(output)
     if output is not None:
         check_mesh(output)
     scale = {"size": options.size, "units": options.units, "up": options.up}
@@ -113,8 +127,8 @@ def assign(
     text: str,
     *,
     asset: str | Path | Asset | None = None,
-    output: Path | None = None,
-    field_output: Path | None = None,
+    output: str | Path | None = None,
+    field_output: str | Path | None = None,
     options: AssignOptions | None = None,
     walls: WallOptions | None = None,
     **given: Any,
@@ -122,7 +136,29 @@ def assign(
     """Give every tet E [Pa], nu [1], rho [kg/m^3] from a sentence.
 
     Parts that are hollow, by ``walls``, by the text or by what they are, get the apparent material
-    that weighs and bends as their wall and what it holds. Options may be ``given`` by name.
+    that weighs and bends as their wall and what it holds.
+
+    Parameters
+    ----------
+    mesh
+        Mesh [m], or a file of one.
+    text
+        What the parts are made of, in plain words.
+    asset
+        The asset that the mesh came from: the names and looks of its parts.
+    output
+        Mesh to write (.msh, .vtu, .vtk), with its sidecar beside it.
+    field_output
+        Voxel field to write (.npz).
+    options
+        Predictor, overrides and strictness; each may be ``given`` by name.
+    walls
+        What closed parts are inside.
+
+    Returns
+    -------
+    Assignment
+        ``mesh`` with its material, ``part_rows()`` of what each part got and why, ``warnings``.
 
     Raises
     ------
@@ -131,11 +167,21 @@ def assign(
         where anything was not understood or is a guess.
     BandError
         Under ``options.strict``, where a value leaves the band of its category.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.fem import box_mesh
+    >>> body = apx.assign(box_mesh((0.1, 0.1, 0.1), (1, 1, 1)), "oak", predictor="retrieval")
+    >>> oak = apx.load_table().exact("oak").value()
+    >>> round(body.mesh.mass / (0.1**3 * oak.rho), 9)  # rho V
+    1.0
     """
     from ..converters.transfer import divided_by_voxels, sample_material
     from .walls import Called, Walls, build_parts, with_walls
 
     options = with_given(options or AssignOptions(), given, verb="assign").checked()
+    output, field_output = path_of(output), path_of(field_output)
     check_outputs(output, field_output)
     mesh, sidecar, seen, warnings = read_known(mesh, asset)
     said = Walls.said(walls, sidecar, mesh.region_names)
@@ -243,8 +289,8 @@ def run(
     asset: str | Path | Asset,
     texts: Sequence[str],
     *,
-    output: Path,
-    picture: Path | None = None,
+    output: str | Path,
+    picture: str | Path | None = None,
     convert_options: ConvertOptions | None = None,
     walls: WallOptions | None = None,
     assign_options: AssignOptions | None = None,
@@ -255,15 +301,43 @@ def run(
 ) -> RunResult:
     """Convert once, assign and simulate every sentence under the same loads, write a folder.
 
-    ``picture`` (.png, .gif, .webp) is one more, of the first sentence; ``features`` shows what the
-    image encoder sees, ``dial`` every sentence at alpha 0, .5 and 1. Nothing is written before
-    everything is computed. Raises what the single verbs raise.
+    Nothing is written before everything is computed.
+
+    Parameters
+    ----------
+    asset
+        File to load, or an asset already loaded.
+    texts
+        Sentences, each of what the parts are made of.
+    output
+        Folder for mesh.msh, mesh.vtu, field.npz, motion.pvd, report.html and run.json.
+    picture
+        One more picture (.png, .gif, .webp), of the first sentence.
+    convert_options, walls, assign_options, simulate_options
+        Options of the single verbs.
+    features
+        Whether the report shows what the image encoder sees.
+    dial
+        Whether every sentence is solved at alpha 0, .5 and 1.
+    progress
+        Called with the stage and the seconds [s] so far.
+
+    Returns
+    -------
+    RunResult
+        The conversion, and a case a sentence with its material and its simulation.
+
+    Raises
+    ------
+    AutophyxError
+        What the single verbs raise.
     """
     from ..converters.files import alone
     from .report.pages import write_folder
     from .report.picture import SUFFIXES, write_picture
     from .walls import with_stated_walls
 
+    output, picture = path_of(output), path_of(picture)
     check_run(output)
     ways = dialled((assign_options or AssignOptions()).checked(), dial=dial)
     if picture is not None:

@@ -17,9 +17,9 @@ from ..fem.grain import grained_parts, parts_of_grain, with_grains
 from ..fem.mesh import TetMesh
 from ..predictors.field import MaterialField
 from ..predictors.grid import Grid
-from .asset.document import BodyRecord, Sidecar, check_file, mesh_document
+from .asset.document import BodyRecord, Sidecar, check_file, mesh_document, path_of
 from .driving import checked_scale
-from .options import ExportOptions, TransferOptions
+from .options import ExportOptions, TransferOptions, with_given
 from .simulation.matter import rows_of_field
 from .simulation.scenario import stated_grains
 
@@ -94,10 +94,11 @@ def transfer(
     source: str | Path | MaterialField | TetMesh,
     target: str | Path,
     *,
-    output: Path,
+    output: str | Path,
     options: TransferOptions | None = None,
+    **given: Any,
 ) -> TransferResult:
-    """Write splats, a point cloud or a density grid again with E, nu, rho appended.
+    """Write splats, points or a density grid again with E [Pa], nu [1], rho [kg/m^3] appended.
 
     Parameters
     ----------
@@ -107,6 +108,13 @@ def transfer(
         Carrier to write again, every property kept.
     output
         File to write; a format without room for more columns gets STEM.npz beside it.
+    options
+        Scale [m] of a unit of the target, cells of the field; each may be ``given`` by name.
+
+    Returns
+    -------
+    TransferResult
+        How many values were carried, how far outside the field any was, the files, warnings.
 
     Raises
     ------
@@ -114,28 +122,41 @@ def transfer(
         Where a file cannot be read or written, or the source has no material.
     UsageError
         Where the output is the carrier itself.
+
+    Examples
+    --------
+    >>> import numpy as np, autophyx_tet as apx
+    >>> from autophyx_tet.converters import PointTable, read_points, write_points
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> jelly = ElementMaterial.uniform(6, E=1e5, nu=0.3, rho=1e3)
+    >>> write_points("point.ply", PointTable({name: np.full(1, 0.5) for name in "xyz"}))
+    >>> mesh = box_mesh((1, 1, 1), (1, 1, 1)).with_material(jelly)
+    >>> done = apx.transfer(mesh, "point.ply", output="jelly.ply", cells=4)
+    >>> read_points("jelly.ply").columns["E"].round(1).tolist()  # Pa
+    [100000.0]
     """
     from ..converters.carriers import append_material
     from ..converters.transfer import field_from_tets
 
-    options, target = options or TransferOptions(), Path(target)
+    options = with_given(options or TransferOptions(), given, verb="transfer")
+    target, output = Path(target), path_of(output)
     check_file(output, _room(target))
     if output.resolve() == target.resolve():
         raise UsageError(f"output {output} is the file to be written again: give it another name")
     scale = checked_scale(options.scale, source, target)
-    given = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
+    field = source if isinstance(source, MaterialField | TetMesh) else read_source(Path(source))
     # Words for the grain of the parts that have one: no carrier keeps it
-    if isinstance(given, MaterialField):
-        parts = parts_of_grain(rows_of_field(given))
+    if isinstance(field, MaterialField):
+        parts = parts_of_grain(rows_of_field(field))
     else:
         known = Sidecar.read(Path(source)) if isinstance(source, str | Path) else None
-        parts = grained_parts(given) or parts_of_grain(BodyRecord.of(known).materials)
+        parts = grained_parts(field) or parts_of_grain(BodyRecord.of(known).materials)
     lost = (grain_words(parts),) if parts else ()
-    if isinstance(given, TetMesh):
-        given = field_from_tets(given, cells=options.cells)
-    grid = Grid(given.grid.lo / scale, given.grid.h / scale, given.grid.shape)
+    if isinstance(field, TetMesh):
+        field = field_from_tets(field, cells=options.cells)
+    grid = Grid(field.grid.lo / scale, field.grid.h / scale, field.grid.shape)
     with TemporaryDirectory(dir=output.parent, prefix=".tmp-") as scratch:
-        done = append_material(replace(given, grid=grid), target, Path(scratch) / output.name)
+        done = append_material(replace(field, grid=grid), target, Path(scratch) / output.name)
         files = _publish(done.files, output.parent, source)
     warnings = (*_misfit(done, grid), *_left_out(output.name, (*done.lost, *lost)))
     return TransferResult(done, scale, files, warnings)
@@ -145,19 +166,27 @@ def export(
     mesh: str | Path | TetMesh,
     target: str,
     *,
-    output: Path,
+    output: str | Path,
     options: ExportOptions | None = None,
+    **given: Any,
 ) -> ExportResult:
     """Write a mesh with materials as the files of another program.
 
     Parameters
     ----------
     mesh
-        Mesh with E [Pa], nu, rho [kg/m^3] on its tets.
+        Mesh [m] with E [Pa], nu [1], rho [kg/m^3] on its tets, or a file of one.
     target
-        Name of one of ``converters.registry.PROGRAMS``: gmsh, calculix ...
+        Name of the program: gmsh, calculix, newton, mujoco, usd, sofa, fenics.
     output
         Main file; without a suffix it is a stem.
+    options
+        Bins, names of arrays, gravity; each may be ``given`` by name.
+
+    Returns
+    -------
+    ExportResult
+        ``files``, and what binning changed.
 
     Raises
     ------
@@ -165,12 +194,24 @@ def export(
         For an unknown target, or an option that it cannot follow.
     InputError
         Where the mesh has no material or the output cannot be written.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.converters import read_mesh
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> jelly = ElementMaterial.uniform(6, E=1e5, nu=0.3, rho=1e3)
+    >>> mesh = box_mesh((1, 1, 1), (1, 1, 1)).with_material(jelly)
+    >>> done = apx.export(mesh, "gmsh", output="jelly.msh")
+    >>> round(read_mesh("jelly.msh").mass, 6)  # kg: rho V
+    1000.0
     """
     from ..converters.mesh.meshdata import read_mesh
     from ..converters.programs.export import export_mesh
     from ..converters.registry import PROGRAMS
 
-    options = options or ExportOptions()
+    options = with_given(options or ExportOptions(), given, verb="export")
+    output = path_of(output)
     suffixes = PROGRAMS[target].suffixes
     if options.bins < 1:
         raise UsageError(f"--bins must be at least 1, got {options.bins}")

@@ -44,8 +44,23 @@ Arrays = Mapping[str, np.ndarray]
 class MeshData:
     """A mesh with the other arrays of its file.
 
-    ``point_data`` has one row a point, ``cell_data`` one row a tet; ``ignored`` counts what the
-    file held beside tets, by kind of cell, and how many unused points were left out.
+    Parameters
+    ----------
+    mesh
+        Tets [m].
+    point_data, cell_data
+        Arrays by name with one row a point, and one row a tet.
+    ignored
+        What the file held beside tets, by kind of cell, and how many unused points were left out.
+
+    Examples
+    --------
+    >>> from autophyx_tet.converters import MeshData
+    >>> from autophyx_tet.fem import box_mesh
+    >>> box = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> held = MeshData(box, cell_data={"volume": box.volumes})
+    >>> round(float(held.cell_data["volume"].sum()), 9)  # m^3
+    1.0
     """
 
     mesh: TetMesh
@@ -238,7 +253,31 @@ MEDIT = Format("Medit", (".mesh",), read_medit)
 
 
 def read_mesh(path: str | os.PathLike) -> TetMesh:
-    """Read a tet mesh [m] with its regions and, where E, nu and rho are there, its material."""
+    """Read a tet mesh [m] with its regions and, where E, nu and rho are there, its material.
+
+    Parameters
+    ----------
+    path
+        File: .msh, .vtu, .vtk, .mesh or .npz.
+
+    Returns
+    -------
+    TetMesh
+        Points [m], tets and regions; E [Pa], nu [1] and rho [kg/m^3] where the file has them.
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown, or the file cannot be read or has no tets.
+
+    Examples
+    --------
+    >>> from autophyx_tet.converters import read_mesh, write_mesh
+    >>> from autophyx_tet.fem import box_mesh
+    >>> lost = write_mesh("box.vtu", box_mesh((0.2, 0.1, 0.1), (1, 1, 1)))
+    >>> round(read_mesh("box.vtu").volume, 9)  # m^3
+    0.002
+    """
     return read_data(path).mesh
 
 
@@ -262,7 +301,32 @@ def write_mesh(
 ) -> tuple[Keeps, ...]:
     """Write a mesh with its regions, material and further arrays, all or nothing.
 
-    Returns what of them the format does not keep, after a warning in the log.
+    Parameters
+    ----------
+    path
+        File to write: .msh, .vtu, .vtk, .mesh or .npz.
+    mesh
+        Tets [m], with E [Pa], nu [1] and rho [kg/m^3] or without.
+    point_data, cell_data
+        Further arrays by name, one row a point, and one row a tet.
+
+    Returns
+    -------
+    tuple[Keeps, ...]
+        What of them the format does not keep, after a warning in the log.
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown or cannot be written, or an array has not one row each.
+
+    Examples
+    --------
+    >>> from autophyx_tet.converters import write_mesh
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> jelly = ElementMaterial.uniform(6, E=1e5, nu=0.3, rho=1e3)
+    >>> write_mesh("jelly.vtu", box_mesh((1, 1, 1), (1, 1, 1)).with_material(jelly))
+    ()
     """
     form = format_of(path, MESH_FORMATS)
     if form.write is None:

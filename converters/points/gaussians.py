@@ -18,7 +18,8 @@ from ..files import reading
 from ..registry import Format
 from .table import PointTable
 
-SH_C0 = 0.28209479177387814  # 1 / (2 sqrt(pi)), the constant spherical harmonic
+SH_C0 = 0.28209479177387814
+"""The constant spherical harmonic [1], 1 / (2 sqrt(pi))."""
 _LOGIT_EDGE = 1e-6  # opacities 0 and 1 are kept this far from an infinite logit
 
 
@@ -69,7 +70,37 @@ def standard_columns(
     f_dc: np.ndarray,
     f_rest: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
-    """Columns of the common PLY, float32: opacity in [0, 1], ``f_rest`` (n, 3, k) by channel."""
+    """Columns of Gaussian splats as the common PLY has them, float32.
+
+    Parameters
+    ----------
+    means
+        Centres [m], shape (n, 3).
+    log_scales
+        Natural logarithms of the standard deviations [m], shape (n, 3).
+    rotations
+        Quaternions w, x, y, z, shape (n, 4).
+    opacity
+        In [0, 1], shape (n,); the file has its logit.
+    f_dc
+        Colour of each: (RGB - 1/2) / ``SH_C0``, shape (n, 3).
+    f_rest
+        Higher harmonics, shape (n, 3, k), by channel.
+
+    Returns
+    -------
+    dict
+        Columns by name, for ``PointTable``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import standard_columns
+    >>> one, turn = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
+    >>> columns = standard_columns(one, one - 3, turn, np.full(1, 0.5), one)
+    >>> columns["scale_0"].tolist(), columns["opacity"].tolist()  # log m, logit of a half
+    ([-3.0], [0.0])
+    """
     opacity = np.clip(opacity, _LOGIT_EDGE, 1 - _LOGIT_EDGE)
     columns = dict(zip("xyz", means.T, strict=True))
     columns |= {f"f_dc_{i}": f_dc[:, i] for i in range(3)}

@@ -32,11 +32,31 @@ class Others(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """Points [m] with named columns, each (n,) or (n, k), in the order of their file.
+    """Points with named columns, in the order of their file.
 
     A point may be invalid (not finite), as in clouds of depth cameras.
-    ``comments`` are remarks of the file, and ``others`` whatever else its writer needs to give the
-    whole file back.
+
+    Parameters
+    ----------
+    columns
+        Arrays by name, each (n,) or (n, k); x, y and z are positions [m], or in the file's unit.
+    comments
+        Remarks of the file.
+    others
+        Whatever else its writer needs to give the whole file back.
+
+    Raises
+    ------
+    InputError
+        Where x, y or z is missing, or columns are not of one length.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import PointTable
+    >>> table = PointTable({name: np.arange(2.0) for name in "xyz"})
+    >>> len(table), table.positions[1].tolist(), table.is_splat
+    (2, [1.0, 1.0, 1.0], False)
     """
 
     columns: Mapping[str, np.ndarray]
@@ -131,7 +151,31 @@ log = logging.getLogger(__name__)
 
 
 def read_points(path: str | os.PathLike) -> PointTable:
-    """Read a point cloud or Gaussian splats by suffix."""
+    """Read a point cloud or Gaussian splats by suffix.
+
+    Parameters
+    ----------
+    path
+        File: .ply, .pcd, .las, .xyz, .npz, .splat, .spz, .ksplat ...
+
+    Returns
+    -------
+    PointTable
+        Every column as it stands there; positions in the unit of the file, often [m].
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown, or the file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import PointTable, read_points, write_points
+    >>> write_points("points.ply", PointTable({name: np.arange(2.0) for name in "xyz"}))
+    >>> read_points("points.ply").positions.tolist()
+    [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
+    """
     reader = format_of(path, POINT_FORMATS).read
     if reader is None:
         raise InputError(f"{path}: its format is written only")
@@ -139,7 +183,34 @@ def read_points(path: str | os.PathLike) -> PointTable:
 
 
 def write_points(path: str | os.PathLike, table: PointTable) -> None:
-    """Write a table in a format with room for its columns, all or nothing; losses are logged."""
+    """Write a table in a format with room for its columns, all or nothing; losses are logged.
+
+    Parameters
+    ----------
+    path
+        File to write: .ply, .pcd, .las, .npz, .splat, .spz ...
+    table
+        Points, in the unit that the file shall have, often [m].
+
+    Returns
+    -------
+    None
+        The file is whole, or not there.
+
+    Raises
+    ------
+    InputError
+        Where the suffix is unknown or cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.converters import PointTable, read_points, write_points
+    >>> table = PointTable({name: np.zeros(1) for name in "xyz"})
+    >>> write_points("one.npz", table.with_columns({"E": np.full(1, 1e6)}))  # Pa
+    >>> read_points("one.npz").columns["E"].tolist()
+    [1000000.0]
+    """
     chosen = format_of(path, POINT_FORMATS)
     if chosen.write is None:
         room = ", ".join(written(POINT_FORMATS))

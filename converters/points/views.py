@@ -50,9 +50,26 @@ class Ellipses(NamedTuple):
 def splat_view(
     table: PointTable, camera: Camera, *, background: float = 1.0
 ) -> Float[np.ndarray, "height width 3"]:
-    """Picture of splats with values in [0, 1] on a grey ``background``, as the camera sees them.
+    """Picture of splats as a camera sees them.
 
-    ``InputError`` where the table has no splats.
+    Parameters
+    ----------
+    table
+        Gaussian splats [m].
+    camera
+        Where it stands; ``hemisphere`` of the predictors makes some.
+    background
+        Grey in [0, 1] where no splat is.
+
+    Returns
+    -------
+    array
+        Red, green and blue in [0, 1], shape (height, width, 3).
+
+    Raises
+    ------
+    InputError
+        Where the table has no splats.
     """
     from ...fem.device import start_warp
 

@@ -144,7 +144,25 @@ class StrainAndStress(NamedTuple):
 
 
 def von_mises(stress: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
-    """Von Mises stress sqrt(3/2 s : s) [Pa] with s the deviator of ``stress`` [Pa]."""
+    """Von Mises stress sqrt(3/2 s : s) with s the deviator of ``stress``.
+
+    Parameters
+    ----------
+    stress
+        Cauchy stress [Pa], shape (..., 3, 3).
+
+    Returns
+    -------
+    array
+        Von Mises stress [Pa], shape (...).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import von_mises
+    >>> von_mises(np.diag([2e6, 0.0, 0.0])[None]).round(3)  # of a bar that is pulled: its stress
+    array([2000000.])
+    """
     mean = np.trace(stress, axis1=-2, axis2=-1) / 3
     s = stress - mean[..., None, None] * np.eye(3)
     return np.sqrt(1.5 * np.einsum("...ij,...ij->...", s, s))

@@ -75,3 +75,4 @@ LAWS: Registry[ElasticLaw] = Registry(
         Law.COROTATED.value: "corotated:COROTATED",
     },
 )
+"""Elastic laws by name; ``LAWS.register("mine", ElasticLaw(...))`` adds one."""

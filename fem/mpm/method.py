@@ -64,6 +64,17 @@ class MpmMethod:
         What was assumed of the matter, in words: it is on record with the run.
     announce
         Hears particles, steps and expected time, in words, before the run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import ElementMaterial, MpmMethod, Scene, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> scene = Scene(mesh=block, velocity=(2.0, 0.0, 0.0), duration=0.1, frames=1)
+    >>> moved = MpmMethod(grid=8).solve(scene).displacements[-1]
+    >>> bool(np.allclose(moved, [0.2, 0, 0], atol=1e-5))  # m: v t, in single precision
+    True
     """
 
     grid: int = 32

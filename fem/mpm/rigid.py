@@ -28,7 +28,27 @@ CHANGING = ("centre", "rotation", "velocity", "spin")
 
 
 def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "n"]:
-    """Number of the body of every place [m]: those within ``reach`` [m] of each other are one."""
+    """Number of the body of every place: those within ``reach`` of each other are one.
+
+    Parameters
+    ----------
+    x
+        Places [m], shape (n, 3).
+    reach
+        How far apart neighbours may be [m].
+
+    Returns
+    -------
+    array
+        Numbers of bodies from 0, shape (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import rigid_labels
+    >>> rigid_labels(np.array([[0.0, 0, 0], [0.9, 0, 0], [5.0, 0, 0]]), reach=1.0).tolist()
+    [0, 0, 1]
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree

@@ -444,6 +444,8 @@ def reduce_body(
 
     Parameters
     ----------
+    mesh
+        Tets [m] with E [Pa], nu [1] and rho [kg/m^3].
     supports
         What holds it; None: nothing does.
     gravity_vector, traction, forces
@@ -463,12 +465,27 @@ def reduce_body(
     seed
         Of the states that the cells are chosen by.
 
+    Returns
+    -------
+    ReducedModel
+        Basis (nodes, 3, dofs), mass [kg] and the cells that the elastic energy [J] is summed over.
+
     Raises
     ------
     InputError
         Where supports move, a point is half held (skinning), or the material has a grain.
     ConvergenceError
         Where a piece of a held body can move freely.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, reduce_body
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> held = Supports.clamp(len(bar.points), bar.points[:, 2] == 0)
+    >>> model = reduce_body(bar, held)
+    >>> round(float(model.mass.sum()), 9), model.dofs < 3 * len(bar.points)  # kg: rho V
+    (4.0, True)
     """
     used, stiffening = motion_elements(mesh, supports, order, most=MOST_UNKNOWNS)
     body = linear_body(mesh, supports, order=used)

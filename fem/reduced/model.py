@@ -91,6 +91,17 @@ class ReducedModel:
         Springs of the supports on the coordinates [1/s^2], shape (dofs, dofs).
     accuracy
         What it is worth; see ``Accuracy``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, reduce_body
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> model = reduce_body(bar, Supports.clamp(len(bar.points), bar.points[:, 2] == 0))
+    >>> square = np.einsum("n,nka,nkb->ab", model.mass, model.basis, model.basis)
+    >>> bool(np.allclose(square, np.eye(model.dofs)))  # orthonormal in mass
+    True
     """
 
     points: Float[np.ndarray, "nodes 3"]

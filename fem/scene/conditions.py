@@ -48,6 +48,16 @@ class BoundaryConditions:
         'sphere:0,0,1,0.1=0,0,-2', 'box:x0,y0,z0,x1,y1,z1', 'capsule:x0,y0,z0,x1,y1,z1,r'.
     gravity_dir
         Where gravity pulls to, any length, shape (3,); by default against the up axis.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import BoundaryConditions, ElementMaterial, Scene, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> stated = BoundaryConditions(fix=("plane:z<0.01",), load=("plane:z>0.99=0,0,-100",))
+    >>> scene = stated.applied(Scene(mesh=block))
+    >>> int(scene.held.fixed.all(axis=1).sum()), scene.tractions[0].value[0].tolist()  # Pa on 1 m^2
+    (4, [0.0, 0.0, -100.0])
     """
 
     fix: tuple[str, ...] = ()

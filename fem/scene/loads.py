@@ -13,9 +13,16 @@ from ..mesh import TetMesh, face_areas, face_normals
 
 
 class Traction(NamedTuple):
-    """Force per area ``value`` (faces, 3) [Pa] on boundary ``faces`` (faces, 3).
+    """Force per area on the surface of a body.
 
-    ``name`` says in words what it is.
+    Parameters
+    ----------
+    faces
+        Ids of points of boundary faces, outward, shape (faces, 3).
+    value
+        Force per area [Pa], shape (faces, 3), or (3,) for all.
+    name
+        What it is, in words.
     """
 
     faces: np.ndarray
@@ -36,14 +43,60 @@ class Resultant(NamedTuple):
 
 
 def pressure(mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], value: float) -> Traction:
-    """Pressure ``value`` [Pa] on outward ``faces``: the traction -p n."""
+    """Pressure on outward faces: the traction -p n.
+
+    Parameters
+    ----------
+    mesh
+        The mesh [m].
+    faces
+        Ids of points of boundary faces, shape (faces, 3).
+    value
+        Pressure p [Pa]; a negative one pulls.
+
+    Returns
+    -------
+    Traction
+        Force per area [Pa] on these faces, shape (faces, 3).
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import box_mesh, pressure
+    >>> cube = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> load = pressure(cube, cube.boundary.faces, 1e5)
+    >>> bool(abs(load.value.sum(axis=0)).max() < 1e-9)  # on a closed surface it has no force
+    True
+    """
     return Traction(faces, -value * face_normals(mesh.points, faces))
 
 
 def spread_force(
     mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], force: Sequence[float] | np.ndarray
 ) -> Traction:
-    """``force`` (3,) [N] in total, the same on every square metre of ``faces``."""
+    """A force in total, the same on every square metre of faces.
+
+    Parameters
+    ----------
+    mesh
+        The mesh [m].
+    faces
+        Ids of points of boundary faces, shape (faces, 3).
+    force
+        Force [N], shape (3,).
+
+    Returns
+    -------
+    Traction
+        Force per area [Pa] on these faces, shape (faces, 3).
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import box_mesh, spread_force
+    >>> cube = box_mesh((0.1, 0.1, 0.1), (1, 1, 1))
+    >>> load = spread_force(cube, cube.boundary.faces, (0, 0, -6))
+    >>> round(float(load.value[0, 2]), 9)  # Pa: 6 N on 0.06 m^2
+    -100.0
+    """
     share = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
     return Traction(faces, np.tile(share, (len(faces), 1)))
 
@@ -51,10 +104,37 @@ def spread_force(
 def spread_torque(
     mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], torque: Sequence[float] | np.ndarray
 ) -> Traction:
-    """``torque`` (3,) [N m] in total: the traction w x r about the centroid of ``faces``.
+    """A torque in total, without a net force: the traction w x r about the centroid of faces.
 
-    It has no net force; w follows from the moments of the faces, J w = torque. ``InputError`` where
-    the middles of the faces lie on one line and the torque turns about it: no traction does that.
+    w follows from the moments of the faces, J w = torque.
+
+    Parameters
+    ----------
+    mesh
+        The mesh [m].
+    faces
+        Ids of points of boundary faces, shape (faces, 3).
+    torque
+        Torque [N m], shape (3,).
+
+    Returns
+    -------
+    Traction
+        Force per area [Pa] on these faces, shape (faces, 3).
+
+    Raises
+    ------
+    InputError
+        Where the middles of the faces lie on one line and the torque turns about it: no traction
+        does that.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import box_mesh, spread_torque
+    >>> cube = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> load = spread_torque(cube, cube.boundary.faces, (0, 0, 1))
+    >>> bool(abs(load.value.sum(axis=0)).max() < 1e-12)  # faces of one size: no force
+    True
     """
     areas, arms = _arms(mesh, faces)
     square = (areas * (arms**2).sum(axis=1)).sum()

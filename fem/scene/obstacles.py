@@ -36,7 +36,22 @@ def _unit(vector: np.ndarray, length: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Plane:
-    """Half-space below the plane through ``point`` [m] with the outward ``normal``."""
+    """Half-space below the plane through ``point`` [m] with the outward ``normal``.
+
+    Parameters
+    ----------
+    point, normal
+        A point of the plane [m] and the way out of the half-space, of any length, shape (3,).
+    velocity
+        Velocity [m/s], shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import Plane
+    >>> Plane().distance(np.array([[5.0, 5.0, 2.0]])).gap  # m above z = 0
+    array([2.])
+    """
 
     point: Sequence[float] = (0.0, 0.0, 0.0)
     normal: Sequence[float] = (0.0, 0.0, 1.0)
@@ -50,7 +65,22 @@ class Plane:
 
 @dataclass(frozen=True)
 class Sphere:
-    """Ball of ``radius`` [m] around ``centre`` [m]."""
+    """Ball of ``radius`` [m] around ``centre`` [m].
+
+    Parameters
+    ----------
+    centre, radius
+        Its middle [m], shape (3,), and its radius [m].
+    velocity
+        Velocity [m/s], shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import Sphere
+    >>> Sphere((0, 0, 0), 1.0).distance(np.array([[3.0, 4.0, 0.0]])).gap  # m
+    array([4.])
+    """
 
     centre: Sequence[float]
     radius: float
@@ -65,7 +95,22 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within ``radius`` [m] of the segment from ``start`` to ``end`` [m]."""
+    """All points within ``radius`` [m] of the segment from ``start`` to ``end`` [m].
+
+    Parameters
+    ----------
+    start, end, radius
+        Ends of the segment [m], shape (3,), and the radius [m].
+    velocity
+        Velocity [m/s], shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import Capsule
+    >>> Capsule((0, 0, 0), (0, 0, 1), 0.5).distance(np.array([[2.0, 0.0, 0.5]])).gap  # m
+    array([1.5])
+    """
 
     start: Sequence[float]
     end: Sequence[float]
@@ -83,7 +128,22 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Box:
-    """Box along the axes with ``half`` sizes [m] around ``centre`` [m]."""
+    """Box along the axes with ``half`` sizes [m] around ``centre`` [m].
+
+    Parameters
+    ----------
+    centre, half
+        Its middle and half of its sides [m], shape (3,).
+    velocity
+        Velocity [m/s], shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import Box
+    >>> Box((0, 0, 0), (1, 1, 1)).distance(np.array([[4.0, 5.0, 0.0]])).gap  # m, to its edge
+    array([5.])
+    """
 
     centre: Sequence[float]
     half: Sequence[float]
@@ -111,9 +171,28 @@ def obstacle_size(obstacle: Obstacle) -> float:
 def gripper(
     lower: Sequence[float], upper: Sequence[float], axis: int, speed: float
 ) -> tuple[Plane, Plane]:
-    """Two plates facing each other along ``axis``, at ``lower`` and ``upper`` [m], closing.
+    """Two plates that face each other along an axis and close.
 
-    Each moves towards the other at ``speed`` [m/s].
+    Parameters
+    ----------
+    lower, upper
+        A point of each plate [m], shape (3,).
+    axis
+        0, 1 or 2: x, y or z.
+    speed
+        Speed [m/s] of each plate towards the other.
+
+    Returns
+    -------
+    tuple[Plane, Plane]
+        The lower plate and the upper one.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import gripper
+    >>> left, right = gripper((0, 0, 0), (1, 0, 0), axis=0, speed=0.5)
+    >>> float(left.velocity[0]), float(right.velocity[0])  # m/s
+    (0.5, -0.5)
     """
     direction = np.eye(3)[axis]
     return (

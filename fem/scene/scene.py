@@ -64,6 +64,17 @@ class Scene:
         How many natural vibrations are wanted.
     warnings
         What had to be assumed when the scene was built.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import METHODS, ElementMaterial, Scene, Supports, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> held = Supports.clamp(len(block.points), block.points[:, 2] == 0)
+    >>> scene = Scene(mesh=block, supports=held, gravity_vector=(0, 0, -10))
+    >>> rest = METHODS["statics"].solve(scene, order=2)
+    >>> round(float(-rest.displacement[:, 2].min()), 9)  # m: rho g L^2 / (2 E)
+    0.005
     """
 
     mesh: TetMesh

@@ -29,6 +29,13 @@ class Supports:
     assumed
         Share of the body's volume in pieces that touch nothing held, which are held where they
         are because nobody said by what.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import Supports
+    >>> held = Supports.none(4).with_fixed([0, 1], 2, -0.01)  # two points, down by 1 cm
+    >>> int(held.fixed.sum()), float(held.values.min())
+    (2, -0.01)
     """
 
     fixed: Bool[np.ndarray, "points 3"]

@@ -21,6 +21,22 @@ class Damping:
     """Rayleigh damping C = ``mass`` M + ``stiffness`` K [1/s, s]; none by default.
 
     K resists the rate of strain of the body as it lies, so that it brakes no turn; M brakes all.
+
+    Parameters
+    ----------
+    mass
+        Rate [1/s] at which velocities fade, all of them.
+    stiffness
+        Time [s] by which rates of strain are resisted.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import Damping, Dynamics, ElementMaterial, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> body = Dynamics(block, velocity=(1.0, 0.0, 0.0), damping=Damping(mass=1.0))
+    >>> body.step(1.0).v[0, 0].round(6).item()  # m/s: implicit Euler, v / (1 + dt)
+    0.5
     """
 
     mass: float = 0.0

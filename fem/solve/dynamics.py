@@ -66,6 +66,16 @@ class Dynamics:
         integration, Rayleigh damping.
     tolerance
         Residual of a step over the external and inertial force.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import Dynamics, ElementMaterial, Scheme, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.3, rho=1e3))
+    >>> body = Dynamics(block, gravity_vector=(0, 0, -10), scheme=Scheme.TRAPEZOIDAL)
+    >>> state = body.run(0.1, 5)[-1]
+    >>> state.time, float(state.u[0, 2].round(9))  # s, m: g t^2 / 2
+    (0.5, -1.25)
     """
 
     @renamed_options(gravity="gravity_vector")

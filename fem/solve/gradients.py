@@ -109,10 +109,38 @@ def static_displacement(
     device: str = "cpu",
     **loads: Any,
 ) -> torch.Tensor:
-    """Displacement [m] (nodes, 3) of the linear static solve, differentiable by E, nu and rho.
+    """Displacement of the linear static solve, differentiable by E, nu and rho.
 
-    ``E`` [Pa], ``nu`` [1] and ``rho`` [kg/m^3] have shape (tets,); the other arguments are those of
-    ``solve_static``. The backward pass is one more solve with the same matrix.
+    The backward pass is one more solve with the same matrix.
+
+    Parameters
+    ----------
+    mesh, supports, gravity_vector, order, tolerance, device, loads
+        As in ``solve_static``: metres, m/s^2, N/m^3, Pa and N.
+    E, nu, rho
+        Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3], tensors of shape (tets,).
+
+    Returns
+    -------
+    torch.Tensor
+        Displacement [m], shape (nodes, 3).
+
+    Raises
+    ------
+    InputError
+        Where the material of ``mesh`` has a grain.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from autophyx_tet.fem import Supports, box_mesh, static_displacement
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> held = Supports.clamp(8, block.points[:, 2] == 0)
+    >>> E, nu, rho = (torch.full((6,), value).double() for value in (1e6, 0.3, 1e3))
+    >>> u = static_displacement(block, held, E.requires_grad_(), nu, rho, gravity_vector=(0, 0, -9))
+    >>> u[:, 2].sum().backward()
+    >>> round(float((E.grad @ E) / u[:, 2].sum()), 6)  # u goes as 1 / E: E du/dE = -u
+    -1.0
     """
     if mesh.material is not None and mesh.material.tensor is not None:
         raise InputError("a material with a grain has no gradient: wanted an isotropic one")
@@ -157,15 +185,42 @@ def implicit_step(
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     dt: float,
 ) -> torch.Tensor:
-    """Displacement [m] (nodes, 3) after one implicit step, differentiable by E, nu and rho.
+    """Displacement after one implicit step, differentiable by E, nu and rho.
 
-    ``make`` builds the ``Dynamics`` of a mesh with material, with this ``gravity_vector`` [m/s^2]
-    and a tight tolerance, in any scheme and with any damping. ``dt`` [s] is the step.
+    Parameters
+    ----------
+    make
+        Builds the ``Dynamics`` of a mesh with material, with this ``gravity_vector`` and a tight
+        tolerance, in any scheme and with any damping.
+    mesh
+        Tets [m].
+    E, nu, rho
+        Young's modulus [Pa], Poisson's ratio [1] and density [kg/m^3], tensors of shape (tets,).
+    gravity_vector
+        Acceleration of gravity [m/s^2], shape (3,).
+    dt
+        The step [s].
+
+    Returns
+    -------
+    torch.Tensor
+        Displacement [m], shape (nodes, 3).
 
     Raises
     ------
     InputError
         With obstacles (their barrier and friction depend on E), or where the step was halved.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from autophyx_tet.fem import Dynamics, box_mesh, implicit_step
+    >>> g = (0.0, 0.0, -10.0)
+    >>> E, nu, rho = (torch.full((6,), value).double() for value in (1e6, 0.3, 1e3))
+    >>> block, free = box_mesh((1, 1, 1), (1, 1, 1)), lambda mesh: Dynamics(mesh, gravity_vector=g)
+    >>> u = implicit_step(free, block, E, nu, rho, gravity_vector=g, dt=0.1)
+    >>> round(float(u[0, 2]), 9)  # m: implicit Euler falls by g dt^2
+    -0.1
     """
     gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
     kept: dict[str, Any] = {}

@@ -63,6 +63,7 @@ METHODS: Registry[Method] = Registry(
         "lbs": ".reduced.method:METHOD",
     },
 )
+"""Methods of solution by name: ``METHODS["statics"].solve(scene)``."""
 
 
 @runtime_checkable
@@ -99,3 +100,4 @@ SCENARIOS: Registry[type[Scenario]] = Registry(
         "modal": ".scenarios:Vibration",
     },
 )
+"""Scenarios by name: ``SCENARIOS["wind"](speed=5.0).scene(mesh)``, in m/s."""

@@ -95,6 +95,33 @@ def solve_averaged(
 
     One constraint a node instead of one a tet: P1 tets do not lock as nu -> 0.5 (Bonet & Burton
     1998). The pressure in ``stress`` is the averaged one.
+
+    Parameters
+    ----------
+    mesh, supports, gravity_vector, body, traction, forces, device, tolerance
+        As in ``solve_static``: metres, m/s^2, N/m^3, Pa and N.
+
+    Returns
+    -------
+    StaticResult
+        Displacement [m], strain [1], stress [Pa] and reactions [N].
+
+    Raises
+    ------
+    InputError
+        If the mesh has no material, or an array has the wrong shape.
+    ConvergenceError
+        If the body is not held, or the tolerance was not reached.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, solve_averaged
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> bottom, top = block.points[:, 2] == 0, block.points[:, 2] == 1
+    >>> rest = solve_averaged(block, Supports.clamp(8, bottom).with_fixed(top, 2, 0.01))
+    >>> round(float(rest.reaction[top, 2].sum()), 3)  # N: E A e
+    10000.0
     """
     material = material_of(mesh)
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}

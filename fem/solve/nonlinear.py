@@ -271,16 +271,44 @@ def solve_nonlinear(
 
     Where it stops, the load comes on in steps; where that stops, by dynamic relaxation.
 
-    Parameters are those of ``solve_static``; ``law`` is the name of the elastic law, ``start`` the
-    first guess of the displacement [m], shape (nodes, 3), and ``iterations`` what Newton may take;
-    ``obstacles`` push without friction and stand still; without ``relaxation`` it is an error
-    where Newton stops.
-    ``strain`` of the result is Green's strain, ``stress`` Cauchy's.
+    Parameters
+    ----------
+    mesh, supports, gravity_vector, body, traction, forces, order, device, tolerance
+        As in ``solve_static``: metres, m/s^2, N/m^3, Pa and N.
+    law
+        Name of the elastic law in ``LAWS``.
+    start
+        First guess of the displacement [m], shape (nodes, 3).
+    iterations
+        Most steps of Newton.
+    obstacles
+        Rigid obstacles, which push without friction and stand still.
+    relaxation
+        Whether dynamic relaxation goes on where Newton stops.
+
+    Returns
+    -------
+    StaticResult
+        Displacement [m], reactions [N]; ``strain`` is Green's [1], ``stress`` Cauchy's [Pa].
 
     Raises
     ------
     ConvergenceError
         If the body is not held, no rest was found, or a tet would be inside out.
+    InputError
+        If the body starts inside an obstacle.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, solve_nonlinear
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> sleeve = Supports.none(8).with_fixed(slice(None), (0, 1))  # its sides stay where they are
+    >>> pulled = sleeve.with_fixed(block.points[:, 2] == 0, 2)
+    >>> pulled = pulled.with_fixed(block.points[:, 2] == 1, 2, 0.5)
+    >>> rest = solve_nonlinear(block, pulled, order=1)
+    >>> round(float(rest.reaction[block.points[:, 2] == 1, 2].sum()), 3)  # N: (lam + 2 mu) e
+    500000.0
     """
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=order, device=device, **loads)

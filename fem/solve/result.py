@@ -83,6 +83,16 @@ class StaticResult:
         What solved the linear system, and what was tried before in vain.
     averaged
         Whether linear elements had their pressures averaged around the nodes.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, solve_static
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> bottom, top = block.points[:, 2] == 0, block.points[:, 2] == 1
+    >>> rest = solve_static(block, Supports.clamp(8, bottom).with_fixed(top, 2, 0.01))
+    >>> round(rest.energy, 6), rest.stress[0, 2, 2].round(3).item()  # J: E e^2 V / 2, Pa: E e
+    (50.0, 10000.0)
     """
 
     mesh: TetMesh
@@ -143,6 +153,15 @@ class SagResult:
     trusted, assumed
         Whether this is how it rests, else a linear answer to a load that is too large for one;
         share of the volume in pieces that touch nothing held, and are held where they are.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, sag
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> rest = sag(block, gravity=10.0, order=2)
+    >>> round(float(rest.static.reaction[:, 2].sum()), 6)  # N: the ground carries the weight, m g
+    10000.0
     """
 
     static: StaticResult
@@ -194,6 +213,15 @@ class Motion:
         Energies [J]: of gravity and dead forces, and of the obstacles, the last two.
     iterations
         Newton iterations of the step.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import Dynamics, ElementMaterial, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> state = Dynamics(block, velocity=(2.0, 0.0, 0.0)).step(0.1)
+    >>> state.u[0].round(9).tolist(), round(state.kinetic, 6)  # m: v t, J: m v^2 / 2
+    ([0.2, 0.0, 0.0], 2000.0)
     """
 
     time: float
@@ -234,6 +262,16 @@ class MotionResult:
         The particles, where the motion is theirs; whether all faces kept out of each other.
     notes, solution, model_error
         What was assumed; what solved it, as names and words; how far few coordinates are off.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import METHODS, ElementMaterial, Scene, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> scene = Scene(mesh=block, velocity=(2.0, 0.0, 0.0), duration=1.0, frames=4)
+    >>> motion = METHODS["dynamics"].solve(scene)
+    >>> motion.dt, motion.displacements[-1, 0].round(9).tolist()  # s, m: v t
+    (0.25, [2.0, 0.0, 0.0])
     """
 
     frames: tuple[Motion, ...]
@@ -291,6 +329,16 @@ class Modes:
         Nodes' displacement of unit modal mass, shape (modes, nodes, 3); the mesh points come first.
     residual
         Largest |K x - w^2 M x| / |w^2 M x| of the modes, with w at least a wave's across the body.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh, natural_modes
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> modes = natural_modes(block, 2)
+    >>> len(modes.shapes), bool((np.diff(modes.frequencies) >= 0).all())  # Hz, the slowest first
+    (2, True)
     """
 
     frequencies: Float[np.ndarray, "modes"]

@@ -92,12 +92,27 @@ def solve_static(
     tolerance
         Relative residual at which the solve is done.
 
+    Returns
+    -------
+    StaticResult
+        Displacement [m] of every point, strain [1] and stress [Pa] of every tet, reactions [N].
+
     Raises
     ------
     InputError
         If the mesh has no material, or an array has the wrong shape.
     ConvergenceError
         If the body is not held, or the tolerance was not reached.
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, solve_static
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> held = Supports.clamp(len(block.points), block.points[:, 2] == 0)
+    >>> u = solve_static(block, held, gravity_vector=(0, 0, -10), order=2).displacement
+    >>> round(float(-u[:, 2].min()), 9)  # m: rho g L^2 / (2 E)
+    0.005
     """
     material = material_of(mesh)
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
@@ -197,9 +212,29 @@ def corner_stresses(result: StaticResult) -> Float[np.ndarray, "tets 4 3 3"]:
 
 
 def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
-    """Cauchy stress [Pa] at the mesh points: volume-weighted mean of the tets around each.
+    """Cauchy stress at the mesh points: volume-weighted mean of the tets around each.
 
     Taken at the corners of every tet, where a P2 stress differs from its mean. Linear law only.
+
+    Parameters
+    ----------
+    result
+        Rest of a body under the linear law.
+
+    Returns
+    -------
+    array
+        Stress [Pa], shape (points, 3, 3).
+
+    Examples
+    --------
+    >>> from autophyx_tet.fem import ElementMaterial, Supports, box_mesh, nodal_stress, solve_static
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> bottom, top = block.points[:, 2] == 0, block.points[:, 2] == 1
+    >>> pulled = Supports.clamp(8, bottom).with_fixed(top, 2, 0.01)
+    >>> nodal_stress(solve_static(block, pulled))[:, 2, 2].round(3).tolist()[:2]  # Pa: E e
+    [10000.0, 10000.0]
     """
     if result.law != Law.LINEAR:
         raise InputError(f"nodal stress of the law {result.law!r}: wanted {Law.LINEAR.value!r}")

@@ -375,6 +375,19 @@ def hemisphere(
         Axis that points up.
     pixels
         Side of the square images.
+
+    Returns
+    -------
+    tuple[Camera, ...]
+        The upper ones first, then the lower ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.predictors import hemisphere
+    >>> cameras = hemisphere(np.array([[-1.0, -1, -1], [1, 1, 1]]), count=3)
+    >>> len(cameras), all(camera.pose[2, 3] > 0 for camera in cameras)  # m above the middle
+    (3, True)
     """
     cameras = []
     for i in range(count + lower):

@@ -40,6 +40,14 @@ class MiniLM:
     ------
     InputError
         If the package that holds the weights is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from autophyx_tet.predictors import MiniLM
+    >>> vectors = MiniLM().text(["oak", "a wooden leg"])
+    >>> vectors.shape, bool(np.allclose(np.linalg.norm(vectors, axis=1), 1))
+    ((2, 384), True)
     """
 
     name = "all-MiniLM-L6-v2"

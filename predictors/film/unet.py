@@ -191,7 +191,25 @@ class FilmUNet(nn.Module):
 
 
 def count_parameters(network: nn.Module) -> int:
-    """Number of trainable parameters."""
+    """Number of trainable parameters.
+
+    Parameters
+    ----------
+    network
+        A module of torch.
+
+    Returns
+    -------
+    int
+        Numbers that training changes.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from autophyx_tet.predictors import count_parameters
+    >>> count_parameters(torch.nn.Linear(3, 2))  # a matrix of 2 x 3, and 2 offsets
+    8
+    """
     return sum(p.numel() for p in network.parameters())
 
 

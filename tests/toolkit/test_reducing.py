@@ -1,8 +1,11 @@
 """The verbs reduce and match, and simulate --solver lbs: files, documents, refusals."""
 
+import inspect
 import json
 import re
+from dataclasses import fields
 
+import autophyx_tet as apx
 import numpy as np
 import pytest
 from autophyx_tet.converters.archives import load_fits, load_reduced, save_fits
@@ -13,6 +16,7 @@ from autophyx_tet.fem.identify import MotionFit
 from autophyx_tet.fem.material import ElementMaterial
 from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.solve.schemes import Scheme
+from autophyx_tet.toolkit.cli.commands import MatchCommand, ReduceCommand
 from autophyx_tet.toolkit.cli.main import main
 from autophyx_tet.toolkit.pipeline import simulate
 from autophyx_tet.toolkit.simulation.reducing import match, reduce
@@ -126,7 +130,7 @@ def test_a_soft_and_a_stiff_motion_give_what_lies_between(bar, tmp_path, capsys)
     found = simulate(bar, **poke, parameters=tmp_path / "p.npz", parameters_alpha=1.0)
     last = np.abs(ends["stiff"].displacement).max()
     assert found.displacement == pytest.approx(ends["stiff"].displacement, abs=0.05 * last)
-    swapped = {"motion": tmp_path / "stiff.pvd", "stiff": tmp_path / "soft.pvd"}
+    swapped = {"to": tmp_path / "stiff.pvd", "to_stiff": tmp_path / "soft.pvd"}
     with pytest.raises(InputError, match="wanted the softer one first"):
         match(bar, **swapped, **poke)
 
@@ -150,7 +154,14 @@ def test_a_table_of_runs_is_answered(bar, tmp_path, capsys):
     assert f / f[0] == pytest.approx(np.sqrt([1, 2, 4]), rel=1e-6)
     table.write_text("leg\n1\n")
     with pytest.raises(InputError, match="columns leg: wanted each once of body, load, gx"):
-        reduce(bar, runs=table)
+        reduce(bar, what_if=table)
+
+
+def test_python_has_the_names_of_the_command_line():
+    """What a command takes is a parameter of its function; progress is Python's own."""
+    for command, verb in ((ReduceCommand, apx.reduce), (MatchCommand, apx.match)):
+        taken = {item.name for item in fields(command)} - {"common"}
+        assert taken == {*inspect.signature(verb).parameters} - {"progress", "given"}
 
 
 def test_what_cannot_be_done_is_said(bar, tmp_path):

@@ -68,10 +68,26 @@ FINISHES = {
 
 
 def bonsai(*, seed: int = 7) -> trimesh.Scene:
-    """Return the bonsai: a scene of closed surfaces [m] named pot, soil, trunk and foliage.
+    """Return the bonsai: closed surfaces [m] named pot, soil, trunk and foliage.
 
     The parts reach into each other, soil and pot share a wall, so that the tet mesh is one piece.
-    ``seed`` shapes the bark and the lumps of the leaves.
+
+    Parameters
+    ----------
+    seed
+        Shapes the bark and the lumps of the leaves.
+
+    Returns
+    -------
+    trimesh.Scene
+        A surface a part, y up.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> tree = apx.bonsai()
+    >>> sorted(tree.geometry), all(part.is_watertight for part in tree.geometry.values())
+    (['foliage', 'pot', 'soil', 'trunk'], True)
     """
     import trimesh
 
@@ -106,7 +122,27 @@ def bonsai(*, seed: int = 7) -> trimesh.Scene:
 
 
 def write_bonsai(path: str | os.PathLike[str], *, seed: int = 7) -> Path:
-    """Write the bonsai as binary glTF (metres, +Y up) and return the path."""
+    """Write the bonsai as binary glTF (metres, +Y up).
+
+    Parameters
+    ----------
+    path
+        File to write, .glb; its folder is made.
+    seed
+        Shapes the bark and the lumps of the leaves.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> asset = apx.load_asset(apx.write_bonsai("bonsai.glb"))
+    >>> sorted(asset.part_names), asset.metres_per_unit, asset.up  # metres [m] per unit
+    (['foliage', 'pot', 'soil', 'trunk'], 1.0, 'y')
+    """
     from trimesh.exchange.gltf import export_glb
 
     path = Path(path)

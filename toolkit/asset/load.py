@@ -54,12 +54,24 @@ def load_asset(
     up
         Axis that points up: by default y for glTF and OBJ, z with a warning for others.
 
+    Returns
+    -------
+    Asset
+        Parts [m] with their names, and the axis that points up.
+
     Raises
     ------
     InputError
         Where the file is missing, unreadable, invalid or holds no triangle.
     UsageError
         Where both ``size`` and ``units`` are given, or ``size`` is not positive.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> bonsai = apx.load_asset(apx.write_bonsai("bonsai.glb"), size=0.9)
+    >>> round(float(bonsai.size.max()), 9)  # m
+    0.9
     """
     path = Path(path)
     _check_scale(size, units)

@@ -77,7 +77,25 @@ def furniture_folder() -> Path:
 
 
 def catalog(source: Source) -> list[Furniture]:
-    """All objects of a source that are OBJ models, in the order of its catalogue."""
+    """All objects of a source that are OBJ models, in the order of its catalogue.
+
+    Parameters
+    ----------
+    source
+        Name of an archive of Debian's package: "Scopia", "BlendSwap-CC-0" or "KatorLegaz".
+
+    Returns
+    -------
+    list[Furniture]
+        Name, category, and size [m] along x, y (up) and z.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such source.
+    InputError
+        Where the package is not installed and cannot be fetched.
+    """
     with _open(source) as archive:
         text = archive.read(_CATALOG).decode("latin-1")
     fields: dict[str, dict[str, str]] = {}
@@ -93,14 +111,32 @@ def catalog(source: Source) -> list[Furniture]:
     ]
 
 
-def extract(item: Furniture, folder: Path) -> Path:
-    """Unpack an object with its materials and textures into ``folder``; return its OBJ file."""
+def extract(item: Furniture, folder: str | Path) -> Path:
+    """Unpack an object with its materials and textures.
+
+    Parameters
+    ----------
+    item
+        Object of a ``catalog``.
+    folder
+        Where its files go.
+
+    Returns
+    -------
+    Path
+        Its OBJ file.
+
+    Raises
+    ------
+    InputError
+        Where the package is not installed and cannot be fetched.
+    """
     home = PurePosixPath(item.model).parent
     with _open(item.source) as archive:
         for name in archive.namelist():
             if PurePosixPath(name).is_relative_to(home) and not name.endswith("/"):
                 archive.extract(name, folder)
-    return folder / item.model
+    return Path(folder) / item.model
 
 
 def _open(source: Source) -> zipfile.ZipFile:

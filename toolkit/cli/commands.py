@@ -248,7 +248,7 @@ class ReduceCommand:
         """Run the command and return its document."""
         from ..simulation.reducing import reduce
 
-        known = {"up": self.up, "options": self.options, "runs": self.what_if}
+        known = {"up": self.up, "options": self.options, "what_if": self.what_if}
         return reduce(self.mesh, output=self.output, **known).document()
 
 
@@ -283,7 +283,7 @@ class MatchCommand:
         from .terminal import progress
 
         known = {"up": self.up, "options": self.options, "with_nu": self.with_nu}
-        ends = {"stiff": self.to_stiff, "output": self.output}
+        ends = {"to_stiff": self.to_stiff, "output": self.output}
         with progress(quiet=self.common.quiet) as tell:
             return match(self.mesh, self.to, progress=tell, **ends, **known).document()
 

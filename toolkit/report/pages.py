@@ -146,7 +146,20 @@ class Framed(NamedTuple):
 
 
 def show_report(result: RunResult | Simulation, *, height: int = 820) -> Framed:
-    """Return the report of a run or of a simulation, for a notebook; ``height`` in pixels."""
+    """Return the report of a run or of a simulation, for a notebook.
+
+    Parameters
+    ----------
+    result
+        What ``run`` or ``simulate`` returned.
+    height
+        Height of the frame [px].
+
+    Returns
+    -------
+    Framed
+        What a notebook shows as the page.
+    """
     if isinstance(result, RunResult):
         return Framed(report_page(run_page(result)), height)
     page = simulation_page("mesh", result, Sidecar(up=result.scene.up))

@@ -55,7 +55,20 @@ class Panel:
 
 
 def asset_panel(asset: Asset, *, title: str = "") -> Panel:
-    """Panel of an asset as it looks: textures, vertex and base colours."""
+    """Panel of an asset as it looks: textures, vertex and base colours.
+
+    Parameters
+    ----------
+    asset
+        The asset.
+    title
+        Above the picture.
+
+    Returns
+    -------
+    Panel
+        Its surface, for ``render_png``.
+    """
     points, faces, colors, count = [], [], [], 0
     corners = np.eye(3, dtype=np.float32)
     for part in asset.parts:
@@ -84,13 +97,35 @@ def mesh_panel(
     Parameters
     ----------
     mesh
-        The mesh.
-    values
-        One value per tet or point, with a row per frame where they change, and their ``scale``.
+        The mesh [m].
+    values, on, scale
+        One value per tet or point, with a row per frame where they change; which; their colours.
+    title
+        Above the picture.
     displacement
         Displacement [m], shape (points, 3), or (frames, points, 3) for a motion.
     factor
-        Exaggeration of the displacement.
+        Exaggeration [1] of the displacement.
+
+    Returns
+    -------
+    Panel
+        A surface a frame, for ``render_png`` and ``render_animation``.
+
+    Raises
+    ------
+    UsageError
+        Where values have no scale.
+    InputError
+        Where there are not as many values as tets or points.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.fem import box_mesh
+    >>> panel = apx.mesh_panel(box_mesh((1, 1, 1), (1, 1, 1)), title="box")
+    >>> len(panel.frames), panel.frames[0].faces.shape  # two triangles a side
+    (1, (12, 3))
     """
     steps = np.zeros((1, *mesh.points.shape)) if displacement is None else displacement
     steps = steps.reshape(-1, *mesh.points.shape)
@@ -128,7 +163,28 @@ def _shades(
 
 
 def exaggeration(mesh: TetMesh, displacement: Float[np.ndarray, "*frames points 3"]) -> float:
-    """Round factor (1, 2 or 5 times a power of ten, at least 1) that makes a displacement seen."""
+    """Round factor (1, 2 or 5 times a power of ten, at least 1) that makes a displacement seen.
+
+    Parameters
+    ----------
+    mesh
+        The mesh [m].
+    displacement
+        Displacement [m], shape (points, 3), or (frames, points, 3) for a motion.
+
+    Returns
+    -------
+    float
+        The factor [1]: the largest displacement is then drawn at most 6 % of the diagonal long.
+
+    Examples
+    --------
+    >>> import numpy as np, autophyx_tet as apx
+    >>> from autophyx_tet.fem import box_mesh
+    >>> box = box_mesh((3, 4, 12), (1, 1, 1))  # its diagonal is 13 m, and 6 % of that .78 m
+    >>> apx.exaggeration(box, np.full((8, 3), 0.01 / 3**0.5))  # 1 cm: 78 times, rounded
+    50.0
+    """
     largest = np.linalg.norm(displacement, axis=-1).max()
     diagonal = np.linalg.norm(mesh.bounds[1] - mesh.bounds[0])
     wanted = SHOWN * diagonal / largest if largest > 0 else 1.0
@@ -143,7 +199,29 @@ def story(
     *,
     title: str = "Sag under its own weight",
 ) -> list[Panel]:
-    """Three panels that tell a run: the asset, its stiffness, and what becomes of it."""
+    """Three panels that tell a run: the asset, its stiffness, and what becomes of it.
+
+    Parameters
+    ----------
+    asset
+        The asset.
+    mesh
+        Its mesh with a material.
+    displacement
+        Displacement [m] of the points, shape (points, 3).
+    title
+        Of the third panel.
+
+    Returns
+    -------
+    list[Panel]
+        Panels for ``render_png``.
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material.
+    """
     if mesh.material is None:
         raise InputError("the mesh has no material yet: run `assign` first")
     E, moved = mesh.material.E, np.linalg.norm(displacement, axis=1)
@@ -174,7 +252,31 @@ def render_png(
     pixels: int = 480,
     samples: int = 10,
 ) -> Path:
-    """Write the first frame of panels side by side, seen alike; ``pixels`` is a panel's side."""
+    """Write the first frame of panels side by side, seen alike.
+
+    Parameters
+    ----------
+    path
+        File to write, .png.
+    panels
+        At least one.
+    up
+        Axis that points up.
+    pixels
+        Side of a panel [px].
+    samples
+        Rays a pixel.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        Where there is no panel, or the file cannot be written.
+    """
     camera, ground = _view(panels, up, pixels)
     shots = [trace(p.frames[0], camera, up=up, ground=ground, samples=samples) for p in panels]
     path = Path(path)
@@ -192,7 +294,33 @@ def render_animation(
     seconds: float = 2.0,
     samples: int = 4,
 ) -> Path:
-    """Write panels in motion, endlessly repeated, as ``.gif``, ``.webp`` or animated ``.png``."""
+    """Write panels in motion, endlessly repeated.
+
+    Parameters
+    ----------
+    path
+        File to write: .gif, .webp or animated .png.
+    panels
+        At least one; those of fewer frames start again.
+    up
+        Axis that points up.
+    pixels
+        Side of a panel [px].
+    seconds
+        How long a round takes [s].
+    samples
+        Rays a pixel.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        Where there is no panel, the suffix is unknown, or the file cannot be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in ANIMATIONS:
         raise InputError(
@@ -446,7 +574,31 @@ def rgb(words: str) -> Float[np.ndarray, "3"]:
 
 @dataclass(frozen=True)
 class Scale:
-    """Values from ``lo`` to ``hi`` on a palette, with a label and a unit; ``log`` by decades."""
+    """Values on a palette, with a label and a unit.
+
+    Parameters
+    ----------
+    label, unit
+        What is shown, "Young's modulus", and in which unit, "Pa".
+    palette
+        Name of the colours: "E", "displacement" ...
+    lo, hi
+        Values at its ends, in that unit.
+    log
+        Whether it goes by decades.
+
+    Raises
+    ------
+    InputError
+        Where the palette is unknown, or the ends are not in order.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> scale = apx.Scale.around([1e6, 2e9], label="E", unit="Pa", palette="E", log=True)
+    >>> scale.lo, scale.hi
+    (1000000.0, 2000000000.0)
+    """
 
     label: str
     unit: str

@@ -30,7 +30,7 @@ from ...fem.solve.schemes import Scheme
 from ...fem.springs.body import spring_body
 from ...fem.springs.fit import SpringFit, fit_both_ends, fit_to_motion, spring_warnings
 from ...predictors.asset import UpAxis
-from ..asset.document import check_file, read_known
+from ..asset.document import check_file, path_of, read_known
 from ..options import SimulateOptions
 from ..verdict.reduction import Match, Reduction, SpringMatch, WhatIfTable
 from .scenario import Progress, announce, changed_options, frames_told, reduced_method, stated_scene
@@ -39,22 +39,57 @@ from .scenario import Progress, announce, changed_options, frames_told, reduced_
 def reduce(
     mesh: str | Path | TetMesh,
     *,
-    output: Path | None = None,
-    runs: Path | None = None,
+    output: str | Path | None = None,
+    what_if: str | Path | None = None,
     up: UpAxis | None = None,
     options: SimulateOptions | None = None,
     **given: Any,
 ) -> Reduction:
-    """Reduce a mesh with materials, held and loaded as the scenario says, and measure the model.
+    """Reduce a body to a few coordinates, as its scenario holds and loads it, and measure that.
 
-    Options may be ``given`` by name, as for ``simulate``; ``output`` is the .npz of the model.
-    ``runs`` is a table (.csv) of what-if runs, see ``what_if_table``; their answers are written
-    beside ``output``.
+    Options may be ``given`` by name, as for ``simulate``: ``reduce("bar.msh", scenario="poke")``.
+
+    Parameters
+    ----------
+    mesh
+        Mesh [m] with E [Pa], nu [1] and rho [kg/m^3] on its tets, or a file of one.
+    output
+        The .npz of the model to write, which ``load_reduced`` of ``autophyx_tet.converters`` reads.
+    what_if
+        Table (.csv) of runs to answer, a row each: factors [1] to E by part and to the ``load``,
+        and gravity ``gx``, ``gy``, ``gz`` [m/s^2]. Answers go to STEM.what_if.csv beside the model.
+    up
+        Axis that points up; by default what the mesh's sidecar says, else z.
+    options
+        Scenario and kind of basis; ``solver`` is "lbs" in any case.
+
+    Returns
+    -------
+    Reduction
+        ``model``, a ``ReducedModel`` with its accuracy; ``seconds`` [s]; ``table``, the answers.
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material, or a file cannot be read or written.
+    UsageError
+        Where an option is unknown or is for another solver.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> bar = box_mesh((0.1, 0.1, 0.4), (1, 1, 4))
+    >>> bar = bar.with_material(ElementMaterial.uniform(24, E=1e6, nu=0.3, rho=1e3))
+    >>> model = apx.reduce(bar).model
+    >>> round(float(model.mass.sum()), 9), bool(abs(model.accuracy.frequency - 1) < 0.01)  # kg, 1
+    (4.0, True)
     """
     options = changed_options(options or SimulateOptions(), given)
     if options.solver not in ("fem", "lbs"):
         raise UsageError(f"reduce --solver {options.solver}: a reduced model is for --solver lbs")
     options = replace(options, solver="lbs")
+    output, what_if = path_of(output), path_of(what_if)
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -66,7 +101,7 @@ def reduce(
     if output is not None:
         save_reduced(output, model)
     files = [] if output is None else [output]
-    table = None if runs is None else answer_table(runs, model, scene)
+    table = None if what_if is None else answer_table(what_if, model, scene)
     if table is not None and output is not None:
         files.append(output.with_suffix(".what_if.csv"))
         table.write(files[-1])
@@ -76,10 +111,10 @@ def reduce(
 
 def match(
     mesh: str | Path | TetMesh,
-    motion: Path,
+    to: str | Path,
     *,
-    stiff: Path | None = None,
-    output: Path | None = None,
+    to_stiff: str | Path | None = None,
+    output: str | Path | None = None,
     up: UpAxis | None = None,
     with_nu: bool = False,
     options: SimulateOptions | None = None,
@@ -88,16 +123,46 @@ def match(
 ) -> Match | SpringMatch:
     """Fit the scale of E, and nu on request, of a reduced body to a motion of the same scene.
 
-    Of springs it is the scale of their stiffness: ``solver`` is "lbs" or "spring".
+    Of springs it is the scale of their stiffness. A motion is fitted by implicit Euler and by BDF2,
+    one step a frame, and the nearer of the two is kept. Options may be ``given`` by name, as for
+    ``simulate``: ``match("bar.msh", "motion.pvd", solver="lbs", scenario="poke")``.
 
-    ``motion`` is a .pvd with displacements on the points of ``mesh``, as ``simulate`` writes. It is
-    fitted by implicit Euler and by BDF2, one step a frame, and the nearer of the two is kept.
-    ``stiff`` is another motion of the same scene, of a stiffer body: what lies between the two is
-    then known (``--parameters-alpha``). ``output`` is the .npz of the parameters. ``progress`` is
-    called with what the fit will take, and then with its stage and the seconds so far.
+    Parameters
+    ----------
+    mesh
+        Mesh [m] with E [Pa], nu [1] and rho [kg/m^3] on its tets, or a file of one.
+    to
+        Motion to fit to: a .pvd with displacements (points, 3) [m] at equal times [s], as
+        ``simulate`` writes it.
+    to_stiff
+        Motion of a stiffer body in the same scene: what lies between is ``parameters_alpha``.
+    output
+        The .npz of the parameters to write, for ``simulate(parameters=...)``.
+    up
+        Axis that points up; by default what the mesh's sidecar says, else z.
+    with_nu
+        Whether Poisson's ratio is fitted too.
+    options
+        Scenario, and ``solver``: "lbs" or "spring".
+    progress
+        Called with what the fit will take, and then with its stage and the seconds [s] so far.
+
+    Returns
+    -------
+    Match or SpringMatch
+        ``fit`` with ``scale`` [1], by which E (of springs: their stiffness) is multiplied, and how
+        far the motion is still off; ``seconds`` [s].
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material, or a motion is not one of this mesh at equal times.
+    UsageError
+        Where the solver has nothing to fit, or the scene has obstacles.
     """
     options = changed_options(options or SimulateOptions(), given)
-    _check_options(options, stiff, with_nu=with_nu)
+    to, to_stiff, output = path_of(to), path_of(to_stiff), path_of(output)
+    _check_options(options, to_stiff, with_nu=with_nu)
     if output is not None:
         check_file(output, (".npz",))
     started = time.perf_counter()
@@ -105,7 +170,7 @@ def match(
     if scene.obstacles:
         raise UsageError(f"match: --scenario {options.scenario} has obstacles, wanted none")
     points = len(scene.mesh.points)
-    motions = [read_motion(path, points) for path in (motion, stiff) if path is not None]
+    motions = [read_motion(path, points) for path in (to, to_stiff) if path is not None]
     files = () if output is None else (output,)
     if options.solver == "spring":
         told = {

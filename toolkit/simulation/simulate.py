@@ -11,7 +11,7 @@ from ...fem.errors import InputError, UsageError
 from ...fem.mesh import TetMesh
 from ...fem.solve.method import SCENARIOS
 from ...predictors.asset import UpAxis
-from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, read_known
+from ..asset.document import BodyRecord, Sidecar, check_file, check_folder, path_of, read_known
 from ..driving import checked_scale
 from ..driving import drive as move_carrier
 from ..options import SimulateOptions, command_line
@@ -24,10 +24,10 @@ def simulate(
     mesh: str | Path | TetMesh,
     *,
     up: UpAxis | None = None,
-    output: Path | None = None,
-    report: Path | None = None,
-    picture: Path | None = None,
-    drive: Path | None = None,
+    output: str | Path | None = None,
+    report: str | Path | None = None,
+    picture: str | Path | None = None,
+    drive: str | Path | None = None,
     drive_scale: float | None = None,
     materials: Mapping[str, str] | None = None,
     record: BodyRecord | None = None,
@@ -37,22 +37,61 @@ def simulate(
 ) -> Simulation:
     """Load a mesh with materials and solve its scenario: it settles, moves or rings.
 
-    Options may be ``given`` by name too: ``simulate(mesh, fix=["part:handle"],
-    load={"part:head": (0, 0, -10)})``. ``output`` takes the last state as .vtu or .vtk, or the
-    motion as .pvd or .glb; ``report`` the page, .html; ``picture`` the last state as .png, or the
-    motion as .gif or .webp. With ``drive``, splats or points of ``drive_scale`` metres per unit,
-    ``output`` is a folder: motion.pvd, and a file a frame of what moves with the mesh.
-    ``record`` is what is known of the body, by default what is on record beside the mesh;
-    ``materials`` are other rows of the table by part: they have strengths and a grain. For
-    particles, ``mesh`` may be a field (.npz), or splats or points as `transfer` writes them, which
-    follow into a folder ``output``.
+    Parameters
+    ----------
+    mesh
+        Mesh [m] with E [Pa], nu [1] and rho [kg/m^3], or a file of one. For particles also a field
+        (.npz), or splats or points as ``transfer`` writes them, which follow into a folder
+        ``output``.
+    up
+        Axis that points up; by default what the mesh's sidecar says, else z.
+    output
+        The last state as .vtu or .vtk, or the motion as .pvd or .glb; with ``drive`` a folder:
+        motion.pvd, and a file a frame of what moves with the mesh.
+    report
+        Page to write, .html.
+    picture
+        The last state as .png, or the motion as .gif or .webp.
+    drive, drive_scale
+        Splats or points that move with the mesh, and the metres per unit of theirs.
+    materials
+        Other rows of the table by part: they have strengths and a grain.
+    record
+        What is known of the body; by default what is on record beside the mesh.
+    options
+        Scenario, solver and loads; each may be ``given`` by name: ``simulate(mesh,
+        fix=["part:handle"], load={"part:head": (0, 0, -10)})``.
+    progress
+        Called with the stage and the seconds [s] so far.
 
-    Raises InputError where the mesh has no material, UsageError where a place of it is stated that
-    is not there, and ConvergenceError where the solver does not reach its tolerance.
+    Returns
+    -------
+    Simulation
+        ``displacement`` (points, 3) [m], the solution of the method, and ``verdicts()`` in words.
+
+    Raises
+    ------
+    InputError
+        Where the mesh has no material.
+    UsageError
+        Where a place of it is stated that is not there.
+    ConvergenceError
+        Where the solver does not reach its tolerance.
+
+    Examples
+    --------
+    >>> import autophyx_tet as apx
+    >>> from autophyx_tet.fem import ElementMaterial, box_mesh
+    >>> block = box_mesh((1, 1, 1), (1, 1, 1))
+    >>> block = block.with_material(ElementMaterial.uniform(6, E=1e6, nu=0.0, rho=1e3))
+    >>> rest = apx.simulate(block, gravity=10.0, order=2)
+    >>> round(rest.solved.max_displacement, 9)  # m: rho g L^2 / (2 E)
+    0.005
     """
     from .scenario import run_scenario
 
     options = changed_options(options or SimulateOptions(), given)
+    output, report, picture, drive = map(path_of, (output, report, picture, drive))
     body = _voxels(mesh, options, 1.0 if drive_scale is None else drive_scale)
     drive = drive or (None if body is None or output is None or output.suffix else body.carrier)
     wanted = {"output": output, "report": report, "picture": picture}
