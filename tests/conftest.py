@@ -12,6 +12,7 @@ from typing import get_type_hints
 
 import jaxtyping
 import pytest
+from _pytest.mark.expression import Expression
 from beartype import BeartypeConf, beartype
 from hypothesis import HealthCheck, settings
 
@@ -118,7 +119,7 @@ def root() -> Path:
     return ROOT
 
 
-GROUPS = ("real", "browser", "external")
+GROUPS = ("long", "real", "browser", "external")
 _ran: dict[str, int] = dict.fromkeys(GROUPS, 0)
 _skipped: list[str] = []
 
@@ -135,11 +136,12 @@ def pytest_runtest_logreport(report):
 def pytest_sessionfinish(session):
     """Under AUTOPHYX_REQUIRE_ALL a skipped test or an empty group is a failure.
 
-    Groups that ``-m`` leaves out by name ("not real") are not asked for.
+    A group is asked for where ``-m`` selects a test that wears its mark alone.
     """
     if not os.environ.get("AUTOPHYX_REQUIRE_ALL") or hasattr(session.config, "workerinput"):
         return
-    asked = [group for group in GROUPS if f"not {group}" not in session.config.option.markexpr]
+    chosen = Expression.compile(session.config.option.markexpr or "not nothing")
+    asked = [group for group in GROUPS if chosen.evaluate(lambda name, **_: name == group)]
     empty = [group for group in asked if not _ran[group]]
     if _skipped or empty:
         sys.stderr.write(f"\nskipped: {_skipped}\ngroups that ran no test: {empty}\n")
