@@ -16,7 +16,7 @@ from autophyx_tet.toolkit.cli.main import COMMANDS
 GROUPS = ("long", "real", "browser", "external")  # that `make test` leaves out, as in conftest.py
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_builds_without_a_warning(root, tmp_path):
     """Strict: a dead link, a lost name or a docstring that does not parse is an error."""
     words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path)]
