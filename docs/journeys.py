@@ -4,7 +4,7 @@
 ours that is handed the traveller, and writes what it saw: the lists in ``architecture.md`` and the
 picture ``architecture.png``. A stay is an unbroken run of calls into one room (a folder, or a file
 that stands beside folders); a return is a stay in a room that had been left. tests/test_journeys.py
-holds the lists against a new walk.
+walks anew and counts the returns.
 """
 
 from __future__ import annotations
