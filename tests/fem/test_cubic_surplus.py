@@ -70,7 +70,7 @@ def rest(body, levels=0):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.long if body.cells[1] > 2 else pytest.mark.slow)
+        pytest.param(name, marks=pytest.mark.slow if np.prod(body.cells) < 50 else pytest.mark.long)
         for name, body in BODIES.items()
     ],
 )
