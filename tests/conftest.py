@@ -1,5 +1,6 @@
 """Shape and type checks on every annotated call of ours, for the whole test run."""
 
+import atexit
 import gc
 import os
 import sys
@@ -112,6 +113,7 @@ def pytest_collection_finish():
     """Collect garbage again, of the tests alone."""
     gc.freeze()
     gc.enable()
+    atexit.register(gc.unfreeze)  # or extensions take what Python leaves at its end for leaks
 
 
 @pytest.fixture(scope="session")
