@@ -23,9 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # option classes are read by tyro, which resolves annotations itself.
 _MODULES = [
     "autophyx_tet." + path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
-    for room in ("fem", "predictors", "converters", "toolkit")
+    for room in ("fem", "predictors", "converters", "toolkit", "research")
     for path in sorted((ROOT / room).rglob("*.py"))
-    if not path.stem.startswith(("__", "kernels")) and path.parent.name not in ("cli", "laws")
+    if not path.stem.startswith(("__", "kernels", "commands"))
+    and path.parent.name not in ("cli", "laws")
 ]
 # An int is a float here (PEP 484's numeric tower), as for every other type checker.
 _checker = ModuleType("numeric_tower")
