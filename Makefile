@@ -3,15 +3,17 @@ SHELL := /bin/bash
 VENV := .venv
 PY := $(VENV)/bin/python
 PYTEST := $(PY) -m pytest
+# A worker keeps to its half of the files, so that what a file's tests share is made once.
+WORKERS := $(PYTEST) -n 2 --dist worksteal
 STAMP := $(VENV)/.ready
 
 # Rewritten tests and checked modules are kept: making them anew costs ten seconds a run.
 unexport PYTHONDONTWRITEBYTECODE
 
 # A thread for each of the two workers: four on two cores wait for each other.
-quick inside outside: export OMP_NUM_THREADS := 1
+quick inside outside long: export OMP_NUM_THREADS := 1
 
-.PHONY: setup demo check quick test inside outside test-all newest wheel bench lint types notebooks docs figures clean
+.PHONY: setup demo check quick test inside long outside test-all newest wheel bench lint types notebooks docs figures clean
 
 setup: $(STAMP)
 
@@ -39,23 +41,27 @@ check: lint
 	@$(MAKE) --no-print-directory --output-sync=target -j2 types quick
 
 quick: $(STAMP)
-	@$(PYTEST) -n 2 -m "not slow and not real and not browser and not external"
+	@$(WORKERS) -m "not slow and not long and not real and not browser and not external"
 
-# Every test that needs nothing but .venv; `outside` has all others.
+# Tests that need nothing but .venv and seconds each; `long` and `outside` have all others.
 test: lint
 	@$(MAKE) --no-print-directory -j2 types inside
 
 inside: $(STAMP)
-	@$(PYTEST) -n 2 -m "not real and not browser and not external"
+	@$(WORKERS) -m "not long and not real and not browser and not external" --durations=40
+
+# Pages and notebooks from top to bottom, the wheel, damaged files and sentences by the thousand.
+long: $(STAMP)
+	@AUTOPHYX_REQUIRE_ALL=1 $(WORKERS) -m "long and not real and not browser and not external" --durations=40
 
 # Real assets, a browser and outside programs, which are installed where they are missing.
 outside: $(STAMP)
 	@bash .ci/system --all
 	@EXTRAS=external,openclip bash .ci/setup
-	@AUTOPHYX_REQUIRE_ALL=1 $(PYTEST) -n 2 -m "real or browser or external"
+	@AUTOPHYX_REQUIRE_ALL=1 $(WORKERS) -m "real or browser or external" --durations=40
 
 test-all: test
-	@$(MAKE) --no-print-directory outside
+	@$(MAKE) --no-print-directory long outside
 
 # The quick tests and the wheel with the newest Python that we promise, in an environment of its own.
 newest:

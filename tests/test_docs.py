@@ -13,10 +13,10 @@ import tyro
 from _pytest.mark.expression import Expression
 from autophyx_tet.toolkit.cli.main import COMMANDS
 
-GROUPS = ("real", "browser", "external")  # tests that need more than .venv, as in conftest.py
+GROUPS = ("long", "real", "browser", "external")  # that `make test` leaves out, as in conftest.py
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_builds_without_a_warning(root, tmp_path):
     """Strict: a dead link, a lost name or a docstring that does not parse is an error."""
     words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path)]
@@ -115,12 +115,12 @@ def test_ci_runs_the_commands_of_the_readme_in_their_order(root):
 
 @pytest.mark.blockers
 def test_every_test_runs_once_in_ci(root):
-    """Of any groups, a test is selected by exactly one of `make test` and `make outside`."""
-    said = re.findall(r'^(\w+):.*\n(?:\t.*\n)*?\t.*PYTEST\) -n 2 -m "(.*)"', _makefile(root), re.M)
-    inside, outside = (Expression.compile(dict(said)[name]) for name in ("inside", "outside"))
+    """Of any groups, a test is selected by one of `make test`, `make long` and `make outside`."""
+    said = re.findall(r'^(\w+):.*\n(?:\t.*\n)*?\t.*WORKERS\) -m "(.*)"', _makefile(root), re.M)
+    parts = [Expression.compile(dict(said)[name]) for name in ("inside", "long", "outside")]
     for marks in product((False, True), repeat=len(GROUPS)):
         wears = dict(zip(GROUPS, marks, strict=True))
-        matches = [one.evaluate(lambda name, w=wears: w[name]) for one in (inside, outside)]
+        matches = [one.evaluate(lambda name, w=wears: w[name]) for one in parts]
         assert sum(matches) == 1, wears
 
 
@@ -133,9 +133,9 @@ def _makefile(root):
 @pytest.mark.parametrize(
     ("chosen", "code", "said"),
     [
-        ("not real and not browser and not external", 0, ""),
-        ("not real", 1, "groups that ran no test: ['browser', 'external']"),
-        ("not blockers", 1, "groups that ran no test: ['real', 'browser', 'external']"),
+        ("not long and not real and not browser and not external", 0, ""),
+        ("not real", 1, "groups that ran no test: ['long', 'browser', 'external']"),
+        ("not blockers", 1, "groups that ran no test: ['long', 'real', 'browser', 'external']"),
     ],
 )
 def test_an_empty_group_fails_where_all_are_required(root, chosen, code, said):

@@ -55,7 +55,7 @@ def test_every_public_name_is_there():
         assert set(dir(module)) >= set(module.__all__) - {"__version__"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("source", [*map(_with_marks, SOURCES)])
 def test_a_notebook_keeps_its_promises(source, tmp_path, monkeypatch):
     """It needs no file but those it makes, and each asserts at least one number."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 ROOMS = ("fem", "predictors", "converters", "toolkit", "research")
 DATA = {".csv", ".safetensors", ".md", ".css", ".html", ".js", ".toml", ".json"}

@@ -1,4 +1,4 @@
-"""The package as a whole: its list of folders, start-up, versions, licences of what it needs."""
+"""The package as a whole: where its code lies, start-up, versions, licences of what it needs."""
 
 import os
 import re

@@ -67,8 +67,13 @@ def rest(body, levels=0):
 
 
 @pytest.mark.blockers
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if np.prod(body.cells) < 50 else pytest.mark.long)
+        for name, body in BODIES.items()
+    ],
+)
 def test_the_estimate_is_near_the_error(name):
     """.5 to 3 times the error of quadratic elements; 20 and more times it linear ones are off."""
     result = rest(BODIES[name])

@@ -93,7 +93,7 @@ def stem(cells):
 
 
 @pytest.mark.blockers
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fine_stem_is_checked_too():
     """42,240 tets, 190,000 unknowns: quadratic elements, and buckling."""
     result = sag(stem((8, 8, 110)))

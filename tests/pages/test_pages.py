@@ -115,7 +115,7 @@ def with_marks(page):
     return pytest.param(page, id=page.relative_to(ROOT).as_posix(), marks=marks)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("page", [*map(with_marks, BLOCKS)])
 def test_what_the_page_says_runs(page, shell, tmp_path):
     """From top to bottom in one folder, as a reader would who has the assets that it names."""

@@ -228,7 +228,7 @@ def test_describing_twice_is_the_same(corpus):
     assert (first.features == second.features).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_script_from_corpus_to_head(tmp_path):
     """Every command of the script runs on three objects a source and leaves a loadable head."""
     script = [sys.executable, str(ROOT / "benchmarks" / "train_image_encoder.py")]

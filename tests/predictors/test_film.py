@@ -242,7 +242,7 @@ def test_shipped_weights_follow_words():
     assert count_parameters(predictor.model.network) < 8e6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cpu_trains_the_small_network(tmp_path):
     """Sixty steps bring the loss of the small network below .45."""
     from autophyx_tet.research.datasets.text_table import build_text_table, save_text_table

@@ -100,7 +100,7 @@ Path(sys.argv[3], f"{rank}.reports").write_text(str(len(seen)))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_processes_stay_in_step(text, tmp_path):
     """Gradients are averaged: both processes end at the same weights; only the first reports."""
     from safetensors.torch import load_file

@@ -106,7 +106,7 @@ def test_a_name_is_not_held_against_the_only_thing_that_the_text_speaks_of(part,
     assert row_of(text, part) == TABLE.exact(text).name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_told_of_an_unknown_word_is_what_the_mesh_holds(tmp_path):
     """Fifty texts of words that nobody knows: warning, row, document and mesh name one material."""
     body = box_mesh((0.1, 0.1, 0.1), (2, 2, 2))

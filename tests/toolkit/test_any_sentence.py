@@ -89,7 +89,7 @@ def test_a_material_is_one_of_the_table_however_it_is_written(text, part):
     assert not refused(text, part)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 def test_no_sentence_of_any_set_is_refused(root):
@@ -100,7 +100,7 @@ def test_no_sentence_of_any_set_is_refused(root):
     assert not [line for line in found if line]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.blockers
 @pytest.mark.usefixtures("any_answer")
 def test_no_name_of_the_table_is_refused():
@@ -118,7 +118,7 @@ def test_no_name_of_the_table_is_refused():
     assert not [line for line in found if line]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.blockers
 def test_no_sentence_ends_the_command_with_exit_code_2(root, tmp_path):
     """A sample of the sets, by the command with its defaults and the asset beside the mesh."""

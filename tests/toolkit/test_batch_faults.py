@@ -14,7 +14,7 @@ import trimesh
 
 from .test_batch import make_manifest
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 COARSE = {"edge_length_rel": "0.3", "order": "1", "cells": "16"}
 DEADLINE = 300.0  # s that a batch of a few boxes may take on the busiest machine
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

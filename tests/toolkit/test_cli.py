@@ -25,18 +25,20 @@ HEAVY = {
 
 @pytest.mark.slow
 def test_help_loads_no_heavy_package():
-    """The same for the help of every command, each in a fresh process."""
-    for command in (None, *COMMANDS):
-        code = (
-            "import sys\nfrom autophyx_tet.toolkit.cli.main import main\n"
-            f"try: main({[command, '--help'] if command else ['--help']})\n"
-            "except SystemExit as done: assert done.code == 0\n"
-            "print(*sorted({m.split('.')[0] for m in sys.modules}))"
-        )
-        call = [sys.executable, "-c", code]
-        out = subprocess.run(call, capture_output=True, text=True, check=True).stdout
-        assert "usage" in out, command
-        assert not set(out.splitlines()[-1].split()) & HEAVY, command
+    """Nor does that of any command: one process is asked for all, and has loaded none after it."""
+    calls = [[*command, "--help"] for command in ([], *([name] for name in COMMANDS))]
+    code = (
+        "import sys\nfrom autophyx_tet.toolkit.cli.main import main\n"
+        f"for call in {calls}:\n"
+        "    try: main(call)\n"
+        "    except SystemExit as done: assert done.code == 0\n"
+        f"    print('loaded', *sorted({{m.split('.')[0] for m in sys.modules}} & {HEAVY}))"
+    )
+    call = [sys.executable, "-c", code]
+    out = subprocess.run(call, capture_output=True, text=True, check=True).stdout
+    assert out.count("usage: ") == len(calls)
+    loaded = dict(zip(map(" ".join, calls), re.findall(r"^loaded ?(.*)$", out, re.M), strict=True))
+    assert not {call: found for call, found in loaded.items() if found}
 
 
 # The verbs that the design of the product promises, and no others.

@@ -8,8 +8,6 @@ import trimesh
 from autophyx_tet.toolkit.asset.bonsai import write_bonsai
 from autophyx_tet.toolkit.cli.main import main
 
-pytestmark = pytest.mark.slow  # three conversions and nine solves
-
 
 def dialled(tmp_path, capsys, asset, *options):
     """The document of a run under the dial."""
@@ -19,6 +17,7 @@ def dialled(tmp_path, capsys, asset, *options):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_stool_that_nothing_names_goes_from_soft_to_stiff(tmp_path, capsys):
     """A block of one part: E rises in every case, and with it falls what the weight strains.
 
@@ -40,6 +39,7 @@ def test_a_stool_that_nothing_names_goes_from_soft_to_stiff(tmp_path, capsys):
     assert found["sag"]["intervals"]["likely"]["drawn"] == 4
 
 
+@pytest.mark.long  # three conversions and nine solves
 def test_the_demo_gives_way_less_and_less(tmp_path, capsys):
     """Its rows have one density and a range of E: the energy of the load can only fall."""
     asset = write_bonsai(tmp_path / "bonsai.glb")

@@ -8,7 +8,7 @@ import pytest
 from .browser import Visit
 
 
-@pytest.mark.slow
+@pytest.mark.browser
 def test_the_search_works_from_a_file(root, tmp_path, chromium):
     """Typed into the box: pages are found, marked and led to, and nothing is asked of elsewhere."""
     words = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path)]

@@ -156,7 +156,7 @@ def test_soups_are_repaired_or_sheets(soup, size):
     assert bool(solids.shells) == (len(solids.surface.faces) > 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(SOUPS)
 @settings(max_examples=15, deadline=None)
 def test_soups_convert_or_say_why(soup):

@@ -130,7 +130,7 @@ def test_damaged_carriers_and_meshes(tmp_path, damage):
     _guarded(path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(DAMAGE)
 @settings(max_examples=1500, deadline=None, suppress_health_check=QUIET)
 def test_damaged_carriers_and_meshes_at_length(tmp_path, damage):

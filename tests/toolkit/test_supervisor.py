@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from autophyx_tet.toolkit.asset.guard import on_interrupt
 
-SOON = 2.0  # s that a command may take to end
+SOON = 2.0  # s that a command may take to end, where no other waits for a core
 # Commands that begin to write a file and then do not hear: every interrupt is swallowed, or the
 # interpreter is kept by native code; or that end by a signal, or by an exit code.
 COMMANDS = {
@@ -67,10 +67,11 @@ def fake(kind, folder):
     return process
 
 
-def ended(process, *, within=SOON):
+def ended(process):
+    crowd = max(1.0, os.getloadavg()[0] / os.cpu_count())  # a busy machine is no error
     began = time.monotonic()
     _, err = process.communicate(timeout=30)
-    assert time.monotonic() - began < within, err
+    assert time.monotonic() - began < SOON * crowd, err
     return process.returncode, err
 
 

