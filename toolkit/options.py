@@ -17,7 +17,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from ..fem.errors import InputError, UsageError
 from ..fem.laws.law import LAWS
 from ..fem.registry import Registry
-from ..fem.scene.up import UpAxis
+from ..fem.scene import UpAxis
 from ..fem.solve.method import SCENARIOS
 from ..predictors.encoders import ENCODERS, check_encoder
 from ..predictors.predictor import PREDICTORS

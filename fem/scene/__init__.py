@@ -4,3 +4,8 @@ In: arrays of points, tets and E, nu, rho; names of the material table.
 Out: TetMesh, Supports, Traction, obstacles, and the Scene of all of them.
 Read: scene, supports, loads, obstacles, conditions, up.
 """
+
+from typing import Literal
+
+# The axes that may point up, for whoever loads nothing else.
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
