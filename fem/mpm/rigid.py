@@ -167,15 +167,13 @@ class Stiff(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What was made of stiff matter.
+    """What was made of stiff parts.
 
     ``particles`` with ``stationary``, ``rigid`` (in ``bodies`` bodies) and ``capped`` ones counted;
-    ``E_max`` [Pa] (n,) is what the steps of ``dt`` [s] allow, ``notes`` what to know.
+    ``notes`` what to know.
     """
 
     particles: Particles
-    dt: float
-    E_max: Float[np.ndarray, "n"]
     stationary: int = 0
     rigid: int = 0
     bodies: int = 0
@@ -191,7 +189,6 @@ def treated(
     stiff: Stiff = Stiff.RIGID,
     budget: float = BUDGET,
     gravity: float = 9.81,
-    courant: float = COURANT,
     reach: float = REACH,
 ) -> Treatment:
     """Decide what becomes of particles stiffer than ``budget`` substeps a second allow.
@@ -200,66 +197,50 @@ def treated(
     move as rigid ones. ``gravity`` [m/s^2] says whether softening would be seen. Particles within
     ``reach`` [spacings] of each other are of one rigid body.
     """
-    dt = 1 / budget
-    most = np.asarray(largest_modulus(particles.nu, particles.rho, spacing, dt, courant=courant))
+    x, rho = particles.x, particles.rho
+    most = np.asarray(largest_modulus(particles.nu, rho, spacing, 1 / budget))
     hard = (particles.E > most) & (particles.kinds != MaterialClass.FLUID) & ~particles.held
-    parts = [particles.parts[i] for i in np.unique(particles.part[hard])]
-    found = Treatment(particles=particles, dt=dt, E_max=most)
     if not hard.any():
-        return found
+        return Treatment(particles=particles)
+    parts = ", ".join(particles.parts[i] for i in np.unique(particles.part[hard]))
     if stiff == Stiff.CAP:
-        return _capped(found, hard, parts, gravity)
+        size = float(np.ptp(x[hard], axis=0).max())
+        sag = float((rho[hard] * gravity * size / most[hard]).max())
+        seen = "invisible: " if sag < INVISIBLE else "it is seen: "
+        note = (
+            f"{parts}: softened from {particles.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
+            f"({seen}rho g L / E is {sag:.2g} then)"
+        )
+        softened = replace(particles, E=np.where(hard, most, particles.E))
+        return Treatment(particles=softened, capped=int(hard.sum()), notes=(note,))
     labels = np.full(len(hard), -1)
-    labels[hard] = rigid_labels(particles.x[hard], reach * spacing)
+    labels[hard] = rigid_labels(x[hard], reach * spacing)
     standing = np.isin(labels, np.unique(labels[hard & held])) & hard
     if stiff == Stiff.STATIONARY:
         standing = hard
     free = hard & ~standing
     numbers = np.full(len(hard), -1, dtype=np.int64)
     numbers[free] = np.unique(labels[free], return_inverse=True)[1]
+    bodies = int(numbers.max()) + 1
     still = Substance(kind=MaterialClass.STATIONARY)
-    substance = np.where(standing, len(particles.substances), particles.substance)
     changed = replace(
         particles,
-        substance=substance,
+        substance=np.where(standing, len(particles.substances), particles.substance),
         substances=(*particles.substances, still),
         rigid=numbers,
     )
-    bodies = int(numbers.max()) + 1
     changed = merged_inside(changed, spacing)
-    rigid = int((changed.rigid >= 0).sum())
+    rigid, stationary = int((changed.rigid >= 0).sum()), int(standing.sum())
     moves = f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
-    stands = f"{int(standing.sum()):,} particles stand still"
-    done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
+    stands = f"{stationary:,} particles stand still"
+    done = ", ".join([*[stands] * bool(stationary), *[moves] * bool(bodies)])
     note = (
-        f"{', '.join(parts)}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps "
-        f"a second allow: {done}"
+        f"{parts}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps a second "
+        f"allow: {done}"
     )
-    return replace(
-        found,
-        particles=changed,
-        stationary=int(standing.sum()),
-        rigid=rigid,
-        bodies=bodies,
-        notes=(note,),
+    return Treatment(
+        particles=changed, stationary=stationary, rigid=rigid, bodies=bodies, notes=(note,)
     )
-
-
-def _capped(
-    found: Treatment, hard: Bool[np.ndarray, "n"], parts: list[str], gravity: float
-) -> Treatment:
-    """Matter softened to what the steps allow; whether that is seen is said."""
-    given, most = found.particles, found.E_max
-    E = np.where(hard, most, given.E)
-    size = float(np.ptp(given.x[hard], axis=0).max())
-    sag = float((given.rho[hard] * gravity * size / most[hard]).max())
-    seen = "invisible: " if sag < INVISIBLE else "it is seen: "
-    note = (
-        f"{', '.join(parts)}: softened from {given.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
-        f"({seen}rho g L / E is {sag:.2g} then)"
-    )
-    changed = replace(given, E=E)
-    return replace(found, particles=changed, capped=int(hard.sum()), notes=(note,))
 
 
 def bending_regions(
