@@ -61,7 +61,8 @@ def with_grains(
         if materials.get(part) not in grains:
             row = materials.get(part)
             why = f"{row!r} has no grain in the table" if row else "its material is not known"
-            raise UsageError(f"--grain part:{part}: {why}; parts with one are {_named(materials)}")
+            names = ", ".join(parts_of_grain(materials)) or "none"
+            raise UsageError(f"--grain part:{part}: {why}; parts with one are {names}")
     known = material.grained
     along: list[str] = []
     blind: list[str] = []
@@ -131,7 +132,3 @@ def is_of_row(E: Float[np.ndarray, "n"], row: str) -> bool:
     """Whether ``E`` [Pa] is that of a row of the table, not an apparent one."""
     span = load_table().exact(row).E
     return bool(span.min / SAME_E <= E.min() and E.max() <= span.max * SAME_E)
-
-
-def _named(materials: Mapping[str, str]) -> str:
-    return ", ".join(parts_of_grain(materials)) or "none"

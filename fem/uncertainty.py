@@ -24,7 +24,6 @@ from .material import ElementMaterial
 from .mesh import TetMesh, material_of
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
-from .scene.supports import Supports
 from .solve.result import Modes, SagResult
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
@@ -33,7 +32,7 @@ from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
 TONES = 3
 SAMPLES = 256
 # The basis learns all soft and heavy, all stiff and light, then so many draws at once until it
-# would have known them to this share, at most so many.
+# would have known them to this fraction, at most so many.
 ENDS = ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
 COMPARED, MOST_COMPARED, LEARNED = 3, 12, 5e-3
 
@@ -84,20 +83,48 @@ def likely_answers(
     """
     mesh, held = scene.mesh, scene.held
     ranges = open_ranges(mesh, materials, draws, exact)
-    if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
+    loose = not (held.fixed.any() or held.springs.any())
+    if not ranges or loose or held.fixed.all() or (held.values * held.fixed).any():
         return None
-    if held.fixed.all():  # nothing moves
+    try:
+        check_held(mesh, held)
+    except ConvergenceError:  # a piece of it is held by nothing
         return None
-    family = _family(scene, ranges, modes)
+    family = LinearFamily(
+        mesh,
+        held,
+        np.stack([one.tets for one in ranges]),
+        grained=np.array([one.grained for one in ranges]),
+        forces=load_vector(
+            mesh, discretise(mesh, 1), traction=scene.tractions, forces=scene.forces
+        ),
+        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
+        shapes=np.zeros((0, *mesh.points.shape))
+        if modes is None
+        else modes.shapes[:TONES, : len(mesh.points)],
+    )
     if not family.affordable():
         return None
-    counts = [len(one.draws) for one in ranges if one.draws is not None]
-    of_rows = len(ranges) - len(counts)
-    drawn = max(counts, default=0)
-    members = _members(ranges, max(samples, drawn) if of_rows else drawn, seed)
+    # Bodies: rows by a lattice, drawn parts as they were drawn, in order
+    of_rows = np.array([one.draws is None for one in ranges])
+    drawn = max((len(one.draws) for one in ranges if one.draws is not None), default=0)
+    count = max(samples, drawn) if of_rows.any() else drawn
+    places = np.zeros((count, len(ranges), 3))
+    if of_rows.any():
+        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
+        places[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
+    members = [_member(ranges, place) for place in places]
+    for number, member in enumerate(members):
+        for k, one in enumerate(ranges):
+            if one.draws is not None:
+                E, nu, rho = one.draws[number % len(one.draws)]
+                member.E[k], member.nu[k] = E / one.taken.E, nu
+                member.rho[k] = rho / one.taken.rho
     ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
+    ones = np.ones(len(ranges))
+    as_taken = Member(ones, np.array([one.taken.nu for one in ranges]), ones)
     try:
-        family.add([_as_taken(ranges), *ends])
+        family.add([as_taken, *ends])
         # Largest error of the last members that were compared, before they were taken in too
         error = np.inf
         for first in range(0, MOST_COMPARED, COMPARED):
@@ -105,22 +132,22 @@ def likely_answers(
             before = [family.answers(member) for member in these]
             rests = family.add(these)
             after = [family.answers(member)[1] for member in these]
-            errors = [
-                max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
-                for (u, f), rest, g in zip(before, rests, after, strict=True)
-            ]
-            error = max(errors)
+            error = 0.0
+            for (u, f), rest, g in zip(before, rests, after, strict=True):
+                size = float(np.linalg.norm(rest))
+                apart = float(np.linalg.norm(u - rest)) / size if size else 0.0
+                error = max(error, apart, float(np.abs(f / g - 1).max(initial=0.0)))
             if error <= LEARNED:
                 break
-        sizes, tones = family.largest([_as_taken(ranges), *members])
+        sizes, tones = family.largest([as_taken, *members])
     except ConvergenceError:
         return None
     u = None
     if result is not None and result.static.law == Law.LINEAR and result.trusted and sizes[0] > 0:
         u = _middle(result.max_displacement * sizes[1:] / sizes[0])
-    known = () if modes is None else modes.frequencies[:TONES]
+    tones_known = () if modes is None else modes.frequencies[:TONES]
     ratios = (tones[1:] / tones[0]).T
-    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
+    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(tones_known, ratios, strict=True))
     mass = _middle(np.array([family.mass(member).sum() for member in members]))
     return Likely(mass, u, frequencies, len(members), error, drawn)
 
@@ -145,8 +172,8 @@ def ranged_answers(
     if result is not None:
         ends["max_displacement"] = displacement_interval(scene, result, ranges)
     ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
-    known = {"draws": draws, "exact": exact, "result": result, "modes": modes}
-    return with_likely(ends, likely_answers(scene, materials, **known))
+    likely = likely_answers(scene, materials, draws=draws, exact=exact, result=result, modes=modes)
+    return with_likely(ends, likely)
 
 
 def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any]:
@@ -165,75 +192,19 @@ def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any
     return {**held, "likely": likely}
 
 
-def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:
-    """Bodies whose material lies in the ranges, held and loaded as the scene says."""
-    mesh = scene.mesh
-    grid, points = discretise(mesh, 1), len(mesh.points)
-    return LinearFamily(
-        mesh,
-        scene.held,
-        np.stack([one.tets for one in ranges]),
-        grained=np.array([one.grained for one in ranges]),
-        forces=load_vector(mesh, grid, traction=scene.tractions, forces=scene.forces),
-        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
-        shapes=np.zeros((0, points, 3)) if modes is None else modes.shapes[:TONES, :points],
-    )
-
-
-def _as_taken(ranges: Sequence[OpenRange]) -> Member:
-    """The body as it is."""
-    ones = np.ones(len(ranges))
-    return Member(ones, np.array([one.taken.nu for one in ranges]), ones)
-
-
-def _members(ranges: Sequence[OpenRange], count: int, seed: int) -> list[Member]:
-    """So many bodies: rows by a lattice, drawn parts as they were drawn, in order."""
-    shares = np.zeros((count, len(ranges), 3))
-    of_rows = np.array([one.draws is None for one in ranges])
-    if of_rows.any():
-        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
-        shares[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
-    members = []
-    for number, share in enumerate(shares):
-        member = _member(ranges, share)
-        for k, one in enumerate(ranges):
-            if one.draws is not None:
-                E, nu, rho = one.draws[number % len(one.draws)]
-                for values, value in zip(
-                    member, (E / one.taken.E, nu, rho / one.taken.rho), strict=True
-                ):
-                    values[k] = value
-        members.append(member)
-    return members
-
-
-def _member(ranges: Sequence[OpenRange], shares: Float[np.ndarray, "ranges 3"]) -> Member:
-    """Body whose E, nu and rho lie at ``shares`` [0 to 1] of their ranges."""
+def _member(ranges: Sequence[OpenRange], places: Float[np.ndarray, "ranges 3"]) -> Member:
+    """Body whose E, nu and rho lie at ``places`` [0 to 1] of their ranges."""
     E, nu, rho = np.empty((3, len(ranges)))
-    for k, (one, share) in enumerate(zip(ranges, shares, strict=True)):
-        E[k] = one.E.min ** (1 - share[0]) * one.E.max ** share[0] / one.taken.E
-        nu[k] = one.nu.min + share[1] * (one.nu.max - one.nu.min)
-        rho[k] = one.rho.min ** (1 - share[2]) * one.rho.max ** share[2] / one.taken.rho
+    for k, (one, (a, b, c)) in enumerate(zip(ranges, places, strict=True)):
+        E[k] = one.E.min ** (1 - a) * one.E.max**a / one.taken.E
+        nu[k] = one.nu.min + b * (one.nu.max - one.nu.min)
+        rho[k] = one.rho.min ** (1 - c) * one.rho.max**c / one.taken.rho
     return Member(E, nu, rho)
-
-
-def _apart(u: np.ndarray, wanted: np.ndarray) -> float:
-    size = float(np.linalg.norm(wanted))
-    return float(np.linalg.norm(u - wanted)) / size if size else 0.0
 
 
 def _middle(values: np.ndarray) -> Interval:
     low, high = np.quantile(values, MIDDLE)
     return Interval(float(low), float(high))
-
-
-def _stands(mesh: TetMesh, held: Supports) -> bool:
-    """Whether every piece is held."""
-    try:
-        check_held(mesh, held)
-    except ConvergenceError:
-        return False
-    return bool(held.fixed.any() or held.springs.any())
 
 
 # Lowest and highest answers, by the ranges of E and rho of a body's materials.

@@ -1,4 +1,4 @@
-"""Verdicts on a simulated body, each with its number, threshold and sentence."""
+"""Verdicts on a simulated body, at rest and in motion: number, threshold and sentence of each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .safety import Safety
 from .scene.scene import Scene
 from .scene.up import up_vector
 from .solve.contact import foothold
-from .solve.energy import EnergyBalance, energy_balance
+from .solve.energy import energy_balance
 from .solve.result import (
     BENDS_ALIKE,
     LOCKING,
@@ -29,9 +29,9 @@ from .solve.result import (
 )
 from .uncertainty import Interval, Likely
 
-# A body holds its shape if no point moves more than this share of its longest side.
+# A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
-CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is held
+CRUMBS = 1e-3  # fraction of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
 OFF_BY = {
@@ -45,7 +45,7 @@ GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a 
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the
-# larger one is seen at all: more than this share of the height.
+# larger one is seen at all: more than this fraction of the height.
 DIFFERENT = 2.0
 VISIBLE = 0.005
 # Mass [kg] of a thing per volume [m^3] of its box, by the side [m] up to which it holds: what 64
@@ -53,7 +53,7 @@ VISIBLE = 0.005
 # 12,040 (a gold coin); bulky ones of .3 m 261 to 1,940 (a curling stone), longer than a metre 28 to
 # 181 (a pallet). What is slender or flat may be solid at any length: rebar has 6,172.
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
-# Bulky: no side of the box is below this share of the longest.
+# Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
 # A part gives way below this safety factor.
 SAFE = 1.0
@@ -110,7 +110,7 @@ def with_unmade(checks: Sequence[Check]) -> list[Check]:
 
 
 def percent(value: float) -> str:
-    """A share in words: two digits, all beyond the whole; never '0.00 %'."""
+    """A fraction in words: two digits, all beyond the whole; never '0.00 %'."""
     if 0 < value < 1e-4:
         return "less than 0.01 %"
     return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:,.0f} %"
@@ -321,9 +321,7 @@ def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Chec
     return tuple(with_unmade(checks))
 
 
-# Verdicts on the energy of a motion.
-
-# A motion may have this share more energy than it was given. Elements and reduced bodies: 1 % is
+# A motion may have this fraction more energy than it was given. Elements and reduced bodies: 1 % is
 # what BDF2 is inexact by in an impact (tests/fem/test_energy.py), twice that the limit.
 EXCESS = 0.02
 # Springs: explicit steps show their fastest vibrations with too much; falls, spins, bounces and
@@ -331,7 +329,7 @@ EXCESS = 0.02
 SPRING_EXCESS = 0.03
 # Particles: their grid only takes; what keeps its energy had at most .013 % more.
 PARTICLE_EXCESS = 0.001
-# A frame that loses more than this share has an impact in it that is shorter than the frame.
+# A frame that loses more than this fraction has an impact in it that is shorter than the frame.
 SUDDEN = 0.25
 
 
@@ -339,53 +337,36 @@ def keeps_energy(motion: MotionResult, scene: Scene) -> tuple[Check, ...]:
     """Whether no energy is made of nothing, and what is lost; whether its impacts are followed."""
     if (found := energy_balance(motion, scene)) is None:
         return ()
-    share, gone, most = found.excess / found.given, found.lost / found.given, _limit(motion)
-    passed, limit = share <= most, f"(limit {percent(most)})"
+    most = EXCESS if motion.order else SPRING_EXCESS
+    if motion.particles is not None:
+        most = PARTICLE_EXCESS
+    excess, limit = found.excess / found.given, f"(limit {percent(most)})"
+    passed = excess <= most
     if passed:
+        takers = ["friction"] if scene.friction and scene.obstacles else []
+        if motion.particles is not None:
+            takers += ["flow, cracks, damping", "what its grid does not carry"]
+        by = f"{', '.join(takers)} and its time steps" if takers else "its time steps"
         said = f"It never has more energy than the {found.given:.3g} J that it was given {limit}"
-        said += f"; {gone:.1%} of that is lost at the end, to {_takers(motion, scene)}."
+        said += f"; {found.lost / found.given:.1%} of that is lost at the end, to {by}."
     else:
         said = f"It has {found.excess:.3g} J more than the {found.given:.3g} J that it was given: "
-        said += f"{percent(share)} too much {limit}. Its steps make energy of nothing."
-    check = Check("energy", passed, share, most, said)
-    return (check, *_impact(motion, found))
-
-
-def _limit(motion: MotionResult) -> float:
-    """Share of energy made of nothing that is no error of the ``motion``, by its method."""
-    if motion.particles is not None:
-        return PARTICLE_EXCESS
-    return EXCESS if motion.order else SPRING_EXCESS
-
-
-def _takers(motion: MotionResult, scene: Scene) -> str:
-    """What may take energy from a motion, in words."""
-    rubs = ["friction"] if scene.friction and scene.obstacles else []
-    particles = motion.particles is not None
-    flows = ["flow, cracks, damping", "what its grid does not carry"] if particles else []
-    return " and ".join([", ".join([*rubs, *flows]), "its time steps"]).removeprefix(" and ")
-
-
-def _impact(motion: MotionResult, found: EnergyBalance) -> tuple[Check, ...]:
-    """That a frame, where it is one step, takes most of the energy; nothing where none does.
-
-    Where nothing is met it is a swing that begins and ends within few frames.
-    """
-    share = found.dropped / found.given
-    if not motion.order or share <= SUDDEN:
-        return ()
-    lost = (
-        f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
-        f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
-    )
-    if not motion.contact_forces.any():
-        said = f"It swings faster than its steps show: {lost}."
-        return (Check("fast swing", False, share, SUDDEN, said),)
-    said = f"An impact is not followed: {lost}; it does not rebound as it would."
-    return (Check("impact", False, share, SUDDEN, said),)
-
-
-# Verdicts on a motion: whom it meets, whether few coordinates or particles do for it.
+        said += f"{percent(excess)} too much {limit}. Its steps make energy of nothing."
+    checks = [Check("energy", passed, excess, most, said)]
+    # A frame, where it is one step, that takes most of the energy: an impact, or where nothing is
+    # met a swing that begins and ends within few frames
+    sudden = found.dropped / found.given
+    if motion.order and sudden > SUDDEN:
+        lost = (
+            f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
+            f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
+        )
+        name, said = "fast swing", f"It swings faster than its steps show: {lost}."
+        if motion.contact_forces.any():
+            name = "impact"
+            said = f"An impact is not followed: {lost}; it does not rebound as it would."
+        checks.append(Check(name, False, sudden, SUDDEN, said))
+    return tuple(checks)
 
 
 def no_penetration(motion: MotionResult) -> Check:
