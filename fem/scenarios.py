@@ -25,8 +25,6 @@ from .solve.result import MotionResult, SagResult
 from .solve.schemes import Scheme
 from .validation import checked_direction, checked_number, checked_positive, checked_vector
 
-# A body settles under its own weight.
-
 SUPPORTS = ("base", "three-point")
 
 
@@ -95,9 +93,6 @@ def sag(
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
 
-# A body hangs under its own weight.
-
-
 @dataclass(frozen=True)
 class Hang:
     """It hangs from its highest points under ``gravity`` [m/s^2], downwards."""
@@ -128,8 +123,6 @@ def hang(
     scene = Hang(gravity).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
-
-# The wind blows on a standing body.
 
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 
@@ -197,10 +190,8 @@ def wind(
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
 
-# A finger presses on a standing body.
-
-# Radius of a finger as a share of the body's diagonal.
-FINGER_SHARE = 0.05
+# Radius of a finger over the body's diagonal.
+FINGER_RADIUS = 0.05
 
 
 @dataclass(frozen=True)
@@ -228,7 +219,7 @@ class Poke:
         force = checked_positive("poke force", self.force, "N")
         faces = mesh.boundary.faces
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
-        patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+        patch = FINGER_RADIUS * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
         held, warnings = find_supports(mesh, up)
         loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
@@ -261,8 +252,6 @@ def poke(
     scene = Poke(force, at, direction).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
-
-# A body is squeezed between two plates.
 
 FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
@@ -340,8 +329,6 @@ def squeeze(
     return DynamicMethod().solve(scene, law=law, order=order, device=device, progress=progress)
 
 
-# A body falls on the ground.
-
 # A drop is followed for this many fall times, so that the bounce is seen.
 FALLS = 3.0
 DROP_FRAMES = 90
@@ -407,8 +394,6 @@ def drop(
     )
 
 
-# A body falls and may come to pieces, flow or stay.
-
 # PhysGaussian's and AutoPhyX's falls: 50 frames of 0.04 s.
 FALL_FRAMES, FRAME_TIME = 50, 0.04
 
@@ -436,9 +421,7 @@ class Fall:
         return replace(scene, duration=FALL_FRAMES * FRAME_TIME, frames=FALL_FRAMES)
 
 
-# Two grips pull the ends of a body apart.
-
-# Points within this share of the length from an end are gripped.
+# Points within this fraction of the length from an end are gripped.
 GRIPPED = 0.15
 
 
@@ -469,9 +452,6 @@ class Tear:
         return Scene(
             mesh=mesh, up=up, supports=held, gravity_vector=weight, duration=self.time, frames=50
         )
-
-
-# The natural vibrations of a standing body.
 
 
 @dataclass(frozen=True)

@@ -599,32 +599,6 @@ def push_kernel(real: Any) -> Any:
 
 
 @cache
-def point_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
-    """Kernel of a class without a grid: F, q -> F, q and tau of every point, of one substance."""
-    vec3, mat33 = types_of(real).vec3, types_of(real).mat33
-    law = class_laws(real)[kind, form]
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def respond(
-        H: wp.array(dtype=mat33),
-        C: mat33,
-        mu: real,
-        lam: real,
-        k: vec3,
-        q: wp.array(dtype=real),
-        dt: real,
-        tau: wp.array(dtype=mat33),
-    ):
-        p = wp.tid()
-        H_new, stress, state = law(H[p], C, mu, lam, k, q[p], dt)
-        H[p] = H_new
-        q[p] = state
-        tau[p] = stress
-
-    return respond
-
-
-@cache
 def jelly_energy_kernel() -> Any:
     """Kernel (H, lam, mu, energies): elastic energy per volume at rest [J/m^3] of jelly."""
     energy_and_stress = neo_hookean.energy_and_stress

@@ -281,6 +281,10 @@ def elastic_density(
     return mu * (strain**2).sum(axis=1) + lam / 2 * strain.sum(axis=1) ** 2
 
 
+# What two threads launch at once: the next stage waits for both.
+Stage = tuple[list[Any], list[Any]]
+
+
 class Substep:
     """The launches of one substep: particles to grid, grid, boundaries, grid to particles.
 
@@ -327,9 +331,8 @@ class Substep:
             self.rigid = RigidBodies(cloud.particles, grid.spacing, cloud.real, self.device)
         size = grid.count if self.rigid is not None else 0
         self._kick = wp.zeros(size, dtype=types.vec4, device=self.device)
-        self._still = still_nodes(fixed, grid)
-        # A stage is what two threads launch at once; the next one waits for both.
-        self._stages: list[tuple[list[Any], list[Any]]] = []
+        self._still, self._still_mass = still_nodes(fixed, grid)
+        self._stages: list[Stage] = []
         self._graph: Any = None
 
     @property
@@ -377,84 +380,78 @@ class Substep:
         if not len(self.nodes):  # every particle has left the grid
             return
         wp, cloud, rigid = start_warp(), self.cloud, self.rigid
-        kernels, types, main = grid_kernels(cloud.real), cloud.types, self._grids[0]
-        struct, clock, nodes = cloud.struct, self._clock, self._nodes
+        real, types, struct, clock = cloud.real, cloud.types, cloud.struct, self._clock
+        kernels, main, nodes, count = (
+            grid_kernels(real),
+            self._grids[0],
+            self._nodes,
+            len(self.nodes),
+        )
 
-        def launch(kernel: Any, count: int, *inputs: Any) -> list[Any]:
-            """Recorded launch: warp records none of nothing."""
-            if not count:
-                return []
-            return [wp.launch(kernel, count, list(inputs), device=self.device, record_cmd=True)]
+        def add(
+            stage: Stage, kernel: Any, first: int, size: int, *inputs: Any, grids: bool = False
+        ) -> None:
+            """Record launches on ``size`` things from ``first`` on, halved between two threads.
 
-        def halves(first: int, count: int) -> list[tuple[int, int, int]]:
-            """Thread, first and count of what each thread takes."""
-            half = (count + 1) // 2 if self.threads == 2 else count
-            return [(0, first, half), (1, first + half, count - half)]
+            With ``grids`` each thread adds to its own; warp records no launch of nothing.
+            """
+            half = (size + 1) // 2 if self.threads == 2 else size
+            for thread, a, n in ((0, first, half), (1, first + half, size - half)):
+                own = [self._grids[thread]] if grids else []
+                if n:
+                    launch(stage, kernel, n, a, *inputs, *own, thread=thread)
+
+        def launch(stage: Stage, kernel: Any, n: int, *inputs: Any, thread: int = 0) -> None:
+            command = wp.launch(kernel, n, list(inputs), device=self.device, record_cmd=True)
+            stage[thread].append(command)
 
         def numbers(values: np.ndarray) -> Any:
             return wp.array(values.astype(np.int32), dtype=int, device=self.device)
 
         clear, scatter, advance, hold, move, settle = stages = [([], []) for _ in range(6)]
         for thread in range(self.threads):
-            clear[thread].extend(
-                launch(kernels.clear, len(self.nodes), 0, nodes, self._grids[thread])
-            )
+            launch(clear, kernels.clear, count, 0, nodes, self._grids[thread], thread=thread)
         if len(struct.push):
-            clear[0].extend(launch(push_kernel(cloud.real), len(cloud), 0, struct, clock))
+            launch(clear, push_kernel(real), len(cloud), 0, struct, clock)
         if rigid is not None:
-            clear[0].extend(launch(kernels.clear, len(self.nodes), 0, nodes, self._kick))
+            launch(clear, kernels.clear, count, 0, nodes, self._kick)
 
         for span in cloud.spans:
-            kernel = scatter_kernel(
-                span.kind, cloud.real, lagrangian=self.lagrangian, form=span.form
-            )
-            for thread, first, count in halves(span.first, span.count):
-                to = self._grids[thread]
-                scatter[thread].extend(launch(kernel, count, first, struct, cloud.frame, clock, to))
+            kernel = scatter_kernel(span.kind, real, lagrangian=self.lagrangian, form=span.form)
+            add(scatter, kernel, span.first, span.count, struct, cloud.frame, clock, grids=True)
 
-        for thread, first, count in halves(0, len(self.nodes)):
-            advance[thread].extend(
-                launch(kernels.advance, count, first, nodes, *self._grids, self._gravity, clock)
-            )
+        add(advance, kernels.advance, 0, count, nodes, *self._grids, self._gravity, clock)
 
         touching = 0.0 if rigid is None else rigid.touching
         for slot, wall in enumerate(self.walls):
-            at = wall.at(cloud.grid, self.nodes, 0.0 if self.lagrangian else time)
-            if not len(at.nodes):
-                continue
-            normals = wp.array(at.normals, dtype=types.vec3, device=self.device)
-            velocities = wp.array(at.velocities, dtype=types.vec3, device=self.device)
-            hold[0].extend(
-                launch(
-                    kernels.wall, len(at.nodes), numbers(at.nodes), normals, velocities,
-                    int(wall.touch), wall.friction, touching, slot, main, self._impulse, self._kick,
+            inside, *fields = wall.at(cloud.grid, self.nodes, 0.0 if self.lagrangian else time)
+            if len(inside):
+                normals, velocities = (
+                    wp.array(field, dtype=types.vec3, device=self.device) for field in fields
                 )
-            )  # fmt: skip
-        if len(self._still.nodes):
-            mass = wp.array(self._still.mass, dtype=types.real, device=self.device)
-            still = numbers(self._still.nodes)
-            hold[0].extend(
-                launch(kernels.hold, len(still), still, mass, len(self.walls), main, self._impulse)
-            )
+                launch(
+                    hold, kernels.wall, len(inside), numbers(inside), normals, velocities,
+                    int(wall.touch), wall.friction, touching, slot, main, self._impulse, self._kick,
+                )  # fmt: skip
+        if len(self._still):
+            mass = wp.array(self._still_mass, dtype=real, device=self.device)
+            still, slot = numbers(self._still), len(self.walls)
+            launch(hold, kernels.hold, len(still), still, mass, slot, main, self._impulse)
 
         for span in cloud.spans:
             if not span.rigid:
-                kernel = move_kernel(cloud.real, lagrangian=self.lagrangian, carries=span.carries)
-                for thread, first, count in halves(span.first, span.count):
-                    move[thread].extend(
-                        launch(kernel, count, first, struct, cloud.frame, clock, main)
-                    )
+                kernel = move_kernel(real, lagrangian=self.lagrangian, carries=span.carries)
+                add(move, kernel, span.first, span.count, struct, cloud.frame, clock, main)
 
         if rigid is not None:  # sum the momenta of rigid bodies, settle, move their particles
             spans = [span for span in cloud.spans if span.rigid]
-            rest = cloud.real(0.0 if self.moving else REST)
+            for a, n in ((span.first, span.count) for span in spans):
+                summed = (struct, cloud.frame, main, self._kick, rigid.struct)
+                launch(settle, rigid.kernels.gather, n, a, *summed)
+            rest = real(0.0 if self.moving else REST)
+            launch(settle, rigid.kernels.settle, rigid.count, rigid.struct, clock, rest)
             for span in spans:
-                summed = (span.first, struct, cloud.frame, main, self._kick, rigid.struct)
-                settle[0].extend(launch(rigid.kernels.gather, span.count, *summed))
-            settle[0].extend(launch(rigid.kernels.settle, rigid.count, rigid.struct, clock, rest))
-            for span in spans:
-                carried = (span.first, struct, rigid.struct)
-                settle[0].extend(launch(rigid.kernels.carry, span.count, *carried))
+                launch(settle, rigid.kernels.carry, span.count, span.first, struct, rigid.struct)
 
         self._stages = [stage for stage in stages if any(stage)]
         if self.device != "cpu":

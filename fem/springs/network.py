@@ -500,13 +500,6 @@ def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
     return (low + high) / 2
 
 
-def eta_reach(network: SpringNetwork) -> float:
-    """How many times stiffer than its softest a network gets by eta alone [1]."""
-    k, square = network.calibrated(SOFTEST), network.length**2
-    ends = [network.stiffness(eta, k=k) @ square for eta in (STIFFEST, SOFTEST)]
-    return float(ends[0] / ends[1])
-
-
 def stiffened(
     network: SpringNetwork, k: Float[np.ndarray, "n"], ratio: float
 ) -> Float[np.ndarray, "springs"]:

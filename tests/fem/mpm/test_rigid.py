@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.errors import InputError
-from autophyx_tet.fem.mpm.boundaries import Impulse, Touch, Wall, grid_around
+from autophyx_tet.fem.mpm.boundaries import Touch, Wall, grid_around
 from autophyx_tet.fem.mpm.materials import MaterialClass, Substance
 from autophyx_tet.fem.mpm.particles import Particles, block_places
 from autophyx_tet.fem.mpm.rigid import Stiff, treated
@@ -119,16 +118,6 @@ def test_published_settings_have_their_limit():
     found = largest_modulus(0.4, 200.0, 2.0 / 50, 1e-4, courant=1.0)
     assert found == pytest.approx(200 * 400**2 * (1.4 * 0.2) / 0.6, rel=1e-12)
     assert 1.45e7 < found < 1.55e7
-
-
-def test_an_impulse_is_shared_by_mass():
-    """Change of momentum = the impulse, whatever the sampling."""
-    body = block((0, 0, 0), (DX, DX, DX), DX)
-    for box in (None, Box((0, 0, 0), (DX / 2,) * 3)):
-        change = Impulse(momentum=(1.0, 2.0, 0.0), box=box).change(body.x, body.mass)
-        assert np.allclose((body.mass[:, None] * change).sum(axis=0), [1, 2, 0], rtol=1e-14)
-    with pytest.raises(InputError, match="meets no particle"):
-        Impulse(momentum=(1.0, 0, 0), box=Box((9, 9, 9), (1, 1, 1))).change(body.x, body.mass)
 
 
 @pytest.mark.slow
