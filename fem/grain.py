@@ -38,8 +38,8 @@ def grained_parts(mesh: TetMesh) -> tuple[str, ...]:
     """Names of the regions of ``mesh`` whose material has a grain."""
     if mesh.material is None:
         return ()
-    found = np.unique(mesh.region[mesh.material.grained])
-    return tuple(mesh.region_names[region] for region in found)
+    regions = np.unique(mesh.region[mesh.material.grained])
+    return tuple(mesh.region_names[region] for region in regions)
 
 
 def with_grains(
@@ -63,7 +63,7 @@ def with_grains(
             why = f"{row!r} has no grain in the table" if row else "its material is not known"
             names = ", ".join(parts_of_grain(materials)) or "none"
             raise UsageError(f"--grain part:{part}: {why}; parts with one are {names}")
-    known = material.grained
+    grained = material.grained
     along: list[str] = []
     blind: list[str] = []
     for region, part in enumerate(mesh.region_names):
@@ -72,7 +72,7 @@ def with_grains(
         if row not in grains or not tets.size:
             continue
         way = stated.get(part)
-        if way is None and known[tets].any():
+        if way is None and grained[tets].any():
             continue
         way = longest_axis(mesh, tets) if way is None else way
         if way is None or not is_of_row(material.E[tets], row):

@@ -63,7 +63,7 @@ def part_safety(
     elements they are constant in a tet. At a sharp inner corner they grow with a finer mesh.
     ``stresses`` are the ``part_stresses`` of the result, where they are known.
     """
-    strengths, found, E = load_strengths(), [], material_of(result.mesh).E
+    strengths, judged, E = load_strengths(), [], material_of(result.mesh).E
     for here in part_stresses(result) if stresses is None else stresses:
         row = materials.get(here.part, "")
         if row in strengths and is_of_row(E[here.tets], row):
@@ -79,8 +79,8 @@ def part_safety(
             side, values, limit = max(cases, key=lambda case: case[1].max() / case[2])
             worst = int(np.argmax(values))
             stress, place = max(float(values[worst]), 0.0), tuple(here.at[worst].tolist())
-            found.append(Safety(here.part, row, strength.kind, side, stress, limit, place))
-    return tuple(found)
+            judged.append(Safety(here.part, row, strength.kind, side, stress, limit, place))
+    return tuple(judged)
 
 
 def part_stresses(result: StaticResult) -> tuple[PartStresses, ...]:

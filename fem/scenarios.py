@@ -148,8 +148,8 @@ class Wind:
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
-        given = np.roll(up_vector(up), 1) if self.direction is None else self.direction
-        blows = checked_direction("wind direction", given)
+        direction = np.roll(up_vector(up), 1) if self.direction is None else self.direction
+        blows = checked_direction("wind direction", direction)
         speed = checked_positive("wind speed", self.speed, "m/s")
         drag = checked_positive("drag coefficient", self.drag, "")
         faces = mesh.boundary.faces
@@ -214,8 +214,8 @@ class Poke:
         used = np.unique(mesh.tets)
         highest = mesh.points[used[np.argmax(mesh.points[used] @ up_vector(up))]]
         place = highest if self.at is None else checked_vector("poke at", self.at, "m")
-        given = -up_vector(up) if self.direction is None else self.direction
-        pushes = checked_direction("poke direction", given)
+        direction = -up_vector(up) if self.direction is None else self.direction
+        pushes = checked_direction("poke direction", direction)
         force = checked_positive("poke force", self.force, "N")
         faces = mesh.boundary.faces
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)

@@ -56,8 +56,10 @@ class Likely(NamedTuple):
     def words(self) -> tuple[str, str, str]:
         """Of mass, displacement and first frequency, to be put behind their ends."""
         first = self.frequencies[0] if self.frequencies else None
-        known = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
-        mass, u, tone = (f" (nine times in ten {x.words(form)})" if x else "" for x, form in known)
+        answers = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
+        mass, u, tone = (
+            f" (nine times in ten {x.words(form)})" if x else "" for x, form in answers
+        )
         return mass, u, tone
 
 
@@ -70,8 +72,6 @@ def likely_answers(
     exact: Exact | None = None,
     result: SagResult | None = None,
     modes: Modes | None = None,
-    samples: int = SAMPLES,
-    seed: int = 0,
 ) -> Likely | None:
     """What mass, displacement and frequencies likely are; None: of no range, or of no member.
 
@@ -108,10 +108,10 @@ def likely_answers(
     # Bodies: rows by a lattice, drawn parts as they were drawn, in order
     of_rows = np.array([one.draws is None for one in ranges])
     drawn = max((len(one.draws) for one in ranges if one.draws is not None), default=0)
-    count = max(samples, drawn) if of_rows.any() else drawn
+    count = max(SAMPLES, drawn) if of_rows.any() else drawn
     places = np.zeros((count, len(ranges), 3))
     if of_rows.any():
-        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
+        rng, wide = np.random.default_rng(0), 3 * int(of_rows.sum())
         places[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
     members = [_member(ranges, place) for place in places]
     for number, member in enumerate(members):
@@ -246,8 +246,8 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
     material = material_of(scene.mesh)
 
     def largest(taken: ElementMaterial) -> float:
-        found = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
-        return float(np.linalg.norm(found.displacement, axis=1).max())
+        solved = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
+        return float(np.linalg.norm(solved.displacement, axis=1).max())
 
     try:
         as_taken = largest(material)
@@ -306,12 +306,12 @@ def lattice_generator(count: int, dimensions: int) -> Int[np.ndarray, "dimension
     whole = whole[np.gcd(whole, count) == 1]
     place = np.arange(count)[:, None] * whole % count / count
     kernel = 2 * np.pi**2 * (place * (place - 1) + 1 / 6)  # Bernoulli's second polynomial
-    so_far, found = np.ones(count), []
+    so_far, steps = np.ones(count), []
     for weight in 1 / np.arange(1, dimensions + 1) ** 2:
         best = int(np.argmin(so_far @ kernel))
         so_far = so_far * (1 + weight * kernel[:, best])
-        found.append(whole[best])
-    return np.array(found, dtype=np.int64)
+        steps.append(whole[best])
+    return np.array(steps, dtype=np.int64)
 
 
 # What E, nu and rho of a body may be, by the rows of the table and by what a predictor drew.
@@ -355,16 +355,16 @@ def open_ranges(
     of_row: dict[tuple[str, frozenset[str]], np.ndarray] = {}
     drawn: dict[str, np.ndarray] = {}
     for region, part in enumerate(mesh.region_names):
-        own, row = mesh.region == region, rows.get(materials.get(part, ""))
-        if not own.any():
+        tets, row = mesh.region == region, rows.get(materials.get(part, ""))
+        if not tets.any():
             continue
         if draws and draws.get(part):
-            drawn[part] = own
-        elif row is not None and is_of_row(material.E[own], row.name):
+            drawn[part] = tets
+        elif row is not None and is_of_row(material.E[tets], row.name):
             alike = row.name, frozenset((exact or {}).get(part, ()))
-            of_row[alike] = of_row.get(alike, False) | own
-    found = []
-    for (name, fixed), own in of_row.items():
+            of_row[alike] = of_row.get(alike, False) | tets
+    ranges = []
+    for (name, fixed), tets in of_row.items():
         if fixed >= {*FIELDS}:
             continue
         row = rows[name]
@@ -374,13 +374,13 @@ def open_ranges(
             for field, span in zip(FIELDS, spans, strict=True)
         ]
         grained = material.tensor is not None and name in load_grains()
-        found.append(_open(material, own, spans)._replace(grained=grained))
-    for part, own in drawn.items():
+        ranges.append(_open(material, tets, spans)._replace(grained=grained))
+    for part, tets in drawn.items():
         values = np.array(draws[part] if draws else [])
         values[:, 1] = values[:, 1].clip(0.0, NU_CAP)
         spans = tuple(Span(float(v.min()), float(v.max())) for v in values.T)
-        found.append(_open(material, own, spans)._replace(draws=values))
-    return tuple(found)
+        ranges.append(_open(material, tets, spans)._replace(draws=values))
+    return tuple(ranges)
 
 
 def _open(material: ElementMaterial, own: np.ndarray, spans: Sequence[Span]) -> OpenRange:
@@ -420,7 +420,7 @@ def material_ranges(
     factors = RangeFactors(*np.ones((4, len(mesh.tets))))
     for one in ranges:
         for first, span, values in ((0, one.E, material.E), (2, one.rho, material.rho)):
-            own = values[one.tets]
-            factors[first][one.tets] = np.minimum(span.min / own, 1)
-            factors[first + 1][one.tets] = np.maximum(span.max / own, 1)
+            taken = values[one.tets]
+            factors[first][one.tets] = np.minimum(span.min / taken, 1)
+            factors[first + 1][one.tets] = np.maximum(span.max / taken, 1)
     return factors if ranges else None

@@ -42,6 +42,7 @@ OFF_BY = {
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
 GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
+USUAL_STEP = 1e-4  # [s], of explicit simulators
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the
@@ -133,12 +134,12 @@ def holds_shape(result: SagResult) -> Check:
 
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
-    found = result.discretisation_error
-    if found.why:
-        said = f"How far the mesh is off was not estimated: {found.why}."
-        return Check("discretisation", False, found.value, TRUSTED, said, made=False)
-    about, passed = found.bound, found.bound <= TRUSTED
-    by = OFF_BY[found.kind]
+    error = result.discretisation_error
+    if error.why:
+        said = f"How far the mesh is off was not estimated: {error.why}."
+        return Check("discretisation", False, error.value, TRUSTED, said, made=False)
+    about, passed = error.bound, error.bound <= TRUSTED
+    by = OFF_BY[error.kind]
     by += ", at small strains" if LAWS[result.static.law].finite else ""
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
     edge = "" if passed else f"{edge_share(result.static.mesh):.2g}"
@@ -174,9 +175,9 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
         weight = -GRAVITY * mass.sum() * up_vector(scene.up)
         force, moment = force + weight, moment + np.cross(middle, weight)
     inside, friction = foothold(mesh.points[result.supported], force, moment, scene.up)
-    passed, found = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
+    passed, where = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
     does = "stays upright" if passed else "would tip over if its base were not held"
-    said = f"its load meets the ground {found} its feet"
+    said = f"its load meets the ground {where} its feet"
     said += f", and it slides where friction is below {friction:.2g}" if friction > SLIDES else ""
     if np.isinf(inside):
         does, said = "would lift off if its base were not held", "its load outdoes its weight"
@@ -194,14 +195,14 @@ def first_frequency(modes: Modes) -> Check:
     )  # fmt: skip
 
 
-def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:
-    """Whether an explicit simulator with the step ``wanted`` [s] would be stable."""
+def explicit_step(mesh: TetMesh) -> Check:
+    """Whether an explicit simulator with the usual step would be stable."""
     value = largest_explicit_step(mesh)
-    passed = value >= wanted
+    passed = value >= USUAL_STEP
     return Check(
-        "explicit step", passed, value, wanted,
+        "explicit step", passed, value, USUAL_STEP,
         f"An explicit simulator needs steps below {value:.2g} s "
-        f"({'within' if passed else 'far from'} the usual {wanted:g} s).",
+        f"({'within' if passed else 'far from'} the usual {USUAL_STEP:g} s).",
     )  # fmt: skip
 
 
@@ -222,20 +223,24 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
-    share, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
+    fraction, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
     used = "quadratic elements" if result.order == 2 else "linear elements"
     used += " with pressures averaged around the nodes" if averaged else ""
-    if not share and isinstance(result, MotionResult) and (coarse := too_coarse(result.stiffening)):
+    if (
+        not fraction
+        and isinstance(result, MotionResult)
+        and (coarse := too_coarse(result.stiffening))
+    ):
         sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
         return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
-    if share == 0:
+    if fraction == 0:
         sentence = f"The elements suit the material: {used}."
     else:
         sentence = (
             f"The answer is too stiff: {used} lock where nu is above {LOCKING:g}, "
-            f"{share:.0%} of the volume."
+            f"{fraction:.0%} of the volume."
         )
-    return Check("locking", share == 0, share, 0.0, sentence)
+    return Check("locking", fraction == 0, fraction, 0.0, sentence)
 
 
 def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:
@@ -279,13 +284,13 @@ def strength(safety: Safety) -> Check:
     gives_way, kind = GIVES_WAY[safety.side]
     if passed:
         times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
-        found = f"holds: safety factor {times} against {kind}"
+        does = f"holds: safety factor {times} against {kind}"
     else:
-        found = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
+        does = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
     place = ", ".join(f"{x:.3g}" for x in safety.place)
     return Check(
         "strength", passed, safety.factor, SAFE,
-        f"{safety.part} ({safety.material}) {found}: {safety.side} stress {safety.stress:.3g} Pa "
+        f"{safety.part} ({safety.material}) {does}: {safety.side} stress {safety.stress:.3g} Pa "
         f"at ({place}), lowest {kind} {safety.limit:.3g} Pa.",
     )  # fmt: skip
 
@@ -335,31 +340,33 @@ SUDDEN = 0.25
 
 def keeps_energy(motion: MotionResult, scene: Scene) -> tuple[Check, ...]:
     """Whether no energy is made of nothing, and what is lost; whether its impacts are followed."""
-    if (found := energy_balance(motion, scene)) is None:
+    if (balance := energy_balance(motion, scene)) is None:
         return ()
     most = EXCESS if motion.order else SPRING_EXCESS
     if motion.particles is not None:
         most = PARTICLE_EXCESS
-    excess, limit = found.excess / found.given, f"(limit {percent(most)})"
+    excess, limit = balance.excess / balance.given, f"(limit {percent(most)})"
     passed = excess <= most
     if passed:
         takers = ["friction"] if scene.friction and scene.obstacles else []
         if motion.particles is not None:
             takers += ["flow, cracks, damping", "what its grid does not carry"]
         by = f"{', '.join(takers)} and its time steps" if takers else "its time steps"
-        said = f"It never has more energy than the {found.given:.3g} J that it was given {limit}"
-        said += f"; {found.lost / found.given:.1%} of that is lost at the end, to {by}."
+        said = f"It never has more energy than the {balance.given:.3g} J that it was given {limit}"
+        said += f"; {balance.lost / balance.given:.1%} of that is lost at the end, to {by}."
     else:
-        said = f"It has {found.excess:.3g} J more than the {found.given:.3g} J that it was given: "
+        said = (
+            f"It has {balance.excess:.3g} J more than the {balance.given:.3g} J that it was given: "
+        )
         said += f"{percent(excess)} too much {limit}. Its steps make energy of nothing."
     checks = [Check("energy", passed, excess, most, said)]
     # A frame, where it is one step, that takes most of the energy: an impact, or where nothing is
     # met a swing that begins and ends within few frames
-    sudden = found.dropped / found.given
+    sudden = balance.dropped / balance.given
     if motion.order and sudden > SUDDEN:
         lost = (
-            f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
-            f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
+            f"{balance.dropped:.3g} J of {balance.given:.3g} J are lost in the one step of "
+            f"{motion.dt:.2g} s that ends at {balance.time:.3g} s"
         )
         name, said = "fast swing", f"It swings faster than its steps show: {lost}."
         if motion.contact_forces.any():

@@ -47,50 +47,37 @@ class Wall:
         What it does to matter: a grip is sticky, a slide slips, the ground separates.
     friction
         Coefficient of Coulomb friction [1] where it separates.
-    start, end
-        When it is there [s]: a release is an end.
     axis
         The only axis along which it holds or slides; None: by the normals of the shape.
-    spin, axis_point
-        Turn [rad/s] of a grip, shape (3,), about an axis through the point [m].
     """
 
     shape: Obstacle
     touch: Touch = Touch.SEPARATE
     friction: float = 0.0
-    start: float = 0.0
-    end: float = np.inf
     axis: int | None = None
-    spin: Sequence[float] = (0.0, 0.0, 0.0)
-    axis_point: Sequence[float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        numbers = [self.friction, *self.spin, *self.axis_point, *self.shape.velocity]
+        numbers = [self.friction, *self.shape.velocity]
         if not (np.isfinite(numbers).all() and self.friction >= 0):
             raise InputError(f"wall {self}: wanted finite numbers, friction >= 0")
 
     @property
     def moves(self) -> bool:
         """Whether other nodes lie in it later."""
-        turns = np.any(self.spin) and self.touch != Touch.STICKY
-        return bool(np.any(self.shape.velocity) or turns)
+        return bool(np.any(self.shape.velocity))
 
     def at(
         self, grid: BackgroundGrid, nodes: Int[np.ndarray, "nodes"], time: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of ``nodes`` in it at ``time`` [s], its normals there and velocities [m/s]."""
-        if not self.start <= time < self.end:
-            nodes = nodes[:0]
-        x = grid.positions(nodes)
         velocity = np.asarray(self.shape.velocity, dtype=float)
         # A node on the surface is in the wall, whatever the last digit of its place.
-        distance = self.shape.distance(x - velocity * (time - self.start if self.moves else 0.0))
+        distance = self.shape.distance(grid.positions(nodes) - velocity * time)
         inside = distance.gap <= 1e-9 * grid.spacing
         normals = distance.normal[inside]
         if self.axis is not None:
             normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
-        arm = x[inside] - self.axis_point
-        return nodes[inside], normals, velocity + np.cross(self.spin, arm)
+        return nodes[inside], normals, np.tile(velocity, (len(normals), 1))
 
 
 def still_nodes(

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from ..laws.kernels_tensor import volume_change
+from .boundaries import Touch
 from .kernels_transfer import OPTIONS, transfer_functions, types_of
 from .materials import Form, MaterialClass
 
@@ -14,7 +15,6 @@ from .materials import Form, MaterialClass
 # between two nodes, it is then clamped 0.16 spacings inside the moving body, where bars get their
 # length.
 FIXED_FRACTION = 0.1
-FREE_SLIP, STICKY, SEPARATE = 0, 1, 2
 
 
 class GridKernels(NamedTuple):
@@ -86,10 +86,10 @@ def grid_kernels(real: Any) -> GridKernels:
             n = normals[i]
             into = wp.dot(u, n)
             approach = into * into
-            if mode == STICKY:
+            if mode == wp.static(int(Touch.STICKY)):
                 approach = wp.dot(u, u)
                 u = vec3()
-            elif mode == FREE_SLIP:
+            elif mode == wp.static(int(Touch.SLIP)):
                 u = u - into * n
             elif into < real(0.0):
                 u = u - into * n
@@ -218,11 +218,11 @@ def rigid_kernels(real: Any) -> RigidKernels:
             more = wp.max(bodies.approach[b] / answer - real(1.0), real(0.0))
         P = bodies.momentum[b] + more * push
         L = bodies.turning[b] + more * torque
-        given = more * push
+        extra = more * push
         w = spin_of(R, bodies.inertia[b], L)
         taken = (real(1.0) + more) * (real(1.0) + more) * answer
         if wp.dot(P, P) / bodies.mass[b] + wp.dot(L, w) < rest * rest * taken:
-            given = given - P
+            extra = extra - P
             P = vec3()
             L = vec3()
             w = vec3()
@@ -242,7 +242,7 @@ def rigid_kernels(real: Any) -> RigidKernels:
         bodies.push[b] = vec3()
         bodies.torque[b] = vec3()
         bodies.approach[b] = real(0.0)
-        bodies.extra[b] = bodies.extra[b] + given
+        bodies.extra[b] = bodies.extra[b] + extra
 
     @wp.kernel(module="unique", enable_backward=False)
     def carry(first: int, cloud: Cloud, bodies: Bodies):
@@ -265,7 +265,7 @@ SPEED, MOVED, SPREAD, WAVE, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(8)
 
 @cache
 def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
-    """(first, cloud, frame, listed, found) for a class: maxima, and counts of the last entries.
+    """(first, cloud, frame, listed, survey) for a class: maxima, and counts of the last entries.
 
     ``listed`` are the places for which nodes were listed; moves are in spacings. What tore has lost
     the stiffness of its stretch, however far its crack is open.
@@ -277,12 +277,12 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
     tears, rigid = form == Form.TEARING, kind == MaterialClass.STATIONARY
 
     @wp.kernel(module="unique", enable_backward=False)
-    def survey(
+    def look(
         first: int,
         cloud: Cloud,
         frame: Frame,
         listed: wp.array(dtype=vec3),
-        found: wp.array(dtype=real),
+        survey: wp.array(dtype=real),
     ):
         p = first + wp.tid()
         x = cloud.x[p]
@@ -290,18 +290,18 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
         C = cloud.C[p]
         H = cloud.H[p]
         if not wp.isfinite(wp.dot(x, x) + wp.dot(v, v) + wp.ddot(C, C) + wp.ddot(H, H)):
-            wp.atomic_add(found, wp.static(NOT_FINITE), real(1.0))
+            wp.atomic_add(survey, wp.static(NOT_FINITE), real(1.0))
         else:
             if not inside(frame, place(frame, x)):
-                wp.atomic_add(found, wp.static(OUTSIDE), real(1.0))
+                wp.atomic_add(survey, wp.static(OUTSIDE), real(1.0))
             away = (x - listed[p]) / frame.spacing
             most = wp.max(wp.abs(away[0]), wp.max(wp.abs(away[1]), wp.abs(away[2])))
-            wp.atomic_max(found, wp.static(SPEED), wp.length(v))
-            wp.atomic_max(found, wp.static(MOVED), most)
-            wp.atomic_max(found, wp.static(SPREAD), wp.sqrt(wp.ddot(C, C)))
+            wp.atomic_max(survey, wp.static(SPEED), wp.length(v))
+            wp.atomic_max(survey, wp.static(MOVED), most)
+            wp.atomic_max(survey, wp.static(SPREAD), wp.sqrt(wp.ddot(C, C)))
             J = real(1.0) + volume_change(H)
             if J <= real(0.0):
-                wp.atomic_add(found, wp.static(INVERTED), real(1.0))
+                wp.atomic_add(survey, wp.static(INVERTED), real(1.0))
             density = cloud.m[p] / cloud.volume[p]
             stiff = cloud.lam[p] + real(2.0) * cloud.mu[p]
             if wp.static(fluid):
@@ -320,6 +320,6 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
                 stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))
             if wp.static(rigid):
                 stiff = real(0.0)
-            wp.atomic_max(found, wp.static(WAVE), wp.sqrt(stiff / density))
+            wp.atomic_max(survey, wp.static(WAVE), wp.sqrt(stiff / density))
 
-    return survey
+    return look

@@ -68,8 +68,6 @@ LAWS = {
     MaterialClass.SNOW: "snow",
     MaterialClass.STATIONARY: "stands still",
 }
-# Classes whose shape at rest fades: a splat that they carry keeps its covariance.
-FLOWING = (MaterialClass.SAND, MaterialClass.FLUID)
 # Exponent of the equation of state of weakly compressible water (Cole 1948; Batchelor 1967).
 GAMMA = 7.0
 # Snow after Stomakhin et al. 2013, table 2: E 1.4e5 Pa, nu 0.2, rho 400 kg/m^3.

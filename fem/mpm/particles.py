@@ -151,19 +151,12 @@ class Particles:
             numbers[rows] = substance.numbers(0.0)
             if substance.kind == MaterialClass.FLUID and substance.bulk is None:
                 numbers[rows, 0] = (lam + 2 * mu / 3)[rows]
-            if substance.tears:
-                band = self.crack_band(i, spacing)
+            if substance.tears and substance.tension and substance.fracture_energy:
+                scatter = np.random.default_rng(substance.seed).standard_normal(int(rows.sum()))
+                tension = substance.tension * np.clip(1 + SCATTER * scatter, 0.5, 1.5)
+                band = crack_band(tension, substance.fracture_energy, self.E[rows], spacing)
                 numbers[rows, 0], numbers[rows, 1] = band.tension, band.softening
         return numbers
-
-    def crack_band(self, substance: int, spacing: float) -> CrackBand:
-        """Strength and softening of the particles of a substance that tears."""
-        law, rows = self.substances[substance], self.substance == substance
-        if law.tension is None or law.fracture_energy is None:
-            raise InputError(f"substance {substance} does not tear")
-        scatter = SCATTER * np.random.default_rng(law.seed).standard_normal(int(rows.sum()))
-        tension = law.tension * np.clip(1 + scatter, 0.5, 1.5)
-        return crack_band(tension, law.fracture_energy, self.E[rows], spacing)
 
     def only(self, keep: Bool[np.ndarray, "n"]) -> Particles:
         """The particles of a mask."""

@@ -45,17 +45,19 @@ def merged_inside(particles: Particles, spacing: float) -> Particles:
     A block of two ``spacing`` [m] is one particle, at their centre of mass and with their mass,
     where it and all blocks around it are full of one body: what meets others keeps its particles.
     """
-    own = np.flatnonzero(particles.rigid >= 0)
+    rigid = np.flatnonzero(particles.rigid >= 0)
     full = (2 * ALONG) ** 3
-    if len(own) < 27 * full:
+    if len(rigid) < 27 * full:
         return particles
-    low = particles.x[own].min(axis=0) - spacing / (2 * ALONG)
-    block = np.floor((particles.x[own] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
+    low = particles.x[rigid].min(axis=0) - spacing / (2 * ALONG)
+    block = np.floor((particles.x[rigid] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
     shape = tuple((block.max(axis=0) + 2).tolist())
-    kind = np.stack([particles.rigid[own], particles.part[own], particles.substance[own]], axis=1)
+    kind = np.stack(
+        [particles.rigid[rigid], particles.part[rigid], particles.substance[rigid]], axis=1
+    )
     kinds, which = np.unique(kind, axis=0, return_inverse=True)
     number = np.asarray(np.ravel_multi_index(tuple(block.T), shape))
-    inside, which = np.zeros(len(own), dtype=bool), which.reshape(-1)
+    inside, which = np.zeros(len(rigid), dtype=bool), which.reshape(-1)
     for k in range(len(kinds)):
         counts = np.bincount(number[which == k], minlength=int(np.prod(shape)))
         solid = (counts == full).reshape(shape)
@@ -64,7 +66,7 @@ def merged_inside(particles: Particles, spacing: float) -> Particles:
         inside |= (which == k) & solid.ravel()[number]
     if not inside.any():
         return particles
-    deep = own[inside]
+    deep = rigid[inside]
     _, first, row = np.unique(number[inside], return_index=True, return_inverse=True)
     row, mass, volume = row.reshape(-1), particles.mass[deep], particles.volume[deep]
 
@@ -106,8 +108,8 @@ class RigidBodies:
             np.zeros((count, 3)),
         )
         for b in range(count):
-            own = given.rigid == b
-            m, x, v = mass[own], given.x[own], given.velocity[own]
+            rows = given.rigid == b
+            m, x, v = mass[rows], given.x[rows], given.velocity[rows]
             sums[b] = m.sum()
             centres[b], velocity[b] = m @ x / sums[b], m @ v / sums[b]
             arm = x - centres[b]
@@ -134,9 +136,9 @@ class RigidBodies:
 
     def take_push(self) -> Float[np.ndarray, "3"]:
         """Momentum [N s] that walls gave beyond what their nodes say, since asked last."""
-        found = self.struct.extra.numpy().astype(np.float64).sum(axis=0)
+        extra = self.struct.extra.numpy().astype(np.float64).sum(axis=0)
         self.struct.extra.zero_()
-        return found
+        return extra
 
     def keep(self) -> None:
         """Remember the state."""
@@ -256,10 +258,10 @@ def bending_regions(
     ``spacing`` [m] is that of the grid; ``substances`` are classes by name, jelly where none is.
     """
     mesh, material = scene.mesh, material_of(scene.mesh)
-    given = [substances.get(name, Substance()) for name in mesh.region_names]
-    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in given])
+    classes = [substances.get(name, Substance()) for name in mesh.region_names]
+    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in classes])
     most = largest_modulus(material.nu, material.rho, spacing, step, courant=courant)
-    soft = np.isin(np.arange(len(given)), mesh.region[material.E <= most])
+    soft = np.isin(np.arange(len(classes)), mesh.region[material.E <= most])
     return jelly & soft & (bool(scene.held.fixed.any()) and not scene.obstacles)
 
 
@@ -275,14 +277,14 @@ def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool
 
 def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
     """What to know of a treatment, and of the parts that are too ``thin`` for the grid to bend."""
-    given, notes = found.particles, list(found.notes)
-    bending = np.unique(given.part[given.kinds != MaterialClass.STATIONARY])
-    names = [name for name in thin if name in {given.parts[i] for i in bending}]
+    particles, notes = found.particles, list(found.notes)
+    bending = np.unique(particles.part[particles.kinds != MaterialClass.STATIONARY])
+    names = [name for name in thin if name in {particles.parts[i] for i in bending}]
     if names:
         notes.append(
             f"{', '.join(names)}: less than about two cells thick, bends wrongly, by a fifth and "
             "more: finer --grid"
         )
-    if given.held.all():
+    if particles.held.all():
         notes.append("everything is stationary: nothing can move")
     return tuple(notes)

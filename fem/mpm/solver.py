@@ -263,12 +263,12 @@ def elastic_density(
         return np.zeros(len(H))
     if kind == MaterialClass.JELLY and form != Form.COROTATED:
         wp = start_warp()
-        given = [wp.array(np.ascontiguousarray(H), dtype=wp.mat33d, device="cpu")]
-        given += [
+        arrays = [wp.array(np.ascontiguousarray(H), dtype=wp.mat33d, device="cpu")]
+        arrays += [
             wp.array(np.ascontiguousarray(m), dtype=wp.float64, device="cpu") for m in (lam, mu)
         ]
         energy = wp.empty(len(H), dtype=wp.float64, device="cpu")
-        wp.launch(jelly_energy_kernel(), len(H), [*given, energy], device="cpu")
+        wp.launch(jelly_energy_kernel(), len(H), [*arrays, energy], device="cpu")
         return energy.numpy()
     F = H + np.eye(3)
     J = np.linalg.det(F)
@@ -343,7 +343,7 @@ class Substep:
     @property
     def moving(self) -> bool:
         """Whether boundaries are elsewhere later."""
-        return any(w.moves or w.start > 0 or w.end < np.inf for w in self.walls)
+        return any(wall.moves for wall in self.walls)
 
     @property
     def step(self) -> float:
@@ -564,7 +564,7 @@ class Cloud:
         frame.nx, frame.ny, frame.nz = grid.shape
         self.frame = frame
         self.listed = wp.clone(self.struct.x)
-        self._found = wp.zeros(COUNT, dtype=self.real, device=device)
+        self._survey = wp.zeros(COUNT, dtype=self.real, device=device)
         self._kept: dict[str, Any] = {}
 
     def __len__(self) -> int:
@@ -599,9 +599,9 @@ class Cloud:
 
     def read(self, name: str) -> np.ndarray:
         """Array ``name`` in the order of the particles, float64."""
-        found = getattr(self.struct, name).numpy()
-        out = np.empty(found.shape, dtype=np.float64)
-        out[self.order] = found
+        array = getattr(self.struct, name).numpy()
+        out = np.empty(array.shape, dtype=np.float64)
+        out[self.order] = array
         return out
 
     def write(self, name: str, values: np.ndarray) -> None:
@@ -610,8 +610,8 @@ class Cloud:
 
     def set_push(self, values: Float[np.ndarray, "n 3"]) -> None:
         """Accelerations [m/s^2] of the particles by outer forces, from now on."""
-        given, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
-        self.struct.push = start_warp().array(given, dtype=vec3, device=self.device)
+        ordered, vec3 = np.ascontiguousarray(values[self.order]), self.types.vec3
+        self.struct.push = start_warp().array(ordered, dtype=vec3, device=self.device)
         self.strongest_push = float(np.linalg.norm(self.struct.push.numpy(), axis=1).max(initial=0))
 
     def keep(self) -> None:
@@ -631,9 +631,9 @@ class Cloud:
     def survey(self) -> Float[np.ndarray, "entries"]:
         """Look over the particles: see the entries of ``kernels_grid``."""
         wp = start_warp()
-        self._found.zero_()
+        self._survey.zero_()
         for span in self.spans:
-            given = [span.first, self.struct, self.frame, self.listed, self._found]
+            inputs = [span.first, self.struct, self.frame, self.listed, self._survey]
             kernel = survey_kernel(span.kind, self.real, span.form)
-            wp.launch(kernel, span.count, given, device=self.device)
-        return self._found.numpy().astype(np.float64)
+            wp.launch(kernel, span.count, inputs, device=self.device)
+        return self._survey.numpy().astype(np.float64)

@@ -87,9 +87,7 @@ class LinearBody(NamedTuple):
         return float(np.ptp(self.mesh.bounds, axis=0).max())
 
 
-def linear_body(
-    mesh: TetMesh, supports: Supports | None, modes: int = MODES, *, order: int = 1
-) -> LinearBody:
+def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> LinearBody:
     """Vibrations and compliance of ``mesh`` with elements of ``order`` and lumped mass.
 
     Raises
@@ -107,7 +105,7 @@ def linear_body(
         check_held(mesh, held)
     grid = discretise(mesh, order)
     held = node_supports(held, grid.space)
-    vibrations = natural_modes(mesh, modes, supports=held, order=order, lumped=True)
+    vibrations = natural_modes(mesh, MODES, supports=held, order=order, lumped=True)
     mass = lumped_mass(mesh, grid.space)
     raised = RAISED * (2 * np.pi * vibrations.frequencies[0]) ** 2 * mass
 

@@ -57,26 +57,10 @@ class Cubature(NamedTuple):
     residual: float
 
 
-class Training(NamedTuple):
-    """Forces in the snapshots: ``parts`` (rows, candidates) of cells, ``whole`` (rows,) of all.
-
-    ``cells`` (candidates,) says which cells may be taken.
-    """
-
-    parts: Float[np.ndarray, "rows candidates"]
-    whole: Float[np.ndarray, "rows"]
-    cells: Int[np.ndarray, "candidates"]
-
-
 def with_cells(
-    whole: ReducedModel,
-    load: Float[np.ndarray, "dofs"],
-    most: int,
-    *,
-    accepted: float = ACCEPTED,
-    seed: int = 0,
+    whole: ReducedModel, load: Float[np.ndarray, "dofs"], most: int, *, seed: int = 0
 ) -> ReducedModel:
-    """Model of at most ``most`` cells, as few as bring frequency and sag within ``accepted``.
+    """Model of at most ``most`` cells, as few as bring frequency and sag within ``ACCEPTED``.
 
     The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]; the forces of the
     snapshots are within ``RESIDUAL``. Where no count is enough, the one with the most cells is
@@ -90,16 +74,18 @@ def with_cells(
         kept.renew(few.tangent(start))
     rest = held_rest(elasticity, load, start=start, kept=None if start is None else kept)
     frequency = lowest_frequency(stiffness)
-    forces = training(elasticity, few, load, stiffness=stiffness, rest=rest, seed=seed)
+    A, y, candidates = snapshot_forces(
+        elasticity, few, load, stiffness=stiffness, rest=rest, seed=seed
+    )
     cubature: Cubature | None = None
     model = whole
     for count in [n for n in CELLS if n < most] + [most]:
         if count >= len(whole.cells):
             break
-        cubature = select_cells(forces, count, start=cubature)
+        cubature = select_cells(A, y, count, start=cubature)
         if cubature.residual > RESIDUAL and count < most:
             continue
-        cells = forces.cells[cubature.cells]
+        cells = candidates[cubature.cells]
         model = whole.on_cells(cells, cubature.factor * whole.weights[cells])
         # Frequency and sag against those of all cells
         summed = ReducedElasticity(model)
@@ -113,12 +99,12 @@ def with_cells(
             frequency=whole.accuracy.frequency * ratio, cell_frequency=ratio, cell_sag=sag
         )
         model = replace(model, accuracy=accuracy)
-        if accuracy.cell_error <= accepted:
+        if accuracy.cell_error <= ACCEPTED:
             return model
     return whole if cubature is None else model
 
 
-def training(
+def snapshot_forces(
     elasticity: ReducedElasticity,
     few: ReducedElasticity,
     load: Float[np.ndarray, "dofs"],
@@ -126,12 +112,12 @@ def training(
     stiffness: Float[np.ndarray, "dofs dofs"],
     rest: Float[np.ndarray, "dofs"] | None = None,
     seed: int = 0,
-) -> Training:
-    """Forces of the cells of a model with all of them, in states that ``few`` cells are at rest in.
+) -> tuple[Float[np.ndarray, "rows n"], Float[np.ndarray, "rows"], Int[np.ndarray, "n"]]:
+    """Forces of candidate cells in snapshots, of all cells together, and which are candidates.
 
-    ``stiffness`` [1/s^2] is that about zero, ``rest`` the state under ``load``: the forces on the
-    coordinates [N/sqrt(kg)] that will act, of weight and others. Every other state is loaded by
-    them, scaled either way.
+    The states are those that ``few`` cells are at rest in; ``stiffness`` [1/s^2] is that about
+    zero, ``rest`` the state under ``load``: the forces on the coordinates [N/sqrt(kg)] that will
+    act, of weight and others. Every other state is loaded by them, scaled either way.
     """
     square, modes = np.linalg.eigh(stiffness)
     elastic = square > RIGID * square[-1]
@@ -174,7 +160,7 @@ def training(
         bent = forces(q, turn)
         blocks.append(np.sqrt(weight) / np.linalg.norm(bent[:, -1]) * bent)
     rows = np.concatenate(blocks)
-    return Training(rows[:, :-1], rows[:, -1], candidates)
+    return rows[:, :-1], rows[:, -1], candidates
 
 
 def drawn_cells(model: ReducedModel, seed: int = 0) -> ReducedModel:
@@ -187,21 +173,24 @@ def drawn_cells(model: ReducedModel, seed: int = 0) -> ReducedModel:
 
 
 def select_cells(
-    given: Training, limit: int, *, tolerance: float = 0.0, start: Cubature | None = None
+    A: Float[np.ndarray, "rows n"],
+    y: Float[np.ndarray, "rows"],
+    limit: int,
+    *,
+    start: Cubature | None = None,
 ) -> Cubature:
-    """At most ``limit`` cells whose weighted forces come within ``tolerance`` of the whole.
+    """At most ``limit`` columns of ``A`` whose weighted sum comes near to ``y``.
 
     Greedy: the cells that point most along what is missed join, weights are found anew, those that
     become zero leave. ``start`` goes on from what was selected before.
     """
-    A, y, _ = given
     size = np.linalg.norm(A, axis=0)
     usable, whole = size > 1e-12 * size.max(), float(np.linalg.norm(y))
     chosen = np.zeros(0, dtype=int) if start is None else start.cells
     factor = np.zeros(0) if start is None else start.factor
     gram = A[:, chosen].T @ A[:, chosen]
     missing = y - A[:, chosen] @ factor
-    while len(chosen) < limit and np.linalg.norm(missing) > tolerance * whole:
+    while len(chosen) < limit and missing.any():
         along = np.where(usable, missing @ A / np.maximum(size, 1e-300), -np.inf)
         along[chosen] = -np.inf
         most = min(max(JOINING, int(GROWTH * len(chosen))), limit - len(chosen))

@@ -65,11 +65,11 @@ class ReducedElasticity:
             array.numpy() for array in (self._H, self._P, self._W, self._A)
         )
         record = Recorder(len(model.cells), "cpu")
-        given = [self._H, self._lam, self._mu]
-        self._stress = record(kernels.stress, [*given, self._W, self._P])
+        inputs = [self._H, self._lam, self._mu]
+        self._stress = record(kernels.stress, [*inputs, self._W, self._P])
         exact, projected = kernels.exact_at, kernels.projected_at
-        self._exact = record(exact or projected, [*given, self._A])
-        self._projected = record(projected or exact, [*given, self._A])
+        self._exact = record(exact or projected, [*inputs, self._A])
+        self._projected = record(projected or exact, [*inputs, self._A])
         self.set_moduli(model.E, model.nu)
 
     def set_moduli(self, E: np.ndarray, nu: np.ndarray) -> None:

@@ -77,7 +77,7 @@ class ReducedMethod:
         if self.announce is not None:
             self.announce(model_in_words(model))
         fitted = self.scale != 1 or self.nu is not None
-        found = Following(
+        followed = Following(
             dt=dt,
             frames=frames,
             law=law or Law.NEO_HOOKEAN,
@@ -87,15 +87,15 @@ class ReducedMethod:
             announce=self.announce,
             progress=progress,
         ).of(scene, model)
-        model, solution = found.model, [("reduced model", model_in_words(found.model))]
-        if found.before:
-            before = ", then by ".join(f"{100 * error:.2g} %" for error in found.before)
+        model, solution = followed.model, [("reduced model", model_in_words(followed.model))]
+        if followed.before:
+            before = ", then by ".join(f"{100 * error:.2g} %" for error in followed.before)
             again = f"the motion before was off by {before}; what it missed joined"
             solution.append(("followed again", again))
         notes = [
             *accuracy_warnings(model),
-            *error_notes(found.error),
-            *halving_notes(found.halved, frames),
+            *error_notes(followed.error),
+            *halving_notes(followed.halved, frames),
         ]
         if scene.obstacles:
             notes.append(
@@ -103,14 +103,14 @@ class ReducedMethod:
                 "that obstacles make"
             )
         return MotionResult(
-            found.states,
+            followed.states,
             dt,
             len(scene.mesh.points),
             model.order,
             locking_share(scene.mesh) if model.order == 1 else 0.0,
             notes=tuple(notes),
             solution=tuple(solution),
-            model_error=found.error,
+            model_error=followed.error,
             stiffening=model.accuracy.stiffening,
         )
 
@@ -156,9 +156,9 @@ def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
     if not body.load.any() and not body.now.v.any():
         return model
     period = 1 / float(reduced_frequencies(body.elasticity)[0])
-    found = Following(dt=period / PER_PERIOD, frames=PERIODS * PER_PERIOD).of(loose, model)
-    error = np.nan if found.error is None else found.error.share
-    return replace(found.model, accuracy=found.model.accuracy._replace(motion=error))
+    followed = Following(dt=period / PER_PERIOD, frames=PERIODS * PER_PERIOD).of(loose, model)
+    error = np.nan if followed.error is None else followed.error.share
+    return replace(followed.model, accuracy=followed.model.accuracy._replace(motion=error))
 
 
 def model_in_words(model: ReducedModel) -> str:

@@ -158,8 +158,8 @@ def reduced_dynamics(
 
 def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
     """Velocity [m/s] of the nodes that the scene starts with."""
-    given = np.asarray(scene.velocity, dtype=float)
-    at_points = np.broadcast_to(given, scene.mesh.points.shape)
+    velocity = np.asarray(scene.velocity, dtype=float)
+    at_points = np.broadcast_to(velocity, scene.mesh.points.shape)
     return extend_linear(space, at_points)
 
 

@@ -294,16 +294,6 @@ class LinearFamily:
         whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (base, half))
         return _trimmed(2 * (whole - rest))
 
-    def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
-        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
-        for g, (first, second) in enumerate(self._stiff):
-            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
-            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
-            K += member.E[g] * (lam * first + mu * second)
-            M += member.rho[g] * self._mass_parts[g]
-        return K, M
-
     def answers(
         self, member: Member
     ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "modes"]]:
@@ -327,7 +317,12 @@ class LinearFamily:
         """Coordinates of the displacement at rest, and natural frequencies [Hz]."""
         from scipy.linalg import eigh, solve
 
-        K, M = self.matrices(member)
+        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
+        for g, (first, second) in enumerate(self._stiff):
+            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
+            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
+            K += member.E[g] * (lam * first + mu * second)
+            M += member.rho[g] * self._mass_parts[g]
         rest = solve(K, np.array([1.0, *member.rho, 1.0]) @ self._loads, assume_a="pos")
         count = len(self.shapes)
         if not count:

@@ -70,10 +70,10 @@ class SpringBody:
         mesh, anchors = self.scene.mesh, self.network.anchors
         velocity = np.asarray(self.scene.velocity, dtype=float)
         if velocity.ndim == 2:
-            given = velocity[mesh.tets].mean(axis=1)
+            of_tets = velocity[mesh.tets].mean(axis=1)
             from scipy.spatial import KDTree
 
-            velocity = given[KDTree(mesh.centroids).query(anchors.x)[1]]
+            velocity = of_tets[KDTree(mesh.centroids).query(anchors.x)[1]]
         return SpringMotion(
             network=self.network,
             stiffness=stiffness,

@@ -101,13 +101,13 @@ def scale_to_frequency(
     """
     if not wanted > 0:
         raise InputError(f"a first frequency of {wanted:g} Hz: wanted > 0")
-    found = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
-    if not LOOSE * found > wanted:
+    frequency = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
+    if not LOOSE * frequency > wanted:
         raise InputError(
-            f"the springs' first frequency is {found:.2g} Hz, {wanted:.2g} Hz is wanted: pieces "
-            "turn freely, wanted more anchors"
+            f"the springs' first frequency is {frequency:.2g} Hz, {wanted:.2g} Hz is wanted: "
+            "pieces turn freely, wanted more anchors"
         )
-    return (wanted / found) ** 2
+    return (wanted / frequency) ** 2
 
 
 def fit_both_ends(

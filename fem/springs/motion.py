@@ -65,12 +65,15 @@ class SpringMotion:
         self.inverse_mass = np.where(anchors.fixed, 0.0, inverse[:, None])
         self._upload()
         # Longest step: 2 / w at the highest frequency, less what dashpots take
-        springs, points = self.network.matrix(self.stiffness), self.contact and self.contact.matrix
+        springs, contact = self.network.matrix(self.stiffness), self.contact
         ground = 0.0 if self.loads is None else self.loads.ground
 
         def force(u: np.ndarray) -> np.ndarray:
             inner = (springs @ u.ravel()).reshape(u.shape) + ground * u
-            return inner if points is None else inner + points @ u
+            if contact is None:
+                return inner
+            W = contact.weights
+            return inner + W.T @ (contact.stiffness[:, None] * (W @ u))
 
         highest = highest_frequency(self.inverse_mass, force)
         self.longest_step = 2 / highest
@@ -182,16 +185,16 @@ class SpringMotion:
         """Elastic energy of the springs [J]."""
         from . import kernels_springs as k
 
-        given, size = [self._springs, self._now, self._energies], self._now.x.shape[0]
-        start_warp().launch(k.hold, size, inputs=given, device=self.device)
+        wp, inputs = start_warp(), [self._springs, self._now, self._energies]
+        wp.launch(k.hold, self._now.x.shape[0], inputs=inputs, device=self.device)
         return float(self._energies.numpy().sum())
 
     def take_impulses(self) -> Float[np.ndarray, "points planes 3"]:
         """Momentum [N s] that every plane gave every point of the surface since asked last."""
         planes = 0 if self.contact is None else len(self.contact.planes)
-        found = self._now.impulse.numpy().copy()
+        impulses = self._now.impulse.numpy().copy()
         self._now.impulse.zero_()
-        return found.reshape(-1, max(planes, 1), 3)[:, :planes]
+        return impulses.reshape(-1, max(planes, 1), 3)[:, :planes]
 
     def advance(self, duration: float, *, steps: int | None = None) -> None:
         """Follow the network for ``duration`` [s], by default in steps that are safely stable.
@@ -261,16 +264,15 @@ class SpringMotion:
         """Accelerations at the positions; impulses of planes count for so many steps."""
         from . import kernels_springs as k
 
-        wp, contacts, now = start_warp(), self._contacts, self._now
+        wp, device, counts = start_warp(), self.device, start_warp().float64(counted)
+        springs, contacts, now = self._springs, self._contacts, self._now
         if self._alone:
-            given = [wp.float64(counted), self._springs, contacts, now]
-            wp.launch(k.balance, 1, inputs=given, device=self.device)
+            wp.launch(k.balance, 1, inputs=[counts, springs, contacts, now], device=device)
             return
         if self.contact is not None:
-            given = [contacts, now, wp.float64(counted)]
-            wp.launch(k.meet, now.push.shape[0], inputs=given, device=self.device)
-        given = [self._springs, contacts, now]
-        wp.launch(k.pull, now.x.shape[0], inputs=given, device=self.device)
+            size = now.push.shape[0]
+            wp.launch(k.meet, size, inputs=[contacts, now, counts], device=device)
+        wp.launch(k.pull, now.x.shape[0], inputs=[springs, contacts, now], device=device)
 
 
 # What meets a network from outside: loads of its anchors, planes against its surface.
@@ -298,13 +300,6 @@ class SurfaceContact:
     planes: tuple[Plane, ...]
     friction: float = 0.0
     reach: float = 0.0
-
-    @property
-    def matrix(self) -> Any:
-        """Stiffness [N/m] of one component when all points are pushed, (anchors, anchors)."""
-        from scipy.sparse import diags_array
-
-        return self.weights.T @ diags_array(self.stiffness) @ self.weights
 
     def grip(self, inverse_mass: Float[np.ndarray, "anchors"], dt: float) -> np.ndarray:
         """Rubbing [N s/m] that stops no point beyond rest in a step, all of them together."""

@@ -135,10 +135,10 @@ class SpringNetwork:
 
     def calibrated(self, eta: float) -> Float[np.ndarray, "n"]:
         """Constant k [N] of every anchor: half its springs, k w l / 2 in sum, carry 6 V E."""
-        own, other = self._weights(eta)
+        at_i, at_j = self._weights(eta)
         count = len(self.anchors.x)
-        reach = np.bincount(self.i, own * self.length, count)
-        reach += np.bincount(self.j, other * self.length, count)
+        reach = np.bincount(self.i, at_i * self.length, count)
+        reach += np.bincount(self.j, at_j * self.length, count)
         carried = 6 * self.anchors.volume * self.anchors.E
         return carried / np.where(reach > 0, reach / 2, np.inf)
 
@@ -163,19 +163,19 @@ class SpringNetwork:
         ``k`` [N] are the anchors' constants, by default those of ``eta`` and ``surface``.
         """
         k = self.constants(eta, surface) if k is None else k
-        own, other = self._weights(eta)
+        at_i, at_j = self._weights(eta)
         a, b = self.anchors.E[self.i], self.anchors.E[self.j]
         series = 4 * (a / (a + b)) * (b / (a + b))  # harmonic over arithmetic mean: halves in a row
-        return series * (k[self.i] * own + k[self.j] * other) / (2 * self.length)
+        return series * (k[self.i] * at_i + k[self.j] * at_j) / (2 * self.length)
 
     @cached_property
     def pattern(self) -> BlockPattern:
         """Where the blocks of the stiffness matrix are; kept, and with it what is planned on it."""
         wp, count = start_warp(), len(self.anchors.x)
-        own = np.arange(count)
-        row = np.concatenate([own, self.i, self.j])
+        diagonal = np.arange(count)
+        row = np.concatenate([diagonal, self.i, self.j])
         keys, slot = np.unique(
-            row * count + np.concatenate([own, self.j, self.i]), return_inverse=True
+            row * count + np.concatenate([diagonal, self.j, self.i]), return_inverse=True
         )
         rows = np.concatenate([[0], np.cumsum(np.bincount(keys // count, minlength=count))])
         ends = (count, count + len(self.i))

@@ -121,22 +121,12 @@ def test_published_settings_have_their_limit():
 
 
 @pytest.mark.slow
-def test_grips_take_along_and_twist_what_they_hold():
-    """A sticky box that moves carries its particles; one that spins turns them; an end lets go."""
+def test_grips_take_along_what_they_hold():
+    """A sticky box that moves carries its particles."""
     body = block((0, 0, 0), (4 * DX,) * 3, DX, E=1e5)
     room = grid_around([-0.3] * 3, [0.6] * 3, DX)
     grip = Box((0.125,) * 3, (0.4,) * 3, velocity=(0.5, 0.0, 0.0))
     still = {"gravity_vector": (0, 0, 0)}
-    solver = MpmSolver(body, room, walls=(Wall(shape=grip, touch=Touch.STICKY, end=0.1),), **still)
+    solver = MpmSolver(body, room, walls=(Wall(shape=grip, touch=Touch.STICKY),), **still)
     assert solver.advance(0.2)
     assert np.allclose(solver.state.v, [0.5, 0, 0], atol=1e-9)
-    held = Wall(
-        shape=Box((0.125,) * 3, (0.4,) * 3),
-        touch=Touch.STICKY,
-        spin=(0, 0, 2.0),
-        axis_point=(0.125,) * 3,
-    )
-    solver = MpmSolver(body, room, walls=(held,), **still)
-    assert solver.advance(0.25)
-    arm = solver.state.x - 0.125
-    assert np.allclose(solver.state.v, np.cross([0, 0, 2.0], arm), atol=0.02)
