@@ -251,11 +251,14 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
 
     try:
         as_taken = largest(material)
-        ends = [  # soft ones after each other, and stiff ones: their stiffness is made once
-            largest(ranges.changed(material, soft=soft, heavy=heavy))
-            for soft in (True, False)
-            for heavy in (True, False)
-        ]
+        ends = []
+        for E in (ranges.soft, ranges.stiff):  # after each other: a stiffness is made once
+            tensor = None if material.tensor is None else material.tensor * E[:, None, None]
+            end = replace(material, E=material.E * E, tensor=tensor)
+            ends += [
+                largest(replace(end, rho=material.rho * rho))
+                for rho in (ranges.heavy, ranges.light)
+            ]
     except ConvergenceError:
         return None
     if not as_taken > 0:
@@ -400,13 +403,6 @@ class RangeFactors(NamedTuple):
     stiff: np.ndarray
     light: np.ndarray
     heavy: np.ndarray
-
-    def changed(self, material: ElementMaterial, *, soft: bool, heavy: bool) -> ElementMaterial:
-        """Return ``material`` at one end of its ranges."""
-        E = self.soft if soft else self.stiff
-        tensor = None if material.tensor is None else material.tensor * E[:, None, None]
-        rho = material.rho * (self.heavy if heavy else self.light)
-        return replace(material, E=material.E * E, rho=rho, tensor=tensor)
 
 
 def material_ranges(

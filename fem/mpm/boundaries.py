@@ -104,16 +104,8 @@ def still_nodes(
 class HeldPlaces:
     """Where a body is held: outside of its held faces, and around its held points.
 
-    Parameters
-    ----------
-    samples, normals
-        Places [m] on held faces and their outward normals, shape (m, 3).
-    points
-        Held points [m] that are of no held face, shape (k, 3).
-    spacing
-        Spacing [m] of the grid.
-    velocity
-        Velocity [m/s] of what holds, shape (3,).
+    ``samples`` [m] on held faces and their outward ``normals``; ``points`` [m] of no held face;
+    ``spacing`` [m] of the grid, and the ``velocity`` [m/s] of what holds.
     """
 
     samples: Float[np.ndarray, "m 3"]

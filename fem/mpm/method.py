@@ -18,13 +18,13 @@ from ..validation import checked_count, checked_number, checked_positive
 from .boundaries import BackgroundGrid, Wall, scene_room, support_walls
 from .materials import MaterialClass, Substance
 from .particles import (
+    Followers,
     Particles,
     ParticleState,
-    mesh_followers,
     particle_forces,
     sample_tets,
 )
-from .rigid import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
+from .rigid import Stiff, Treatment, bending_regions, near_fixed, treated, treatment_notes
 from .solver import MpmSolver
 from .time_step import BUDGET, COURANT, MpmError, stable_step
 
@@ -147,7 +147,8 @@ class MpmMethod:
         )  # fmt: skip
         if self.step is None:
             treatment = treated(
-                particles, spacing, held=near_held(scene, particles.x, spacing), stiff=self.stiff,
+                particles, spacing, stiff=self.stiff,
+                held=near_fixed(mesh.points, scene.held, particles.x, spacing),
                 budget=self.budget, gravity=float(np.linalg.norm(scene.gravity_vector)) or 9.81,
             )  # fmt: skip
         else:  # with a step of its own it stays as it is, and may fail
@@ -222,7 +223,11 @@ class _Run:
         self.scene, self.treatment, self.room = scene, treatment, room
         self.solver, self.notes, self.time = solver, notes, 0.0
         particles = treatment.particles
-        self.followers = mesh_followers(scene.mesh, particles.x, particles.part)
+        labels = np.zeros(len(scene.mesh.points), dtype=np.int64)
+        labels[scene.mesh.tets.ravel()] = np.repeat(scene.mesh.region, 4)
+        self.followers = Followers.of(
+            scene.mesh.points, particles.x, labels=labels, parts=particles.part
+        )
         weight = particles.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
         self.load = weight + force
         self.positions: list[np.ndarray] = []

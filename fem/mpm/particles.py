@@ -337,14 +337,7 @@ def _grid_places(
 class Followers:
     """Points that follow the particles around them: x' = sum w (x_j + F_j (X - X_j)).
 
-    Parameters
-    ----------
-    near
-        The particles that every point follows, shape (n, k).
-    weights
-        Their weights, shape (n, k), of sum one.
-    arms
-        Ways [m] from them to the point at rest, shape (n, k, 3).
+    ``near`` are the particles j of every point, ``weights`` w of sum one, ``arms`` X - X_j [m].
     """
 
     near: Int[np.ndarray, "n k"]
@@ -388,15 +381,6 @@ class Followers:
     def gradients(self, state: ParticleState) -> Float[np.ndarray, "n 3 3"]:
         """Deformation gradient at every point."""
         return np.einsum("nk,nkij->nij", self.weights, state.F[self.near])
-
-
-def mesh_followers(
-    mesh: TetMesh, rest: Float[np.ndarray, "particles 3"], parts: Int[np.ndarray, "particles"]
-) -> Followers:
-    """The points of a mesh after particles of a region of theirs."""
-    labels = np.zeros(len(mesh.points), dtype=np.int64)
-    labels[mesh.tets.ravel()] = np.repeat(mesh.region, 4)
-    return Followers.of(mesh.points, rest, labels=labels, parts=parts)
 
 
 def particle_forces(

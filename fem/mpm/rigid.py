@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from ..device import start_warp
 from ..mesh import material_of
 from ..scene.scene import Scene
+from ..scene.supports import Supports
 from .kernels_grid import rigid_kernels
 from .materials import MaterialClass, Substance
 from .particles import ALONG, Particles
@@ -33,9 +34,8 @@ def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
-    pairs = KDTree(x).query_pairs(reach, output_type="ndarray")
-    ones = np.ones(len(pairs), dtype=np.int8)
-    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(x), len(x)))
+    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
@@ -265,14 +265,17 @@ def bending_regions(
     return jelly & soft & (bool(scene.held.fixed.any()) and not scene.obstacles)
 
 
-def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool[np.ndarray, "n"]:
-    """Which places [m] are within a ``spacing`` [m] of the points that hold a body."""
+def near_fixed(
+    points: Float[np.ndarray, "points 3"],
+    supports: Supports,
+    x: Float[np.ndarray, "n 3"],
+    spacing: float,
+) -> Bool[np.ndarray, "n"]:
+    """Which places ``x`` [m] are within a ``spacing`` [m] of the ``points`` [m] that are held."""
     from scipy.spatial import KDTree
 
-    points = scene.mesh.points[scene.held.fixed.any(axis=1)]
-    if not len(points):
-        return np.zeros(len(x), dtype=bool)
-    return KDTree(points).query(x)[0] < spacing
+    fixed = points[supports.fixed.any(axis=1)]
+    return KDTree(fixed).query(x)[0] < spacing if len(fixed) else np.zeros(len(x), dtype=bool)
 
 
 def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:

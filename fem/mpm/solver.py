@@ -288,22 +288,9 @@ Stage = tuple[list[Any], list[Any]]
 class Substep:
     """The launches of one substep: particles to grid, grid, boundaries, grid to particles.
 
-    ``list_nodes`` again when the particles were sorted; ``record`` when boundaries moved.
-
-    Parameters
-    ----------
-    cloud
-        The particles.
-    walls
-        What holds or stops nodes, in this order.
-    gravity_vector
-        Acceleration of gravity [m/s^2], shape (3,).
-    fixed
-        Stationary particles: nodes that they weigh on stand still.
-    lagrangian
-        Whether weights are those at rest.
-    threads
-        One, or two on a CPU: warp's kernels run at once, each thread on a grid of its own.
+    ``list_nodes`` again when the particles were sorted; ``record`` when boundaries moved. Nodes
+    that ``fixed`` particles weigh on stand still. Two ``threads``, on a CPU alone: warp's kernels
+    run at once, each on a grid of its own.
     """
 
     def __init__(
@@ -509,16 +496,9 @@ class ClassSpan(NamedTuple):
 
 
 class Cloud:
-    """Moving particles on a device, in the order of their class and then of the grid.
+    """Moving particles on a device, in the order of their class and then of the ``grid``.
 
-    Parameters
-    ----------
-    particles
-        What moves: no stationary ones.
-    grid
-        The grid.
-    device
-        'cpu' (float64) or 'cuda' (float32).
+    On 'cpu' they are of float64, on 'cuda' of float32.
     """
 
     def __init__(self, particles: Particles, grid: BackgroundGrid, device: str) -> None:

@@ -209,20 +209,9 @@ def missed_motion(
 ) -> Float[np.ndarray, "frames nodes 3"] | None:
     """What a reduced motion lacks of the full body's [m], of every frame but the start.
 
-    An estimate; None where the mesh is too large for a factor.
-
-    Parameters
-    ----------
-    mesh, supports
-        The full body.
-    states
-        Its reduced motion at equal times, the start first; their contact forces are taken as given.
-    load, velocity
-        Dead forces [N] and initial velocity [m/s] of the nodes.
-    law, scheme, order
-        Name of the elastic law, the time integration that made the motion, and its elements.
-    contact
-        The obstacles that it met.
+    An estimate; None where the mesh is too large for a factor. ``states`` are at equal times, the
+    start first, their contact forces taken as they are; ``load`` [N] and ``velocity`` [m/s] at the
+    start are those of the nodes, ``contact`` the obstacles that were met.
     """
     full = _FullBody(mesh, supports, law, load, order, contact)
     if full.plan.entries > MOST_ENTRIES or len(states) < 2:

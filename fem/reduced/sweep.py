@@ -167,22 +167,11 @@ class Member(NamedTuple):
 
 
 class LinearFamily:
-    """Members of a family of held bodies in few coordinates.
+    """Members of a family of held bodies in few coordinates; what holds them must not be moved.
 
-    Parameters
-    ----------
-    mesh, supports
-        The body; what holds it must not be moved.
-    groups
-        Tets whose material varies together, shape (groups, tets).
-    grained
-        Groups whose stiffness is a tensor: nu does not change it.
-    forces
-        Dead forces [N] at the points, shape (points, 3).
-    gravity_vector
-        Acceleration [m/s^2] on the mass, which varies, shape (3,).
-    shapes
-        Vibrations of the body as it is, shape (modes, points, 3).
+    The material of the tets of a group varies together; the stiffness of ``grained`` ones is a
+    tensor, which nu does not change. ``forces`` [N] at the points are dead, ``gravity_vector``
+    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is.
     """
 
     def __init__(

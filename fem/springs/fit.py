@@ -255,19 +255,9 @@ LEEWAY = 0.05
 class SpringMisfit:
     """A motion that a body's springs are compared with; steps grow shorter as springs need it.
 
-    Parameters
-    ----------
-    body
-        Whose springs are fitted.
-    wanted
-        Displacement [m] of the mesh points, shape (frames, points, 3), the start first.
-    dt
-        Between two frames [s].
-    dashpot, steps
-        Damping of the springs, and how many steps a frame has at least.
-    announce, progress
-        Called before the first motion with what a fit takes, and every frame with how many of all
-        its frames are done.
+    ``wanted`` (frames, points, 3) [m] every ``dt`` [s], the start first, in at least ``steps``
+    steps. ``announce`` hears before the first motion what a fit takes, ``progress`` every frame how
+    many of all its frames are done.
     """
 
     def __init__(

@@ -282,16 +282,9 @@ class SpringMotion:
 class SurfaceContact:
     """Points of the surface that planes push, and the anchors that they follow.
 
-    Parameters
-    ----------
-    points
-        Positions at rest [m], shape (points, 3).
-    weights
-        Weights of the anchors for them, sparse (points, anchors).
-    stiffness
-        Force of a point for a depth [N/m], shape (points,).
-    planes, friction, reach
-        What pushes them, its coefficient of Coulomb friction [1], and from how far [m].
+    ``points`` [m] at rest, their ``weights`` of the anchors (sparse) and ``stiffness`` [N/m] of a
+    depth; the ``planes``, their Coulomb ``friction`` [1], and from how far they push, ``reach``
+    [m].
     """
 
     points: Float[np.ndarray, "points 3"]
