@@ -223,14 +223,13 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
-    fraction, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
-    used = "quadratic elements" if result.order == 2 else "linear elements"
-    used += " with pressures averaged around the nodes" if averaged else ""
-    if (
-        not fraction
-        and isinstance(result, MotionResult)
-        and (coarse := too_coarse(result.stiffening))
-    ):
+    fraction, used = (
+        result.locking_share,
+        f"{'quadratic' if result.order == 2 else 'linear'} elements",
+    )
+    if isinstance(result, StaticResult):
+        used += " with pressures averaged around the nodes" if result.averaged else ""
+    elif not fraction and (coarse := too_coarse(result.stiffening)):
         sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
         return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
     if fraction == 0:

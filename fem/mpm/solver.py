@@ -368,12 +368,8 @@ class Substep:
             return
         wp, cloud, rigid = start_warp(), self.cloud, self.rigid
         real, types, struct, clock = cloud.real, cloud.types, cloud.struct, self._clock
-        kernels, main, nodes, count = (
-            grid_kernels(real),
-            self._grids[0],
-            self._nodes,
-            len(self.nodes),
-        )
+        kernels, main = grid_kernels(real), self._grids[0]
+        nodes, count = self._nodes, len(self.nodes)
 
         def add(
             stage: Stage, kernel: Any, first: int, size: int, *inputs: Any, grids: bool = False
