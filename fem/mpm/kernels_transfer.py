@@ -238,8 +238,13 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
         return H, tau, q
 
     @wp.func
+    def stretched(S: mat33, grow: real, mu: real, lam: real):
+        """Fixed corotated stress 2 mu (V - I) V + lam (J - 1) J I of S = V - I (Stomakhin 2012)."""
+        volumetric = lam * grow * (real(1.0) + grow)
+        return real(2.0) * mu * (S + S * S) + volumetric * wp.identity(n=3, dtype=real)
+
+    @wp.func
     def corotated(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
-        """Fixed: tau = 2 mu (V - I) V + lam (J - 1) J I, V^2 = b (Stomakhin et al. 2012)."""
         X = H + wp.transpose(H) + H * wp.transpose(H)
         S = mat33()
         if wp.ddot(X, X) < real(0.0064):
@@ -249,9 +254,7 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
             for i in range(3):
                 d[i] = wp.sqrt(wp.max(real(1.0) + d[i], real(0.0))) - real(1.0)
             S = symmetric(V, d)
-        grow = volume_change(H)
-        eye = wp.identity(n=3, dtype=real)
-        return H, real(2.0) * mu * (S + S * S) + (lam * grow * (real(1.0) + grow)) * eye, q
+        return H, stretched(S, volume_change(H), mu, lam), q
 
     @wp.func
     def rigid(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
@@ -263,6 +266,10 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
         return real(2.0) * mu * e + lam * wp.trace(e) * wp.identity(n=3, dtype=real)
 
     @wp.func
+    def deviator(e: mat33):
+        return e - (wp.trace(e) / real(3.0)) * wp.identity(n=3, dtype=real)
+
+    @wp.func
     def moved(H: mat33, f: mat33):
         """F <- exp(f) F on H = F - I."""
         X = exponential(f)
@@ -272,7 +279,7 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
     def metal(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
         """Von Mises with linear hardening: k = (sigma_y, H, 0), q the plastic strain."""
         e = hencky(H)
-        d = e - (wp.trace(e) / real(3.0)) * wp.identity(n=3, dtype=real)
+        d = deviator(e)
         n = wp.sqrt(wp.ddot(d, d))
         over = real(2.0) * mu * n - wp.sqrt(two_thirds) * (k[0] + k[1] * q)
         if over > real(0.0):
@@ -287,15 +294,14 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
     def sand(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
         """Drucker-Prager (Klar 2016), volume correction q of Tampubolon et al. 2017."""
         e = hencky(H)
-        eye = wp.identity(n=3, dtype=real)
         t = wp.trace(e) + q
         if t >= real(0.0):
             H = mat33()
             q = t
             e = mat33()
         else:
-            f = (q / real(3.0)) * eye
-            d = e - (wp.trace(e) / real(3.0)) * eye
+            f = (q / real(3.0)) * wp.identity(n=3, dtype=real)
+            d = deviator(e)
             n = wp.sqrt(wp.ddot(d, d))
             over = n + k[0] * t * (real(3.0) * lam + real(2.0) * mu) / (real(2.0) * mu)
             if over > real(0.0):
@@ -310,7 +316,7 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
     def visplas(H: mat33, C: mat33, mu: real, lam: real, k: vec3, q: real, dt: real):
         """Herschel-Bulkley (Yue et al. 2015): k = (sigma_y, eta, h)."""
         e = hencky(H)
-        d = e - (wp.trace(e) / real(3.0)) * wp.identity(n=3, dtype=real)
+        d = deviator(e)
         n = wp.sqrt(wp.ddot(d, d))
         over = real(2.0) * mu * n - root_two_thirds * k[0]
         if over > real(0.0):
@@ -342,7 +348,7 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
         H = mat33()
         H[0, 0] = J - real(1.0)
         pressure = k[0] / k[1] * (wp.pow(J, -k[1]) - real(1.0))
-        spread = real(0.5) * (C + wp.transpose(C)) - (wp.trace(C) / real(3.0)) * eye
+        spread = deviator(real(0.5) * (C + wp.transpose(C)))
         return H, J * (real(2.0) * k[2] * spread - pressure * eye), q
 
     @wp.func
@@ -373,10 +379,8 @@ def class_laws(real: Any) -> dict[tuple[MaterialClass, Form], Any]:
             S = root(X)
         else:
             H, q, S = clamped(X, H, k, q)
-        grow = volume_change(S)
         hard = wp.exp(wp.clamp(k[2] * (real(1.0) - q), real(-5.0), real(5.0)))
-        tau = real(2.0) * mu * (S + S * S) + (lam * grow * (real(1.0) + grow)) * eye
-        return H, hard * tau, q
+        return H, hard * stretched(S, volume_change(S), mu, lam), q
 
     jellies = {Form.PLAIN: jelly, Form.TEARING: tearing, Form.COROTATED: corotated}
     others = {
