@@ -370,20 +370,10 @@ class _Potential:
 class ReducedDynamics:
     """A reduced body in motion.
 
-    Parameters
-    ----------
-    model
-        The reduced model.
-    load
-        Constant forces on the coordinates [N/sqrt(kg)], shape (dofs,): ``model.weight`` and
-        ``model.pull_back`` make them.
-    velocity
-        Initial velocity of the coordinates [m sqrt(kg)/s], shape (dofs,).
-    contact
-        Obstacles against the surface of the full body, pulled back through the basis.
-    law, scheme, tolerance
-        Name of the elastic law, time integration, residual of a step over the external and
-        inertial force.
+    ``load`` [N/sqrt(kg)] on the coordinates is constant (``model.weight`` and ``model.pull_back``
+    make it), ``velocity`` [m sqrt(kg)/s] the initial one. ``contact`` are obstacles against the
+    surface of the full body, pulled back through the basis; ``tolerance`` is the residual of a
+    step over the external and inertial force.
     """
 
     def __init__(

@@ -35,20 +35,9 @@ HARDNESS = 4.0
 class SpringBody:
     """The network of a scene, and the points of its mesh after it.
 
-    Parameters
-    ----------
-    scene
-        What it was made of.
-    network
-        Anchors and springs.
-    weights
-        Weights of the anchors for the mesh points, sparse (points, anchors).
-    loads, contact
-        Of the scene, on the anchors.
-    notes
-        What a network does not know of this body.
-    asked
-        How many anchors were asked for: about as many there are, beside those that are held.
+    ``weights`` (points, anchors), sparse, are those of the anchors for the mesh points; ``loads``
+    and ``contact`` act on the anchors; ``notes`` say what a network does not know of this body.
+    ``asked`` is how many anchors were asked for, beside which there are those that are held.
     """
 
     scene: Scene

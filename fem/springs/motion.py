@@ -31,20 +31,10 @@ CHUNK = 32
 
 @dataclass(eq=False, kw_only=True)
 class SpringMotion:
-    """A network in motion from rest, or from a velocity.
+    """A network in motion from rest, or from a ``velocity`` [m/s].
 
-    Parameters
-    ----------
-    network, stiffness
-        Springs, and how stiff each is [N/m].
-    dashpot
-        Force of every spring for a speed of its ends [N s/m], shape (springs,).
-    loads, contact
-        What acts on the anchors, and what pushes the surface.
-    velocity
-        At the start [m/s], shape (n, 3).
-    device
-        'cpu' or 'cuda'.
+    Springs have a ``stiffness`` [N/m] and, for a speed of their ends, a ``dashpot`` [N s/m];
+    ``loads`` act on the anchors, ``contact`` pushes the surface. ``device`` is 'cpu' or 'cuda'.
     """
 
     network: SpringNetwork

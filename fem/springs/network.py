@@ -39,20 +39,11 @@ def neighbour_weights(eta: float, neighbours: int) -> Float[np.ndarray, "neighbo
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SpringNetwork:
-    """Springs between anchors, each once.
+    """Springs between ``anchors``, each once, from ``i`` to a larger ``j``.
 
-    Parameters
-    ----------
-    anchors
-        What is joined.
-    i, j
-        Anchors at the ends of every spring, i < j, shape (springs,).
-    rank_i, rank_j
-        Rank of j among the neighbours of i, and of i among those of j; -1 where it is none of them.
-    neighbours
-        How many neighbours an anchor has at most.
-    bridges
-        Springs that leave the tets because something would fall apart without them.
+    ``rank_i`` is the rank of j among the neighbours of i, ``rank_j`` that of i among those of j, -1
+    where it is none of them; an anchor has ``neighbours`` at most. ``bridges`` springs leave the
+    tets because something would fall apart without them.
     """
 
     anchors: Anchors
