@@ -38,8 +38,8 @@ def grained_parts(mesh: TetMesh) -> tuple[str, ...]:
     """Names of the regions of ``mesh`` whose material has a grain."""
     if mesh.material is None:
         return ()
-    found = np.unique(mesh.region[mesh.material.grained])
-    return tuple(mesh.region_names[region] for region in found)
+    regions = np.unique(mesh.region[mesh.material.grained])
+    return tuple(mesh.region_names[region] for region in regions)
 
 
 def with_grains(
@@ -61,8 +61,9 @@ def with_grains(
         if materials.get(part) not in grains:
             row = materials.get(part)
             why = f"{row!r} has no grain in the table" if row else "its material is not known"
-            raise UsageError(f"--grain part:{part}: {why}; parts with one are {_named(materials)}")
-    known = material.grained
+            names = ", ".join(parts_of_grain(materials)) or "none"
+            raise UsageError(f"--grain part:{part}: {why}; parts with one are {names}")
+    grained = material.grained
     along: list[str] = []
     blind: list[str] = []
     for region, part in enumerate(mesh.region_names):
@@ -71,7 +72,7 @@ def with_grains(
         if row not in grains or not tets.size:
             continue
         way = stated.get(part)
-        if way is None and known[tets].any():
+        if way is None and grained[tets].any():
             continue
         way = longest_axis(mesh, tets) if way is None else way
         if way is None or not is_of_row(material.E[tets], row):
@@ -131,7 +132,3 @@ def is_of_row(E: Float[np.ndarray, "n"], row: str) -> bool:
     """Whether ``E`` [Pa] is that of a row of the table, not an apparent one."""
     span = load_table().exact(row).E
     return bool(span.min / SAME_E <= E.min() and E.max() <= span.max * SAME_E)
-
-
-def _named(materials: Mapping[str, str]) -> str:
-    return ", ".join(parts_of_grain(materials)) or "none"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -53,8 +52,8 @@ class MotionFit:
     unfitted_error
         The same with the moduli as they were.
     outside
-        Share of the motion [1], in the same norm, that the coordinates cannot follow whatever the
-        moduli.
+        Fraction of the motion [1], in the same norm, that the coordinates cannot follow whatever
+        the moduli.
     frequency_ratio
         First frequency of the reduced body over that of the full one of the same moduli, with
         quadratic elements where that is known: away from one the model locks, and the fit makes up
@@ -135,27 +134,52 @@ def fit_motion(
     root = np.sqrt(model.mass[: model.vertices]).repeat(3)
     span, seen = np.linalg.qr(root[:, None] * model.basis[: model.vertices].reshape(len(root), -1))
     moved = root * u[1:].reshape(-1, len(root))
-    wanted, total = moved @ span, float((moved**2).sum())
-    outside = max(0.0, 1 - float((wanted**2).sum()) / total)
+    target, total = moved @ span, float((moved**2).sum())
+    outside = max(0.0, 1 - float((target**2).sum()) / total)
 
-    def misfit(p: np.ndarray) -> _Misfit:
-        path, derivative = _path(model, observed, scheme, law, p)
-        return _Misfit((path @ seen.T - wanted).ravel(), (seen @ derivative).reshape(-1, len(p)))
+    def misfit(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Difference of the paths (n,) [m sqrt(kg)] at the moduli ``p``, and its derivative."""
+        nu = model.nu if len(p) < 2 else np.full_like(model.nu, p[1])
+        body = ReducedDynamics(
+            model.with_moduli(model.E * np.exp(p[0]), nu),
+            load=observed.load,
+            velocity=observed.velocity,
+            law=law,
+            scheme=scheme,
+            tolerance=TOLERANCE,
+        )
+        still = np.zeros((model.dofs, len(p)))
+        now, before = Kinematics(still, still, still), None  # at rest no modulus makes a force
+        path, derivative = [], []
+        for _ in range(len(u) - 1):
+            body.advance(observed.dt)
+            if body.last_dt != observed.dt:
+                raise ConvergenceError(
+                    "a step of the fit had to be halved: wanted frames closer in time"
+                )
+            step = Step.of(scheme, observed.dt, now, before)
+            K = body.elasticity.tangent(body.now.u)
+            K.flat[:: len(K) + 1] += step.factor
+            push = step.factor * step.target - moduli_forces(body.elasticity, body.now.u, len(p))
+            now, before = step.ended(solve_dense(K, push)), now
+            path.append(body.now.u)
+            derivative.append(now.u)
+        difference = (np.stack(path) @ seen.T - target).ravel()
+        return difference, (seen @ np.stack(derivative)).reshape(-1, len(p))
 
     start = np.array([0.0, float(np.average(model.nu, weights=model.weights))])[: 1 + with_nu]
     try:
-        best, found, first, runs = _gauss_newton(misfit, start)
+        p, error, J, first, runs = _gauss_newton(misfit, start)
     except ConvergenceError:
         if not with_nu:
             raise  # with nu it may go along a curved valley for long: E first, nu from there
-        near, _, first, more = _gauss_newton(misfit, start[:1])
-        best, found, _, runs = _gauss_newton(misfit, np.append(near, start[1:]))
+        near, _, _, first, more = _gauss_newton(misfit, start[:1])
+        p, error, J, _, runs = _gauss_newton(misfit, np.append(near, start[1:]))
         runs += more + MOST
-    error, J = found.size, found.derivative
-    noise = error**2 / max(len(J) - len(best), 1)
+    noise = error**2 / max(len(J) - len(p), 1)
     return MotionFit(
-        scale=float(np.exp(best[0])),
-        nu=float(best[1]) if with_nu else None,
+        scale=float(np.exp(p[0])),
+        nu=float(p[1]) if with_nu else None,
         error=float(np.sqrt(error**2 / total + outside)),
         unfitted_error=float(np.sqrt(first**2 / total + outside)),
         outside=float(np.sqrt(outside)),
@@ -180,46 +204,31 @@ def fit_warnings(fit: MotionFit) -> tuple[str, ...]:
     return ()
 
 
-class _Misfit(NamedTuple):
-    """Difference of two paths (n,) [m sqrt(kg)], and its ``derivative`` (n, parameters)."""
+def _gauss_newton(
+    misfit: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], p: np.ndarray
+) -> tuple[np.ndarray, float, np.ndarray, float, int]:
+    """Least squares of ``misfit`` from ``p``, each step halved until it lowers the sum.
 
-    difference: np.ndarray
-    derivative: np.ndarray
-
-    @property
-    def size(self) -> float:
-        return float(np.linalg.norm(self.difference))
-
-
-class _Found(NamedTuple):
-    """Parameters, the misfit there, the size of the misfit at the start, and how many were made."""
-
-    p: np.ndarray
-    misfit: _Misfit
-    first: float
-    runs: int
-
-
-def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Found:
-    """Least squares of ``misfit`` from ``p``, each step halved until it lowers the sum."""
-    here, runs, last = misfit(p), 1, 0.0
-    first = here.size
+    Returns the parameters, the misfit's size and derivative there, its size at the start, and runs.
+    """
+    (difference, J), runs, last = misfit(p), 1, 0.0
+    first = size = float(np.linalg.norm(difference))
     while runs < MOST:
         # Gauss-Newton step from `p` within its limits; where nu meets one, E follows from that
-        J, longest = here.derivative, LONGEST[: len(p)]
-        free = np.linalg.lstsq(J, -here.difference, rcond=None)[0]
+        longest = LONGEST[: len(p)]
+        free = np.linalg.lstsq(J, -difference, rcond=None)[0]
         move = np.clip(free, -longest, longest)
         move[1:] = np.clip(p[1:] + move[1:], NU_LOW, NU_HIGH) - p[1:]
         if (move[1:] != free[1:]).any():
-            rest = -here.difference - J[:, 1:] @ move[1:]
+            rest = -difference - J[:, 1:] @ move[1:]
             move[:1] = np.clip(
                 np.linalg.lstsq(J[:, :1], rest, rcond=None)[0], -longest[0], longest[0]
             )
         last = float(np.abs(move).max())
         while np.abs(move).max() > ENOUGH and runs < MOST:
-            there, runs = misfit(p + move), runs + 1
-            if there.size < here.size:
-                p, here = p + move, there
+            (there, slope), runs = misfit(p + move), runs + 1
+            if (norm := float(np.linalg.norm(there))) < size:
+                p, difference, J, size = p + move, there, slope, norm
                 break
             move = move / 2
         else:
@@ -229,39 +238,7 @@ def _gauss_newton(misfit: Callable[[np.ndarray], _Misfit], p: np.ndarray) -> _Fo
             f"the fit does not settle within {MOST} motions: its last step was {last:.1%}; wanted "
             "a motion of the same scene"
         )
-    return _Found(p, here, first, runs)
-
-
-def _path(
-    model: ReducedModel, observed: ObservedMotion, scheme: Scheme, law: str, p: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (frames, dofs) at the moduli ``p``, and their derivatives (frames, dofs, p)."""
-    nu = model.nu if len(p) < 2 else np.full_like(model.nu, p[1])
-    body = ReducedDynamics(
-        model.with_moduli(model.E * np.exp(p[0]), nu),
-        load=observed.load,
-        velocity=observed.velocity,
-        law=law,
-        scheme=scheme,
-        tolerance=TOLERANCE,
-    )
-    still = np.zeros((model.dofs, len(p)))
-    now, before = Kinematics(still, still, still), None  # at rest no modulus makes a force
-    path, derivative = [], []
-    for _ in range(len(observed.displacement) - 1):
-        body.advance(observed.dt)
-        if body.last_dt != observed.dt:
-            raise ConvergenceError(
-                "a step of the fit had to be halved: wanted frames closer in time"
-            )
-        step = Step.of(scheme, observed.dt, now, before)
-        K = body.elasticity.tangent(body.now.u)
-        K.flat[:: len(K) + 1] += step.factor
-        push = step.factor * step.target - moduli_forces(body.elasticity, body.now.u, len(p))
-        now, before = step.ended(solve_dense(K, push)), now
-        path.append(body.now.u)
-        derivative.append(now.u)
-    return np.stack(path), np.stack(derivative)
+    return p, size, J, first, runs
 
 
 def moduli_forces(

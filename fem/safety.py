@@ -63,7 +63,7 @@ def part_safety(
     elements they are constant in a tet. At a sharp inner corner they grow with a finer mesh.
     ``stresses`` are the ``part_stresses`` of the result, where they are known.
     """
-    strengths, found, E = load_strengths(), [], material_of(result.mesh).E
+    strengths, judged, E = load_strengths(), [], material_of(result.mesh).E
     for here in part_stresses(result) if stresses is None else stresses:
         row = materials.get(here.part, "")
         if row in strengths and is_of_row(E[here.tets], row):
@@ -78,41 +78,27 @@ def part_safety(
                 ]
             side, values, limit = max(cases, key=lambda case: case[1].max() / case[2])
             worst = int(np.argmax(values))
-            place = tuple(here.at[worst].tolist())
-            found.append(
-                Safety(
-                    here.part,
-                    row,
-                    strength.kind,
-                    side,
-                    max(float(values[worst]), 0.0),
-                    limit,
-                    place,
-                )
-            )
-    return tuple(found)
+            stress, place = max(float(values[worst]), 0.0), tuple(here.at[worst].tolist())
+            judged.append(Safety(here.part, row, strength.kind, side, stress, limit, place))
+    return tuple(judged)
 
 
 def part_stresses(result: StaticResult) -> tuple[PartStresses, ...]:
     """Stresses at the points of every part that has tets; of linear elements by tet."""
+    mesh, stresses = result.mesh, []
     corners = corner_stresses(result) if result.order == 2 else None
-    tets_of = [
-        (part, np.flatnonzero(result.mesh.region == region))
-        for region, part in enumerate(result.mesh.region_names)
-    ]
-    return tuple(_stresses_of(result, corners, part, t) for part, t in tets_of if t.size)
-
-
-def _stresses_of(
-    result: StaticResult, corners: np.ndarray | None, part: str, tets: np.ndarray
-) -> PartStresses:
-    """Stress at the points of a part, the mean of its own tets there; of linear elements by tet."""
-    mesh = result.mesh
-    if corners is None:
-        return PartStresses(part, tets, result.stress[tets], mesh.centroids[tets])
-    ids, index = np.unique(mesh.tets[tets], return_inverse=True)
-    weight = np.repeat(mesh.volumes[tets], 4)
-    flat = corners[tets].reshape(-1, 9) * weight[:, None]
-    total = np.stack([np.bincount(index.ravel(), column) for column in flat.T], axis=1)
-    mean = total / np.bincount(index.ravel(), weight)[:, None]
-    return PartStresses(part, tets, mean.reshape(-1, 3, 3), mesh.points[ids])
+    for region, part in enumerate(mesh.region_names):
+        tets = np.flatnonzero(mesh.region == region)
+        if not tets.size:
+            continue
+        if corners is None:
+            stress, at = result.stress[tets], mesh.centroids[tets]
+        else:  # the mean of its own tets at every point
+            ids, index = np.unique(mesh.tets[tets], return_inverse=True)
+            weight = np.repeat(mesh.volumes[tets], 4)
+            flat = corners[tets].reshape(-1, 9) * weight[:, None]
+            total = np.stack([np.bincount(index.ravel(), column) for column in flat.T], axis=1)
+            mean = total / np.bincount(index.ravel(), weight)[:, None]
+            stress, at = mean.reshape(-1, 3, 3), mesh.points[ids]
+        stresses.append(PartStresses(part, tets, stress, at))
+    return tuple(stresses)

@@ -25,8 +25,6 @@ from .solve.result import MotionResult, SagResult
 from .solve.schemes import Scheme
 from .validation import checked_direction, checked_number, checked_positive, checked_vector
 
-# A body settles under its own weight.
-
 SUPPORTS = ("base", "three-point")
 
 
@@ -108,9 +106,6 @@ def sag(
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
 
-# A body hangs under its own weight.
-
-
 @dataclass(frozen=True)
 class Hang:
     """It hangs from its highest points under ``gravity`` [m/s^2], downwards."""
@@ -166,8 +161,6 @@ def hang(
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
 
-# The wind blows on a standing body.
-
 AIR_DENSITY = 1.225  # [kg/m^3] at 15 C, sea level
 
 # What a method of motion follows: 125 frames of 0.04 s.
@@ -192,8 +185,8 @@ class Wind:
 
     def scene(self, mesh: TetMesh, *, up: UpAxis = "z") -> Scene:
         """Scene of the standing ``mesh``; ``InputError`` where the wind has no direction."""
-        given = np.roll(up_vector(up), 1) if self.direction is None else self.direction
-        blows = checked_direction("wind direction", given)
+        direction = np.roll(up_vector(up), 1) if self.direction is None else self.direction
+        blows = checked_direction("wind direction", direction)
         speed = checked_positive("wind speed", self.speed, "m/s")
         drag = checked_positive("drag coefficient", self.drag, "")
         faces = mesh.boundary.faces
@@ -257,10 +250,8 @@ def wind(
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
 
-# A finger presses on a standing body.
-
-# Radius of a finger as a share of the body's diagonal.
-FINGER_SHARE = 0.05
+# Radius of a finger over the body's diagonal.
+FINGER_RADIUS = 0.05
 
 
 @dataclass(frozen=True)
@@ -283,12 +274,12 @@ class Poke:
         used = np.unique(mesh.tets)
         highest = mesh.points[used[np.argmax(mesh.points[used] @ up_vector(up))]]
         place = highest if self.at is None else checked_vector("poke at", self.at, "m")
-        given = -up_vector(up) if self.direction is None else self.direction
-        pushes = checked_direction("poke direction", given)
+        direction = -up_vector(up) if self.direction is None else self.direction
+        pushes = checked_direction("poke direction", direction)
         force = checked_positive("poke force", self.force, "N")
         faces = mesh.boundary.faces
         away = np.linalg.norm(mesh.points[faces].mean(axis=1) - place, axis=1)
-        patch = FINGER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+        patch = FINGER_RADIUS * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
         touched = faces[away <= max(patch, float(away.min()))]
         held, warnings = find_supports(mesh, up)
         loads = (spread_force(mesh, touched, force * pushes)._replace(name="the touched patch"),)
@@ -344,8 +335,6 @@ def poke(
     scene = Poke(force, at, direction).scene(mesh, up=up)
     return StaticMethod().solve(scene, law=law, order=order, device=device)
 
-
-# A body is squeezed between two plates.
 
 FRAMES = 20
 # A squeeze is slow: the plates take this many times the crossing of the slowest shear wave.
@@ -458,8 +447,6 @@ def squeeze(
     return DynamicMethod().solve(scene, law=law, order=order, device=device, progress=progress)
 
 
-# A body falls on the ground.
-
 # A drop is followed for this many fall times, so that the bounce is seen.
 FALLS = 3.0
 DROP_FRAMES = 90
@@ -562,8 +549,6 @@ def drop(
     )
 
 
-# A body falls and may come to pieces, flow or stay.
-
 # PhysGaussian's and AutoPhyX's falls: 50 frames of 0.04 s.
 FALL_FRAMES, FRAME_TIME = 50, 0.04
 
@@ -591,9 +576,7 @@ class Fall:
         return replace(scene, duration=FALL_FRAMES * FRAME_TIME, frames=FALL_FRAMES)
 
 
-# Two grips pull the ends of a body apart.
-
-# Points within this share of the length from an end are gripped.
+# Points within this fraction of the length from an end are gripped.
 GRIPPED = 0.15
 
 
@@ -624,9 +607,6 @@ class Tear:
         return Scene(
             mesh=mesh, up=up, supports=held, gravity_vector=weight, duration=self.time, frames=50
         )
-
-
-# The natural vibrations of a standing body.
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ from .material import ElementMaterial
 from .mesh import TetMesh, material_of
 from .reduced.sweep import LinearFamily, Member
 from .scene.scene import Scene
-from .scene.supports import Supports
 from .solve.result import Modes, SagResult
 from .solve.statics import check_held, solve_static
 from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
@@ -33,7 +32,7 @@ from .table import FIELDS, NU_CAP, MaterialValue, Span, load_grains, load_table
 TONES = 3
 SAMPLES = 256
 # The basis learns all soft and heavy, all stiff and light, then so many draws at once until it
-# would have known them to this share, at most so many.
+# would have known them to this fraction, at most so many.
 ENDS = ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
 COMPARED, MOST_COMPARED, LEARNED = 3, 12, 5e-3
 
@@ -57,8 +56,10 @@ class Likely(NamedTuple):
     def words(self) -> tuple[str, str, str]:
         """Of mass, displacement and first frequency, to be put behind their ends."""
         first = self.frequencies[0] if self.frequencies else None
-        known = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
-        mass, u, tone = (f" (nine times in ten {x.words(form)})" if x else "" for x, form in known)
+        answers = ((self.mass, ".3g"), (self.max_displacement, ".2g"), (first, ".3g"))
+        mass, u, tone = (
+            f" (nine times in ten {x.words(form)})" if x else "" for x, form in answers
+        )
         return mass, u, tone
 
 
@@ -71,8 +72,6 @@ def likely_answers(
     exact: Exact | None = None,
     result: SagResult | None = None,
     modes: Modes | None = None,
-    samples: int = SAMPLES,
-    seed: int = 0,
 ) -> Likely | None:
     """What mass, displacement and frequencies likely are; None: of no range, or of no member.
 
@@ -84,20 +83,48 @@ def likely_answers(
     """
     mesh, held = scene.mesh, scene.held
     ranges = open_ranges(mesh, materials, draws, exact)
-    if not ranges or (held.values * held.fixed).any() or not _stands(mesh, held):
+    loose = not (held.fixed.any() or held.springs.any())
+    if not ranges or loose or held.fixed.all() or (held.values * held.fixed).any():
         return None
-    if held.fixed.all():  # nothing moves
+    try:
+        check_held(mesh, held)
+    except ConvergenceError:  # a piece of it is held by nothing
         return None
-    family = _family(scene, ranges, modes)
+    family = LinearFamily(
+        mesh,
+        held,
+        np.stack([one.tets for one in ranges]),
+        grained=np.array([one.grained for one in ranges]),
+        forces=load_vector(
+            mesh, discretise(mesh, 1), traction=scene.tractions, forces=scene.forces
+        ),
+        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
+        shapes=np.zeros((0, *mesh.points.shape))
+        if modes is None
+        else modes.shapes[:TONES, : len(mesh.points)],
+    )
     if not family.affordable():
         return None
-    counts = [len(one.draws) for one in ranges if one.draws is not None]
-    of_rows = len(ranges) - len(counts)
-    drawn = max(counts, default=0)
-    members = _members(ranges, max(samples, drawn) if of_rows else drawn, seed)
+    # Bodies: rows by a lattice, drawn parts as they were drawn, in order
+    of_rows = np.array([one.draws is None for one in ranges])
+    drawn = max((len(one.draws) for one in ranges if one.draws is not None), default=0)
+    count = max(SAMPLES, drawn) if of_rows.any() else drawn
+    places = np.zeros((count, len(ranges), 3))
+    if of_rows.any():
+        rng, wide = np.random.default_rng(0), 3 * int(of_rows.sum())
+        places[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
+    members = [_member(ranges, place) for place in places]
+    for number, member in enumerate(members):
+        for k, one in enumerate(ranges):
+            if one.draws is not None:
+                E, nu, rho = one.draws[number % len(one.draws)]
+                member.E[k], member.nu[k] = E / one.taken.E, nu
+                member.rho[k] = rho / one.taken.rho
     ends = [_member(ranges, np.tile(end, (len(ranges), 1))) for end in ENDS]
+    ones = np.ones(len(ranges))
+    as_taken = Member(ones, np.array([one.taken.nu for one in ranges]), ones)
     try:
-        family.add([_as_taken(ranges), *ends])
+        family.add([as_taken, *ends])
         # Largest error of the last members that were compared, before they were taken in too
         error = np.inf
         for first in range(0, MOST_COMPARED, COMPARED):
@@ -105,22 +132,22 @@ def likely_answers(
             before = [family.answers(member) for member in these]
             rests = family.add(these)
             after = [family.answers(member)[1] for member in these]
-            errors = [
-                max(_apart(u, rest), float(np.abs(f / g - 1).max(initial=0.0)))
-                for (u, f), rest, g in zip(before, rests, after, strict=True)
-            ]
-            error = max(errors)
+            error = 0.0
+            for (u, f), rest, g in zip(before, rests, after, strict=True):
+                size = float(np.linalg.norm(rest))
+                apart = float(np.linalg.norm(u - rest)) / size if size else 0.0
+                error = max(error, apart, float(np.abs(f / g - 1).max(initial=0.0)))
             if error <= LEARNED:
                 break
-        sizes, tones = family.largest([_as_taken(ranges), *members])
+        sizes, tones = family.largest([as_taken, *members])
     except ConvergenceError:
         return None
     u = None
     if result is not None and result.static.law == Law.LINEAR and result.trusted and sizes[0] > 0:
         u = _middle(result.max_displacement * sizes[1:] / sizes[0])
-    known = () if modes is None else modes.frequencies[:TONES]
+    tones_known = () if modes is None else modes.frequencies[:TONES]
     ratios = (tones[1:] / tones[0]).T
-    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(known, ratios, strict=True))
+    frequencies = tuple(_middle(f * ratio) for f, ratio in zip(tones_known, ratios, strict=True))
     mass = _middle(np.array([family.mass(member).sum() for member in members]))
     return Likely(mass, u, frequencies, len(members), error, drawn)
 
@@ -145,8 +172,8 @@ def ranged_answers(
     if result is not None:
         ends["max_displacement"] = displacement_interval(scene, result, ranges)
     ends["frequencies"] = frequency_intervals(scene.mesh, modes, ranges) if modes else ()
-    known = {"draws": draws, "exact": exact, "result": result, "modes": modes}
-    return with_likely(ends, likely_answers(scene, materials, **known))
+    likely = likely_answers(scene, materials, draws=draws, exact=exact, result=result, modes=modes)
+    return with_likely(ends, likely)
 
 
 def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any]:
@@ -165,75 +192,19 @@ def with_likely(ends: Mapping[str, Any], likely: Likely | None) -> dict[str, Any
     return {**held, "likely": likely}
 
 
-def _family(scene: Scene, ranges: Sequence[OpenRange], modes: Modes | None) -> LinearFamily:
-    """Bodies whose material lies in the ranges, held and loaded as the scene says."""
-    mesh = scene.mesh
-    grid, points = discretise(mesh, 1), len(mesh.points)
-    return LinearFamily(
-        mesh,
-        scene.held,
-        np.stack([one.tets for one in ranges]),
-        grained=np.array([one.grained for one in ranges]),
-        forces=load_vector(mesh, grid, traction=scene.tractions, forces=scene.forces),
-        gravity_vector=np.asarray(scene.gravity_vector, dtype=float),
-        shapes=np.zeros((0, points, 3)) if modes is None else modes.shapes[:TONES, :points],
-    )
-
-
-def _as_taken(ranges: Sequence[OpenRange]) -> Member:
-    """The body as it is."""
-    ones = np.ones(len(ranges))
-    return Member(ones, np.array([one.taken.nu for one in ranges]), ones)
-
-
-def _members(ranges: Sequence[OpenRange], count: int, seed: int) -> list[Member]:
-    """So many bodies: rows by a lattice, drawn parts as they were drawn, in order."""
-    shares = np.zeros((count, len(ranges), 3))
-    of_rows = np.array([one.draws is None for one in ranges])
-    if of_rows.any():
-        rng, wide = np.random.default_rng(seed), 3 * int(of_rows.sum())
-        shares[:, of_rows] = shifted_lattice(count, wide, rng).reshape(count, -1, 3)
-    members = []
-    for number, share in enumerate(shares):
-        member = _member(ranges, share)
-        for k, one in enumerate(ranges):
-            if one.draws is not None:
-                E, nu, rho = one.draws[number % len(one.draws)]
-                for values, value in zip(
-                    member, (E / one.taken.E, nu, rho / one.taken.rho), strict=True
-                ):
-                    values[k] = value
-        members.append(member)
-    return members
-
-
-def _member(ranges: Sequence[OpenRange], shares: Float[np.ndarray, "ranges 3"]) -> Member:
-    """Body whose E, nu and rho lie at ``shares`` [0 to 1] of their ranges."""
+def _member(ranges: Sequence[OpenRange], places: Float[np.ndarray, "ranges 3"]) -> Member:
+    """Body whose E, nu and rho lie at ``places`` [0 to 1] of their ranges."""
     E, nu, rho = np.empty((3, len(ranges)))
-    for k, (one, share) in enumerate(zip(ranges, shares, strict=True)):
-        E[k] = one.E.min ** (1 - share[0]) * one.E.max ** share[0] / one.taken.E
-        nu[k] = one.nu.min + share[1] * (one.nu.max - one.nu.min)
-        rho[k] = one.rho.min ** (1 - share[2]) * one.rho.max ** share[2] / one.taken.rho
+    for k, (one, (a, b, c)) in enumerate(zip(ranges, places, strict=True)):
+        E[k] = one.E.min ** (1 - a) * one.E.max**a / one.taken.E
+        nu[k] = one.nu.min + b * (one.nu.max - one.nu.min)
+        rho[k] = one.rho.min ** (1 - c) * one.rho.max**c / one.taken.rho
     return Member(E, nu, rho)
-
-
-def _apart(u: np.ndarray, wanted: np.ndarray) -> float:
-    size = float(np.linalg.norm(wanted))
-    return float(np.linalg.norm(u - wanted)) / size if size else 0.0
 
 
 def _middle(values: np.ndarray) -> Interval:
     low, high = np.quantile(values, MIDDLE)
     return Interval(float(low), float(high))
-
-
-def _stands(mesh: TetMesh, held: Supports) -> bool:
-    """Whether every piece is held."""
-    try:
-        check_held(mesh, held)
-    except ConvergenceError:
-        return False
-    return bool(held.fixed.any() or held.springs.any())
 
 
 # Lowest and highest answers, by the ranges of E and rho of a body's materials.
@@ -275,16 +246,19 @@ def displacement_interval(scene: Scene, result: SagResult, ranges: RangeFactors)
     material = material_of(scene.mesh)
 
     def largest(taken: ElementMaterial) -> float:
-        found = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
-        return float(np.linalg.norm(found.displacement, axis=1).max())
+        solved = solve_static(scene.mesh.with_material(taken), scene.held, **loads)
+        return float(np.linalg.norm(solved.displacement, axis=1).max())
 
     try:
         as_taken = largest(material)
-        ends = [  # soft ones after each other, and stiff ones: their stiffness is made once
-            largest(ranges.changed(material, soft=soft, heavy=heavy))
-            for soft in (True, False)
-            for heavy in (True, False)
-        ]
+        ends = []
+        for E in (ranges.soft, ranges.stiff):  # after each other: a stiffness is made once
+            tensor = None if material.tensor is None else material.tensor * E[:, None, None]
+            end = replace(material, E=material.E * E, tensor=tensor)
+            ends += [
+                largest(replace(end, rho=material.rho * rho))
+                for rho in (ranges.heavy, ranges.light)
+            ]
     except ConvergenceError:
         return None
     if not as_taken > 0:
@@ -335,12 +309,12 @@ def lattice_generator(count: int, dimensions: int) -> Int[np.ndarray, "dimension
     whole = whole[np.gcd(whole, count) == 1]
     place = np.arange(count)[:, None] * whole % count / count
     kernel = 2 * np.pi**2 * (place * (place - 1) + 1 / 6)  # Bernoulli's second polynomial
-    so_far, found = np.ones(count), []
+    so_far, steps = np.ones(count), []
     for weight in 1 / np.arange(1, dimensions + 1) ** 2:
         best = int(np.argmin(so_far @ kernel))
         so_far = so_far * (1 + weight * kernel[:, best])
-        found.append(whole[best])
-    return np.array(found, dtype=np.int64)
+        steps.append(whole[best])
+    return np.array(steps, dtype=np.int64)
 
 
 # What E, nu and rho of a body may be, by the rows of the table and by what a predictor drew.
@@ -384,16 +358,16 @@ def open_ranges(
     of_row: dict[tuple[str, frozenset[str]], np.ndarray] = {}
     drawn: dict[str, np.ndarray] = {}
     for region, part in enumerate(mesh.region_names):
-        own, row = mesh.region == region, rows.get(materials.get(part, ""))
-        if not own.any():
+        tets, row = mesh.region == region, rows.get(materials.get(part, ""))
+        if not tets.any():
             continue
         if draws and draws.get(part):
-            drawn[part] = own
-        elif row is not None and is_of_row(material.E[own], row.name):
+            drawn[part] = tets
+        elif row is not None and is_of_row(material.E[tets], row.name):
             alike = row.name, frozenset((exact or {}).get(part, ()))
-            of_row[alike] = of_row.get(alike, False) | own
-    found = []
-    for (name, fixed), own in of_row.items():
+            of_row[alike] = of_row.get(alike, False) | tets
+    ranges = []
+    for (name, fixed), tets in of_row.items():
         if fixed >= {*FIELDS}:
             continue
         row = rows[name]
@@ -403,13 +377,13 @@ def open_ranges(
             for field, span in zip(FIELDS, spans, strict=True)
         ]
         grained = material.tensor is not None and name in load_grains()
-        found.append(_open(material, own, spans)._replace(grained=grained))
-    for part, own in drawn.items():
+        ranges.append(_open(material, tets, spans)._replace(grained=grained))
+    for part, tets in drawn.items():
         values = np.array(draws[part] if draws else [])
         values[:, 1] = values[:, 1].clip(0.0, NU_CAP)
         spans = tuple(Span(float(v.min()), float(v.max())) for v in values.T)
-        found.append(_open(material, own, spans)._replace(draws=values))
-    return tuple(found)
+        ranges.append(_open(material, tets, spans)._replace(draws=values))
+    return tuple(ranges)
 
 
 def _open(material: ElementMaterial, own: np.ndarray, spans: Sequence[Span]) -> OpenRange:
@@ -430,13 +404,6 @@ class RangeFactors(NamedTuple):
     light: np.ndarray
     heavy: np.ndarray
 
-    def changed(self, material: ElementMaterial, *, soft: bool, heavy: bool) -> ElementMaterial:
-        """Return ``material`` at one end of its ranges."""
-        E = self.soft if soft else self.stiff
-        tensor = None if material.tensor is None else material.tensor * E[:, None, None]
-        rho = material.rho * (self.heavy if heavy else self.light)
-        return replace(material, E=material.E * E, rho=rho, tensor=tensor)
-
 
 def material_ranges(
     mesh: TetMesh,
@@ -449,7 +416,7 @@ def material_ranges(
     factors = RangeFactors(*np.ones((4, len(mesh.tets))))
     for one in ranges:
         for first, span, values in ((0, one.E, material.E), (2, one.rho, material.rho)):
-            own = values[one.tets]
-            factors[first][one.tets] = np.minimum(span.min / own, 1)
-            factors[first + 1][one.tets] = np.maximum(span.max / own, 1)
+            taken = values[one.tets]
+            factors[first][one.tets] = np.minimum(span.min / taken, 1)
+            factors[first + 1][one.tets] = np.maximum(span.max / taken, 1)
     return factors if ranges else None

@@ -1,4 +1,4 @@
-"""Verdicts on a simulated body, each with its number, threshold and sentence."""
+"""Verdicts on a simulated body, at rest and in motion: number, threshold and sentence of each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .safety import Safety
 from .scene.scene import Scene
 from .scene.up import up_vector
 from .solve.contact import foothold
-from .solve.energy import EnergyBalance, energy_balance
+from .solve.energy import energy_balance
 from .solve.result import (
     BENDS_ALIKE,
     LOCKING,
@@ -29,9 +29,9 @@ from .solve.result import (
 )
 from .uncertainty import Interval, Likely
 
-# A body holds its shape if no point moves more than this share of its longest side.
+# A body holds its shape if no point moves more than this fraction of its longest side.
 HOLDS = 0.05
-CRUMBS = 1e-3  # share of the volume that may be attached to nothing that is held
+CRUMBS = 1e-3  # fraction of the volume that may be attached to nothing that is held
 # A displacement is trusted to this discretisation error.
 TRUSTED = 0.1
 OFF_BY = {
@@ -42,10 +42,11 @@ OFF_BY = {
 STANDS = 1.0
 SLIDES = 0.05  # friction [1] that any ground has but ice; less is not told
 GRAVITY = 9.81  # [m/s^2], of a scene that leaves the weight out, as wind and a finger do
+USUAL_STEP = 1e-4  # [s], of explicit simulators
 # A first frequency below this is seen as wobbling.
 WOBBLES = 5.0
 # Two materials look different when their largest displacements differ by this factor, and the
-# larger one is seen at all: more than this share of the height.
+# larger one is seen at all: more than this fraction of the height.
 DIFFERENT = 2.0
 VISIBLE = 0.005
 # Mass [kg] of a thing per volume [m^3] of its box, by the side [m] up to which it holds: what 64
@@ -53,7 +54,7 @@ VISIBLE = 0.005
 # 12,040 (a gold coin); bulky ones of .3 m 261 to 1,940 (a curling stone), longer than a metre 28 to
 # 181 (a pallet). What is slender or flat may be solid at any length: rebar has 6,172.
 USUAL_DENSITY = ((0.3, 10.0, 23_000.0), (1.0, 10.0, 3_000.0), (np.inf, 10.0, 1_000.0))
-# Bulky: no side of the box is below this share of the longest.
+# Bulky: no side of the box is below this fraction of the longest.
 BULKY = 0.1
 # A part gives way below this safety factor.
 SAFE = 1.0
@@ -110,7 +111,7 @@ def with_unmade(checks: Sequence[Check]) -> list[Check]:
 
 
 def percent(value: float) -> str:
-    """A share in words: two digits, all beyond the whole; never '0.00 %'."""
+    """A fraction in words: two digits, all beyond the whole; never '0.00 %'."""
     if 0 < value < 1e-4:
         return "less than 0.01 %"
     return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:,.0f} %"
@@ -133,12 +134,12 @@ def holds_shape(result: SagResult) -> Check:
 
 def discretisation(result: SagResult) -> Check:
     """Whether the mesh is fine enough for the answer."""
-    found = result.discretisation_error
-    if found.why:
-        said = f"How far the mesh is off was not estimated: {found.why}."
-        return Check("discretisation", False, found.value, TRUSTED, said, made=False)
-    about, passed = found.bound, found.bound <= TRUSTED
-    by = OFF_BY[found.kind]
+    error = result.discretisation_error
+    if error.why:
+        said = f"How far the mesh is off was not estimated: {error.why}."
+        return Check("discretisation", False, error.value, TRUSTED, said, made=False)
+    about, passed = error.bound, error.bound <= TRUSTED
+    by = OFF_BY[error.kind]
     by += ", at small strains" if LAWS[result.static.law].finite else ""
     shown = f"{about:.0%}" if round(about, 2) != TRUSTED or passed else f"{about + 5e-4:.1%}"
     edge = "" if passed else f"{edge_share(result.static.mesh):.2g}"
@@ -174,9 +175,9 @@ def stays_upright(result: SagResult, scene: Scene) -> tuple[Check, ...]:
         weight = -GRAVITY * mass.sum() * up_vector(scene.up)
         force, moment = force + weight, moment + np.cross(middle, weight)
     inside, friction = foothold(mesh.points[result.supported], force, moment, scene.up)
-    passed, found = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
+    passed, where = inside >= 0, f"{abs(inside):.2g} m {'within' if inside >= 0 else 'outside'}"
     does = "stays upright" if passed else "would tip over if its base were not held"
-    said = f"its load meets the ground {found} its feet"
+    said = f"its load meets the ground {where} its feet"
     said += f", and it slides where friction is below {friction:.2g}" if friction > SLIDES else ""
     if np.isinf(inside):
         does, said = "would lift off if its base were not held", "its load outdoes its weight"
@@ -194,14 +195,14 @@ def first_frequency(modes: Modes) -> Check:
     )  # fmt: skip
 
 
-def explicit_step(mesh: TetMesh, wanted: float = 1e-4) -> Check:
-    """Whether an explicit simulator with the step ``wanted`` [s] would be stable."""
+def explicit_step(mesh: TetMesh) -> Check:
+    """Whether an explicit simulator with the usual step would be stable."""
     value = largest_explicit_step(mesh)
-    passed = value >= wanted
+    passed = value >= USUAL_STEP
     return Check(
-        "explicit step", passed, value, wanted,
+        "explicit step", passed, value, USUAL_STEP,
         f"An explicit simulator needs steps below {value:.2g} s "
-        f"({'within' if passed else 'far from'} the usual {wanted:g} s).",
+        f"({'within' if passed else 'far from'} the usual {USUAL_STEP:g} s).",
     )  # fmt: skip
 
 
@@ -222,20 +223,23 @@ def distinguishable(one: SagResult, two: SagResult) -> Check:
 
 def locking(result: StaticResult | MotionResult) -> Check:
     """Whether the elements stand nearly incompressible materials, and bending."""
-    share, averaged = result.locking_share, isinstance(result, StaticResult) and result.averaged
-    used = "quadratic elements" if result.order == 2 else "linear elements"
-    used += " with pressures averaged around the nodes" if averaged else ""
-    if not share and isinstance(result, MotionResult) and (coarse := too_coarse(result.stiffening)):
+    fraction, used = (
+        result.locking_share,
+        f"{'quadratic' if result.order == 2 else 'linear'} elements",
+    )
+    if isinstance(result, StaticResult):
+        used += " with pressures averaged around the nodes" if result.averaged else ""
+    elif not fraction and (coarse := too_coarse(result.stiffening)):
         sentence = f"The answer is too stiff: {coarse} (limit {BENDS_ALIKE:g})."
         return Check("locking", False, result.stiffening, BENDS_ALIKE, sentence)
-    if share == 0:
+    if fraction == 0:
         sentence = f"The elements suit the material: {used}."
     else:
         sentence = (
             f"The answer is too stiff: {used} lock where nu is above {LOCKING:g}, "
-            f"{share:.0%} of the volume."
+            f"{fraction:.0%} of the volume."
         )
-    return Check("locking", share == 0, share, 0.0, sentence)
+    return Check("locking", fraction == 0, fraction, 0.0, sentence)
 
 
 def usual_size(mesh: TetMesh, *, stated: bool = False) -> Check:
@@ -279,13 +283,13 @@ def strength(safety: Safety) -> Check:
     gives_way, kind = GIVES_WAY[safety.side]
     if passed:
         times = "more than 1000" if safety.factor > 1e3 else f"{safety.factor:.3g}"
-        found = f"holds: safety factor {times} against {kind}"
+        does = f"holds: safety factor {times} against {kind}"
     else:
-        found = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
+        does = f"{gives_way}: past {kind}, {1 / safety.factor:.2g} x"
     place = ", ".join(f"{x:.3g}" for x in safety.place)
     return Check(
         "strength", passed, safety.factor, SAFE,
-        f"{safety.part} ({safety.material}) {found}: {safety.side} stress {safety.stress:.3g} Pa "
+        f"{safety.part} ({safety.material}) {does}: {safety.side} stress {safety.stress:.3g} Pa "
         f"at ({place}), lowest {kind} {safety.limit:.3g} Pa.",
     )  # fmt: skip
 
@@ -321,9 +325,7 @@ def static_checks(result: SagResult, *, size_stated: bool = False) -> tuple[Chec
     return tuple(with_unmade(checks))
 
 
-# Verdicts on the energy of a motion.
-
-# A motion may have this share more energy than it was given. Elements and reduced bodies: 1 % is
+# A motion may have this fraction more energy than it was given. Elements and reduced bodies: 1 % is
 # what BDF2 is inexact by in an impact (tests/fem/test_energy.py), twice that the limit.
 EXCESS = 0.02
 # Springs: explicit steps show their fastest vibrations with too much; falls, spins, bounces and
@@ -331,61 +333,46 @@ EXCESS = 0.02
 SPRING_EXCESS = 0.03
 # Particles: their grid only takes; what keeps its energy had at most .013 % more.
 PARTICLE_EXCESS = 0.001
-# A frame that loses more than this share has an impact in it that is shorter than the frame.
+# A frame that loses more than this fraction has an impact in it that is shorter than the frame.
 SUDDEN = 0.25
 
 
 def keeps_energy(motion: MotionResult, scene: Scene) -> tuple[Check, ...]:
     """Whether no energy is made of nothing, and what is lost; whether its impacts are followed."""
-    if (found := energy_balance(motion, scene)) is None:
+    if (balance := energy_balance(motion, scene)) is None:
         return ()
-    share, gone, most = found.excess / found.given, found.lost / found.given, _limit(motion)
-    passed, limit = share <= most, f"(limit {percent(most)})"
-    if passed:
-        said = f"It never has more energy than the {found.given:.3g} J that it was given {limit}"
-        said += f"; {gone:.1%} of that is lost at the end, to {_takers(motion, scene)}."
-    else:
-        said = f"It has {found.excess:.3g} J more than the {found.given:.3g} J that it was given: "
-        said += f"{percent(share)} too much {limit}. Its steps make energy of nothing."
-    check = Check("energy", passed, share, most, said)
-    return (check, *_impact(motion, found))
-
-
-def _limit(motion: MotionResult) -> float:
-    """Share of energy made of nothing that is no error of the ``motion``, by its method."""
+    most = EXCESS if motion.order else SPRING_EXCESS
     if motion.particles is not None:
-        return PARTICLE_EXCESS
-    return EXCESS if motion.order else SPRING_EXCESS
-
-
-def _takers(motion: MotionResult, scene: Scene) -> str:
-    """What may take energy from a motion, in words."""
-    rubs = ["friction"] if scene.friction and scene.obstacles else []
-    particles = motion.particles is not None
-    flows = ["flow, cracks, damping", "what its grid does not carry"] if particles else []
-    return " and ".join([", ".join([*rubs, *flows]), "its time steps"]).removeprefix(" and ")
-
-
-def _impact(motion: MotionResult, found: EnergyBalance) -> tuple[Check, ...]:
-    """That a frame, where it is one step, takes most of the energy; nothing where none does.
-
-    Where nothing is met it is a swing that begins and ends within few frames.
-    """
-    share = found.dropped / found.given
-    if not motion.order or share <= SUDDEN:
-        return ()
-    lost = (
-        f"{found.dropped:.3g} J of {found.given:.3g} J are lost in the one step of "
-        f"{motion.dt:.2g} s that ends at {found.time:.3g} s"
-    )
-    if not motion.contact_forces.any():
-        said = f"It swings faster than its steps show: {lost}."
-        return (Check("fast swing", False, share, SUDDEN, said),)
-    said = f"An impact is not followed: {lost}; it does not rebound as it would."
-    return (Check("impact", False, share, SUDDEN, said),)
-
-
-# Verdicts on a motion: whom it meets, whether few coordinates or particles do for it.
+        most = PARTICLE_EXCESS
+    excess, limit = balance.excess / balance.given, f"(limit {percent(most)})"
+    passed = excess <= most
+    if passed:
+        takers = ["friction"] if scene.friction and scene.obstacles else []
+        if motion.particles is not None:
+            takers += ["flow, cracks, damping", "what its grid does not carry"]
+        by = f"{', '.join(takers)} and its time steps" if takers else "its time steps"
+        said = f"It never has more energy than the {balance.given:.3g} J that it was given {limit}"
+        said += f"; {balance.lost / balance.given:.1%} of that is lost at the end, to {by}."
+    else:
+        said = (
+            f"It has {balance.excess:.3g} J more than the {balance.given:.3g} J that it was given: "
+        )
+        said += f"{percent(excess)} too much {limit}. Its steps make energy of nothing."
+    checks = [Check("energy", passed, excess, most, said)]
+    # A frame, where it is one step, that takes most of the energy: an impact, or where nothing is
+    # met a swing that begins and ends within few frames
+    sudden = balance.dropped / balance.given
+    if motion.order and sudden > SUDDEN:
+        lost = (
+            f"{balance.dropped:.3g} J of {balance.given:.3g} J are lost in the one step of "
+            f"{motion.dt:.2g} s that ends at {balance.time:.3g} s"
+        )
+        name, said = "fast swing", f"It swings faster than its steps show: {lost}."
+        if motion.contact_forces.any():
+            name = "impact"
+            said = f"An impact is not followed: {lost}; it does not rebound as it would."
+        checks.append(Check(name, False, sudden, SUDDEN, said))
+    return tuple(checks)
 
 
 def no_penetration(motion: MotionResult) -> Check:

@@ -1,5 +1,10 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp functions of 3 x 3 tensors, and of second derivatives by them."""
+"""Warp functions of 3 x 3 tensors, and of second derivatives by them.
+
+Those of ``Any`` serve single precision too: the kernels of particles on a GPU.
+"""
+
+from typing import Any
 
 import warp as wp
 
@@ -11,12 +16,12 @@ vec9d = wp.types.vector(length=9, dtype=wp.float64)
 
 
 @wp.func
-def column(F: wp.mat33d, k: int) -> wp.vec3d:
-    return wp.vec3d(F[0, k], F[1, k], F[2, k])
+def column(F: Any, k: int):
+    return wp.vector(F[0, k], F[1, k], F[2, k])
 
 
 @wp.func
-def cofactor(F: wp.mat33d) -> wp.mat33d:
+def cofactor(F: Any):
     a = column(F, 0)
     b = column(F, 1)
     c = column(F, 2)
@@ -40,7 +45,7 @@ def cofactor_change(F: wp.mat33d, G: wp.mat33d) -> wp.mat33d:
 
 
 @wp.func
-def volume_change(H: wp.mat33d) -> wp.float64:
+def volume_change(H: Any):
     """J - 1 = det(I + H) - 1, exact for small H."""
     return wp.trace(H) + wp.trace(cofactor(H)) + wp.determinant(H)
 

@@ -5,6 +5,8 @@ W = mu/2 (|F|^2 - 3) - mu (J - 1) + lam'/2 (J - 1)^2 with lam' = lam + mu, so th
 answered with exactly (E, nu).
 """
 
+from typing import Any
+
 import warp as wp
 
 from .kernels_tensor import (
@@ -37,6 +39,18 @@ def energy_and_stress(H: wp.mat33d, lam: wp.float64, mu: wp.float64):
     rest = trace * eye - wp.transpose(H) + cof
     bulk = (lam + mu) * grow
     return half * (mu * stretch + bulk * grow), mu * (H - rest) + bulk * (eye + rest)
+
+
+@wp.func
+def kirchhoff(H: Any, lam: Any, mu: Any):
+    """Kirchhoff stress P F^T = mu (b - I) + (lam' J - mu) (J - 1) I [Pa], of any precision.
+
+    What particles need of the law: with b = F F^T it is a third of the work of P.
+    """
+    grow = volume_change(H)
+    bulk = ((lam + mu) * (type(lam)(1.0) + grow) - mu) * grow
+    strain = H + wp.transpose(H) + H * wp.transpose(H)
+    return mu * strain + bulk * wp.identity(n=3, dtype=type(lam))
 
 
 @wp.func

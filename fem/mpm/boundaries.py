@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from ..errors import InputError
 from ..mesh import TetMesh, face_normals
-from ..scene.obstacles import Box, Distance, Obstacle, Plane
+from ..scene.obstacles import Distance, Obstacle, Plane
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..scene.up import up_index
@@ -21,7 +21,7 @@ from .particles import Particles
 # How far held faces hold nodes inside the body [spacings]: on average over all places of a face
 # between two nodes the last held one lies 0.16 spacings inside, where bars get their length.
 DEPTH = 0.66
-# Room around the body [shares of its longest side] in which particles may move.
+# Room around the body [over its longest side] in which particles may move.
 ROOM = 0.5
 # And beside a held face, and around a held point.
 SIDE, AROUND = 0.75, 0.6
@@ -47,131 +47,65 @@ class Wall:
         What it does to matter: a grip is sticky, a slide slips, the ground separates.
     friction
         Coefficient of Coulomb friction [1] where it separates.
-    start, end
-        When it is there [s]: a release is an end.
     axis
         The only axis along which it holds or slides; None: by the normals of the shape.
-    spin, axis_point
-        Turn [rad/s] of a grip, shape (3,), about an axis through the point [m].
     """
 
     shape: Obstacle
     touch: Touch = Touch.SEPARATE
     friction: float = 0.0
-    start: float = 0.0
-    end: float = np.inf
     axis: int | None = None
-    spin: Sequence[float] = (0.0, 0.0, 0.0)
-    axis_point: Sequence[float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        numbers = [self.friction, *self.spin, *self.axis_point, *self.shape.velocity]
+        numbers = [self.friction, *self.shape.velocity]
         if not (np.isfinite(numbers).all() and self.friction >= 0):
             raise InputError(f"wall {self}: wanted finite numbers, friction >= 0")
 
     @property
     def moves(self) -> bool:
         """Whether other nodes lie in it later."""
-        turns = np.any(self.spin) and self.touch != Touch.STICKY
-        return bool(np.any(self.shape.velocity) or turns)
+        return bool(np.any(self.shape.velocity))
 
     def at(
-        self, lattice: BackgroundGrid, nodes: Int[np.ndarray, "nodes"], time: float
-    ) -> WallNodes:
-        """Nodes of ``nodes`` in the wall at ``time`` [s]."""
-        if not self.start <= time < self.end:
-            nodes = nodes[:0]
-        x = lattice.positions(nodes)
+        self, grid: BackgroundGrid, nodes: Int[np.ndarray, "nodes"], time: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes of ``nodes`` in it at ``time`` [s], its normals there and velocities [m/s]."""
         velocity = np.asarray(self.shape.velocity, dtype=float)
         # A node on the surface is in the wall, whatever the last digit of its place.
-        found = self.shape.distance(x - velocity * (time - self.start if self.moves else 0.0))
-        inside = found.gap <= 1e-9 * lattice.spacing
-        normals = found.normal[inside]
+        distance = self.shape.distance(grid.positions(nodes) - velocity * time)
+        inside = distance.gap <= 1e-9 * grid.spacing
+        normals = distance.normal[inside]
         if self.axis is not None:
             normals = np.tile(np.eye(3)[self.axis], (len(normals), 1))
-        arm = x[inside] - self.axis_point
-        return WallNodes(nodes[inside], normals, velocity + np.cross(self.spin, arm))
+        return nodes[inside], normals, np.tile(velocity, (len(normals), 1))
 
 
-@dataclass(frozen=True, eq=False)
-class WallNodes:
-    """Numbers of nodes, outward normals of the wall there, and its velocities [m/s]."""
-
-    nodes: Int[np.ndarray, "nodes"]
-    normals: Float[np.ndarray, "nodes 3"]
-    velocities: Float[np.ndarray, "nodes 3"]
-
-
-def room_walls(
-    low: Sequence[float], high: Sequence[float], touch: Touch = Touch.SLIP
-) -> tuple[Wall, ...]:
-    """Six planes that close the room from ``low`` to ``high`` [m]."""
-    inward = np.eye(3)
-    return tuple(
-        Wall(shape=Plane(tuple(corner), tuple(sign * inward[axis])), touch=touch)
-        for corner, sign in ((low, 1.0), (high, -1.0))
-        for axis in range(3)
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Impulse:
-    """A push of ``momentum`` (3,) [N s] on all mass within a ``box`` at ``time`` [s].
-
-    It is shared by mass: the change of velocity depends neither on sampling nor on steps.
-    """
-
-    momentum: Sequence[float]
-    box: Box | None = None
-    time: float = 0.0
-
-    def change(
-        self, x: Float[np.ndarray, "n 3"], mass: Float[np.ndarray, "n"]
-    ) -> Float[np.ndarray, "n 3"]:
-        """Change of the velocities [m/s] of particles of these places [m] and masses [kg]."""
-        hit = np.ones(len(x), dtype=bool) if self.box is None else self.box.distance(x).gap <= 0
-        if not hit.any():
-            raise InputError(f"an impulse of {self.momentum} N s meets no particle: move its box")
-        return hit[:, None] * np.asarray(self.momentum, dtype=float) / mass[hit].sum()
-
-
-class StillNodes(NamedTuple):
-    """Numbers of the nodes that stationary particles reach, and their mass [kg] there."""
-
-    nodes: Int[np.ndarray, "nodes"]
-    mass: Float[np.ndarray, "nodes"]
-
-
-def still_nodes(held: Particles | None, lattice: BackgroundGrid) -> StillNodes:
-    """Stationary mass on the nodes of the grid, by the weights of the particles."""
-    total = np.zeros(lattice.count)
-    if held is not None:
-        first = lattice.first_nodes(held.x)
-        room = ((first >= 0) & (first < np.array(lattice.shape) - 2)).all(axis=1)
-        first, x, mass = first[room], held.x[room], held.mass[room]
-        f = (x - lattice.origin) / lattice.spacing - first
+def still_nodes(
+    particles: Particles | None, grid: BackgroundGrid
+) -> tuple[Int[np.ndarray, "nodes"], Float[np.ndarray, "nodes"]]:
+    """Nodes that stationary particles reach, and their mass [kg] there, by the weights."""
+    total = np.zeros(grid.count)
+    if particles is not None:
+        first = grid.first_nodes(particles.x)
+        room = ((first >= 0) & (first < np.array(grid.shape) - 2)).all(axis=1)
+        first, x, mass = first[room], particles.x[room], particles.mass[room]
+        f = (x - grid.origin) / grid.spacing - first
         w = np.stack([0.5 * (1.5 - f) ** 2, 0.75 - (f - 1) ** 2, 0.5 * (f - 0.5) ** 2])
         for a, b, c in np.ndindex(3, 3, 3):
-            share = mass * w[a, :, 0] * w[b, :, 1] * w[c, :, 2]
-            total += np.bincount(lattice.flat(first + np.array([a, b, c])), share, lattice.count)
+            fraction = w[a, :, 0] * w[b, :, 1] * w[c, :, 2]
+            total += np.bincount(
+                grid.flat(first + np.array([a, b, c])), mass * fraction, grid.count
+            )
     nodes = np.flatnonzero(total)
-    return StillNodes(nodes, total[nodes])
+    return nodes, total[nodes]
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPlaces:
     """Where a body is held: outside of its held faces, and around its held points.
 
-    Parameters
-    ----------
-    samples, normals
-        Places [m] on held faces and their outward normals, shape (m, 3).
-    points
-        Held points [m] that are of no held face, shape (k, 3).
-    spacing
-        Spacing [m] of the grid.
-    velocity
-        Velocity [m/s] of what holds, shape (3,).
+    ``samples`` [m] on held faces and their outward ``normals``; ``points`` [m] of no held face;
+    ``spacing`` [m] of the grid, and the ``velocity`` [m/s] of what holds.
     """
 
     samples: Float[np.ndarray, "m 3"]
@@ -231,14 +165,13 @@ def support_walls(
         axes, velocity = np.flatnonzero(row[:3]), tuple((row[3:] / duration).tolist())
         if not len(axes):
             continue
-        held = which.reshape(-1) == k
+        fixed = which.reshape(-1) == k
         faces = mesh.boundary.faces
-        own = faces[held[faces].all(axis=1)]
-        samples, of = _face_samples(mesh.points, own, spacing / 2)
-        normals = face_normals(mesh.points, own)[of]
-        inner = held.copy()
-        inner[own] = False
-        place = HeldPlaces(samples, normals, mesh.points[inner], spacing, velocity)
+        faces = faces[fixed[faces].all(axis=1)]
+        samples, of = _face_samples(mesh.points, faces, spacing / 2)
+        normals = face_normals(mesh.points, faces)[of]
+        fixed[faces] = False
+        place = HeldPlaces(samples, normals, mesh.points[fixed], spacing, velocity)
         if len(axes) == 3:
             walls.append(Wall(shape=place, touch=Touch.STICKY))
         for axis in axes if len(axes) < 3 else ():
@@ -255,18 +188,18 @@ def _face_samples(
     parts = np.maximum(np.ceil(edges / step), 1).astype(np.int64)
     places, owners = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
     for n in np.unique(parts):
-        own = np.flatnonzero(parts == n)
+        some = np.flatnonzero(parts == n)
         a, b = (g.ravel() for g in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
-        share = np.stack([a, b, n - a - b], axis=1)[a + b <= n] / n
-        places.append(np.einsum("sk,fki->fsi", share, corners[own]).reshape(-1, 3))
-        owners.append(np.repeat(own, len(share)))
+        weights = np.stack([a, b, n - a - b], axis=1)[a + b <= n] / n
+        places.append(np.einsum("sk,fki->fsi", weights, corners[some]).reshape(-1, 3))
+        owners.append(np.repeat(some, len(weights)))
     return np.concatenate(places), np.concatenate(owners)
 
 
 # The background grid: where it lies, how fine it is, which of its nodes are near particles.
 
-# Held nodes of a plane clamp lie this share of a spacing inside the body: at the clamp itself they
-# make it longer by 0.15 spacings (hanging bars of 8 to 32 cells).
+# Fixed nodes of a plane clamp lie this fraction of a spacing inside the body: at the clamp itself
+# they make it longer by 0.15 spacings (hanging bars of 8 to 32 cells).
 CLAMP_OFFSET = 0.16
 # Nodes around the room of the particles: their own weights, and a spacing of drift.
 MARGIN = 4
@@ -296,8 +229,7 @@ class BackgroundGrid(NamedTuple):
 
     def positions(self, numbers: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
         """Positions [m] of nodes by number."""
-        found = np.stack(np.unravel_index(numbers, self.shape), axis=1)
-        return self.origin + self.spacing * found
+        return self.origin + self.spacing * np.stack(np.unravel_index(numbers, self.shape), axis=1)
 
     def near(self, x: Float[np.ndarray, "n 3"], *, drift: int = 1) -> Int[np.ndarray, "nodes"]:
         """Numbers of the nodes that particles reach while they drift up to ``drift`` spacings."""
@@ -305,17 +237,12 @@ class BackgroundGrid(NamedTuple):
         first = self.first_nodes(x)
         room = ((first >= 0) & (first < np.array(self.shape) - 2)).all(axis=1)
         mark.ravel()[self.flat(first[room])] = True
-        for axis in range(3):
-            # Mark what lies `low` to `high` nodes further along an axis, too
-            low = -drift
-            high = 2 + drift
+        for axis in range(3):  # mark what lies up to so many nodes further along an axis, too
             along = np.moveaxis(mark, axis, 0)
-            wide = np.zeros_like(along)
-            size = len(along)
-            for shift in range(low, high + 1):
-                wide[max(shift, 0) : size + min(shift, 0)] |= along[
-                    max(-shift, 0) : size - max(shift, 0)
-                ]
+            wide, size = np.zeros_like(along), len(along)
+            for shift in range(-drift, 3 + drift):
+                ahead, back = max(shift, 0), max(-shift, 0)
+                wide[ahead : size - back] |= along[back : size - ahead]
             mark = np.moveaxis(wide, 0, axis)
         return np.flatnonzero(mark)
 

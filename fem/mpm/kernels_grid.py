@@ -1,24 +1,20 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels on the listed nodes of the grid: clear, move, hold, push back."""
+"""Warp kernels on the nodes of the grid, of rigid bodies, and of the survey of the particles."""
 
 from functools import cache
 from typing import Any, NamedTuple
 
 import warp as wp
 
-from .kernels_transfer import (
-    OPTIONS,
-    gather_function,
-    stretch_functions,
-    types_of,
-    weight_functions,
-)
+from ..laws.kernels_tensor import volume_change
+from .boundaries import Touch
+from .kernels_transfer import OPTIONS, transfer_functions, types_of
 from .materials import Form, MaterialClass
 
-# Share of stationary mass from which a node is held: on average, over all places of a face between
-# two nodes, it is then clamped 0.16 spacings inside the moving body, where bars get their length.
-HELD_SHARE = 0.1
-FREE_SLIP, STICKY, SEPARATE = 0, 1, 2
+# Fraction of stationary mass from which a node is fixed: on average, over all places of a face
+# between two nodes, it is then clamped 0.16 spacings inside the moving body, where bars get their
+# length.
+FIXED_FRACTION = 0.1
 
 
 class GridKernels(NamedTuple):
@@ -27,7 +23,7 @@ class GridKernels(NamedTuple):
     ``clear`` (nodes, grid); ``advance`` (nodes, grid, second, gravity, clock) makes velocities of
     momenta, ``second`` the grid of another thread or one of no nodes; ``wall`` (nodes, normals,
     velocities, mode, friction, touching, slot, grid, impulse, kick) corrects them; ``hold`` (nodes,
-    still, slot, grid, impulse) stops nodes with a share of stationary mass.
+    still, slot, grid, impulse) stops nodes with a fraction of stationary mass.
     """
 
     clear: Any
@@ -39,11 +35,8 @@ class GridKernels(NamedTuple):
 @cache
 def grid_kernels(real: Any) -> GridKernels:
     """Kernels in ``real`` numbers."""
-    return GridKernels(*_moving(real), _wall(real), _hold(real))
-
-
-def _moving(real: Any) -> tuple[Any, Any]:
     vec3, vec4 = types_of(real).vec3, types_of(real).vec4
+    most = wp.constant(real(FIXED_FRACTION / (1 - FIXED_FRACTION)))
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def clear(first: int, nodes: wp.array(dtype=int), grid: wp.array(dtype=vec4)):
@@ -66,12 +59,6 @@ def _moving(real: Any) -> tuple[Any, Any]:
         if q[3] > real(0.0):
             v = clock[1] * (vec3(q[0], q[1], q[2]) / q[3] + clock[0] * gravity)
             grid[node] = vec4(v[0], v[1], v[2], q[3])
-
-    return clear, advance
-
-
-def _wall(real: Any) -> Any:
-    vec3, vec4 = types_of(real).vec3, types_of(real).vec4
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def wall(
@@ -99,10 +86,10 @@ def _wall(real: Any) -> Any:
             n = normals[i]
             into = wp.dot(u, n)
             approach = into * into
-            if mode == STICKY:
+            if mode == wp.static(int(Touch.STICKY)):
                 approach = wp.dot(u, u)
                 u = vec3()
-            elif mode == FREE_SLIP:
+            elif mode == wp.static(int(Touch.SLIP)):
                 u = u - into * n
             elif into < real(0.0):
                 u = u - into * n
@@ -115,13 +102,6 @@ def _wall(real: Any) -> Any:
             wp.atomic_add(impulse, slot, q[3] * change)
             if kick.shape[0] > 0 and q[3] > touching:
                 kick[nodes[i]] += vec4(change[0], change[1], change[2], approach)
-
-    return wall
-
-
-def _hold(real: Any) -> Any:
-    vec3, vec4 = types_of(real).vec3, types_of(real).vec4
-    most = wp.constant(real(HELD_SHARE / (1 - HELD_SHARE)))
 
     @wp.kernel(module=f"mpm_grid_{real.__name__}", enable_backward=False)
     def hold(
@@ -137,10 +117,7 @@ def _hold(real: Any) -> Any:
             grid[nodes[i]] = vec4(real(0.0), real(0.0), real(0.0), q[3])
             wp.atomic_add(impulse, slot, -q[3] * vec3(q[0], q[1], q[2]))
 
-    return hold
-
-
-# Warp kernels of rigid bodies: they take the momentum and the angular momentum of their nodes.
+    return GridKernels(clear, advance, wall, hold)
 
 
 class RigidKernels(NamedTuple):
@@ -148,8 +125,7 @@ class RigidKernels(NamedTuple):
 
     ``gather`` (first, cloud, frame, grid, kick, bodies) sums momenta and what walls kicked,
     ``settle`` (bodies, clock, rest) makes velocities of them and moves the bodies, ``carry``
-    (first, cloud, bodies) moves their particles.
-    ``Bodies`` is their struct.
+    (first, cloud, bodies) moves their particles. ``Bodies`` is their struct.
     """
 
     gather: Any
@@ -160,8 +136,11 @@ class RigidKernels(NamedTuple):
 
 @cache
 def rigid_kernels(real: Any) -> RigidKernels:
-    """Kernels in ``real`` numbers."""
-    vec3, mat33 = types_of(real).vec3, types_of(real).mat33
+    """Kernels of bodies that take the momentum and the angular momentum of their nodes."""
+    types = types_of(real)
+    Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
+    mat33 = types.mat33
+    place, inside, _, gather = transfer_functions(real)
 
     @wp.struct
     class Bodies:
@@ -180,16 +159,6 @@ def rigid_kernels(real: Any) -> RigidKernels:
         extra: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
         spin: wp.array(dtype=vec3)
-
-    return RigidKernels(_gather(real, Bodies), _settle(real, Bodies), _carry(real, Bodies), Bodies)
-
-
-def _gather(real: Any, Bodies: Any) -> Any:
-    types = types_of(real)
-    Cloud, Frame, vec3, vec4 = types.Cloud, types.Frame, types.vec3, types.vec4
-    mat33 = types.mat33
-    place, inside, _ = weight_functions(real)
-    gather = gather_function(real)
 
     @wp.func
     def axial(C: mat33):
@@ -224,12 +193,6 @@ def _gather(real: Any, Bodies: Any) -> Any:
         wp.atomic_add(bodies.momentum, b, m * v)
         wp.atomic_add(bodies.turning, b, m * (wp.cross(arm, v) + spread * axial(C)))
 
-    return sum_momenta
-
-
-def _settle(real: Any, Bodies: Any) -> Any:
-    vec3, mat33 = types_of(real).vec3, types_of(real).mat33
-
     @wp.func
     def spin_of(R: mat33, inertia: mat33, turning: vec3):
         return R * (wp.inverse(inertia) * (wp.transpose(R) * turning))
@@ -238,7 +201,7 @@ def _settle(real: Any, Bodies: Any) -> Any:
     def settle(bodies: Bodies, clock: wp.array(dtype=real), rest: real):
         """Stop at walls, then move: by the spin at the start, which momentum then makes anew.
 
-        A wall stops the nodes in it, a share of the body's mass: what it gave is scaled until the
+        A wall stops the nodes in it, a part of the body's mass: what it gave is scaled until the
         body as a whole no longer approaches, or it would creep into the ground. A body of which
         they leave less than ``rest`` of the speed that they took from it rests: what gravity adds
         in every step would rock it, and it would sink from corner to corner.
@@ -255,11 +218,11 @@ def _settle(real: Any, Bodies: Any) -> Any:
             more = wp.max(bodies.approach[b] / answer - real(1.0), real(0.0))
         P = bodies.momentum[b] + more * push
         L = bodies.turning[b] + more * torque
-        given = more * push
+        extra = more * push
         w = spin_of(R, bodies.inertia[b], L)
         taken = (real(1.0) + more) * (real(1.0) + more) * answer
         if wp.dot(P, P) / bodies.mass[b] + wp.dot(L, w) < rest * rest * taken:
-            given = given - P
+            extra = extra - P
             P = vec3()
             L = vec3()
             w = vec3()
@@ -279,13 +242,7 @@ def _settle(real: Any, Bodies: Any) -> Any:
         bodies.push[b] = vec3()
         bodies.torque[b] = vec3()
         bodies.approach[b] = real(0.0)
-        bodies.extra[b] = bodies.extra[b] + given
-
-    return settle
-
-
-def _carry(real: Any, Bodies: Any) -> Any:
-    Cloud = types_of(real).Cloud
+        bodies.extra[b] = bodies.extra[b] + extra
 
     @wp.kernel(module="unique", enable_backward=False)
     def carry(first: int, cloud: Cloud, bodies: Bodies):
@@ -299,10 +256,8 @@ def _carry(real: Any, Bodies: Any) -> Any:
         cloud.C[p] = wp.skew(w)
         cloud.H[p] = R - wp.identity(n=3, dtype=real)
 
-    return carry
+    return RigidKernels(sum_momenta, settle, carry, Bodies)
 
-
-# Warp kernel that looks over the particles: how fast, how far, how stiff, how many are lost.
 
 # Entries of the survey.
 SPEED, MOVED, SPREAD, WAVE, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(8)
@@ -310,25 +265,24 @@ SPEED, MOVED, SPREAD, WAVE, OUTSIDE, NOT_FINITE, INVERTED, COUNT = range(8)
 
 @cache
 def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> Any:
-    """(first, cloud, frame, listed, found) for a class: maxima, and counts of the last entries.
+    """(first, cloud, frame, listed, survey) for a class: maxima, and counts of the last entries.
 
     ``listed`` are the places for which nodes were listed; moves are in spacings. What tore has lost
     the stiffness of its stretch, however far its crack is open.
     """
     types = types_of(real)
-    place, inside, _ = weight_functions(real)
+    place, inside, _, _ = transfer_functions(real)
     vec3, Cloud, Frame = types.vec3, types.Cloud, types.Frame
-    volume_change = stretch_functions(real).volume_change
     fluid, snow = kind == MaterialClass.FLUID, kind == MaterialClass.SNOW
     tears, rigid = form == Form.TEARING, kind == MaterialClass.STATIONARY
 
     @wp.kernel(module="unique", enable_backward=False)
-    def survey(
+    def look(
         first: int,
         cloud: Cloud,
         frame: Frame,
         listed: wp.array(dtype=vec3),
-        found: wp.array(dtype=real),
+        survey: wp.array(dtype=real),
     ):
         p = first + wp.tid()
         x = cloud.x[p]
@@ -336,18 +290,18 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
         C = cloud.C[p]
         H = cloud.H[p]
         if not wp.isfinite(wp.dot(x, x) + wp.dot(v, v) + wp.ddot(C, C) + wp.ddot(H, H)):
-            wp.atomic_add(found, wp.static(NOT_FINITE), real(1.0))
+            wp.atomic_add(survey, wp.static(NOT_FINITE), real(1.0))
         else:
             if not inside(frame, place(frame, x)):
-                wp.atomic_add(found, wp.static(OUTSIDE), real(1.0))
+                wp.atomic_add(survey, wp.static(OUTSIDE), real(1.0))
             away = (x - listed[p]) / frame.spacing
             most = wp.max(wp.abs(away[0]), wp.max(wp.abs(away[1]), wp.abs(away[2])))
-            wp.atomic_max(found, wp.static(SPEED), wp.length(v))
-            wp.atomic_max(found, wp.static(MOVED), most)
-            wp.atomic_max(found, wp.static(SPREAD), wp.sqrt(wp.ddot(C, C)))
+            wp.atomic_max(survey, wp.static(SPEED), wp.length(v))
+            wp.atomic_max(survey, wp.static(MOVED), most)
+            wp.atomic_max(survey, wp.static(SPREAD), wp.sqrt(wp.ddot(C, C)))
             J = real(1.0) + volume_change(H)
             if J <= real(0.0):
-                wp.atomic_add(found, wp.static(INVERTED), real(1.0))
+                wp.atomic_add(survey, wp.static(INVERTED), real(1.0))
             density = cloud.m[p] / cloud.volume[p]
             stiff = cloud.lam[p] + real(2.0) * cloud.mu[p]
             if wp.static(fluid):
@@ -366,6 +320,6 @@ def survey_kernel(kind: MaterialClass, real: Any, form: Form = Form.PLAIN) -> An
                 stiff = stiff * wp.exp(wp.clamp(hard, real(0.0), real(5.0)))
             if wp.static(rigid):
                 stiff = real(0.0)
-            wp.atomic_max(found, wp.static(WAVE), wp.sqrt(stiff / density))
+            wp.atomic_max(survey, wp.static(WAVE), wp.sqrt(stiff / density))
 
-    return survey
+    return look

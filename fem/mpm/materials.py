@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Float
 
 from ..errors import InputError
 from ..table import Material, load_flows
@@ -69,8 +68,6 @@ LAWS = {
     MaterialClass.SNOW: "snow",
     MaterialClass.STATIONARY: "stands still",
 }
-# Classes whose shape at rest fades: a splat that they carry keeps its covariance.
-FLOWING = (MaterialClass.SAND, MaterialClass.FLUID)
 # Exponent of the equation of state of weakly compressible water (Cole 1948; Batchelor 1967).
 GAMMA = 7.0
 # Snow after Stomakhin et al. 2013, table 2: E 1.4e5 Pa, nu 0.2, rho 400 kg/m^3.
@@ -184,33 +181,3 @@ class Substance:
 def _check(name: str, value: float, *, least: float) -> None:
     if not (np.isfinite(value) and value >= least):
         raise InputError(f"{name} = {value:g}: wanted a finite number {'>' if least else '>='} 0")
-
-
-def elastic_density(
-    kind: MaterialClass,
-    H: Float[np.ndarray, "n 3 3"],
-    lam: Float[np.ndarray, "n"],
-    mu: Float[np.ndarray, "n"],
-    bulk: Float[np.ndarray, "n"],
-    *,
-    form: Form = Form.PLAIN,
-) -> Float[np.ndarray, "n"]:
-    """Elastic energy per volume at rest [J/m^3] of a class, of H = F - I of its elastic part.
-
-    ``bulk`` is K [Pa] of a fluid. Damage of jelly and hardening of snow are left out.
-    """
-    F = H + np.eye(3)
-    grow = np.linalg.det(F) - 1
-    if kind == MaterialClass.STATIONARY:
-        return np.zeros(len(H))
-    if kind == MaterialClass.JELLY and form != Form.COROTATED:
-        stretch = (F**2).sum(axis=(1, 2)) - 3
-        return mu / 2 * stretch - mu * grow + (lam + mu) / 2 * grow**2
-    if kind == MaterialClass.FLUID:
-        J, rest = 1 + grow, GAMMA / (GAMMA - 1)
-        return bulk / GAMMA * (J ** (1 - GAMMA) / (GAMMA - 1) + J - rest)
-    stretches = np.linalg.svd(F, compute_uv=False)
-    if form == Form.COROTATED:
-        return mu * ((stretches - 1) ** 2).sum(axis=1) + lam / 2 * grow**2
-    strain = stretches - 1 if kind == MaterialClass.SNOW else np.log(stretches)
-    return mu * (strain**2).sum(axis=1) + lam / 2 * strain.sum(axis=1) ** 2

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ..errors import UsageError
 from ..laws.law import Law
@@ -18,16 +18,15 @@ from ..validation import checked_count, checked_number, checked_positive
 from .boundaries import BackgroundGrid, Wall, scene_room, support_walls
 from .materials import MaterialClass, Substance
 from .particles import (
+    Followers,
     Particles,
     ParticleState,
-    TetSample,
-    mesh_followers,
     particle_forces,
     sample_tets,
 )
-from .rigid import Stiff, Treatment, bending_regions, near_held, treated, treatment_notes
+from .rigid import Stiff, Treatment, bending_regions, near_fixed, treated, treatment_notes
 from .solver import MpmSolver
-from .time_step import BUDGET, COURANT, MpmError, largest_modulus, longest_step
+from .time_step import BUDGET, COURANT, MpmError, stable_step
 
 # CPU time [s] of a particle and substep, by class, and of a substep without any, on one core
 # (`benchmarks/mpm.py`).
@@ -44,9 +43,9 @@ class MpmMethod:
     grid
         Cells of the grid along the longest side of the body.
     stiff
-        What becomes of matter that is too stiff for the steps.
+        What becomes of parts that are too stiff for the steps.
     budget
-        Substeps a second of motion that matter may need at most.
+        Substeps a second of motion that a part may need at most.
     substances
         Class and yield by name of region; jelly where none is named.
     damping
@@ -54,8 +53,8 @@ class MpmMethod:
     threads
         One or two on a CPU.
     step, courant
-        Step [s] instead of the longest stable one, and what share of a cell waves may cross in it:
-        what is too stiff for it is a failure then.
+        Step [s] instead of the longest stable one, and what fraction of a cell waves may cross in
+        it: what is too stiff for it is a failure then.
     metres
         The body is moved as if its longest side were this long [m]; None: as long as it is.
     corotated
@@ -101,51 +100,91 @@ class MpmMethod:
         device: str = "cpu",
         progress: FrameProgress | None = None,
     ) -> MotionResult:
-        """Follow the scene for its duration; ``MpmError`` where the run fails.
+        """Follow the scene for its duration.
 
-        ``law`` and ``order`` are for elements: there are none here.
+        Raises
+        ------
+        UsageError
+            Where an ``order`` is asked for, which is for elements, a ``law`` that jelly here does
+            not have, or a substance of a part that there is not.
+        MpmError
+            Where the run fails.
         """
+        laws = () if self.corotated else self.laws
+        if order is not None or law not in (None, *laws):
+            raise UsageError(
+                "particles have no elements, and a law by substance: leave law and order out"
+            )
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         checked_count("grid", self.grid)
         checked_number("damping", self.damping, "1/s", least=0.0)
-        share = scene.longest / (self.metres or scene.longest)
-        scene = scene.similar(share)
-        setup = self._setup(scene, device)
-        record = _Recorder(scene, setup)
-        motions = [record.motion(setup.now(0.0))]
+        scale = scene.longest / (self.metres or scene.longest)
+        run = self._run(scene.similar(scale), device)
+        motions = [run.motion(0.0)]
         for frame in range(1, frames + 1):
-            if setup.solver is not None and not setup.solver.advance(dt):
-                assert setup.solver.failure is not None
-                plan = setup.plan(scene.duration)
-                raise MpmError(setup.solver.failure.scaled(share**2), plan, setup.notes)
-            motions.append(record.motion(setup.now(frame * dt)))
+            if run.solver is not None and not run.solver.advance(dt):
+                assert run.solver.failure is not None
+                raise MpmError(run.solver.failure.scaled(scale**2), run.plan, run.notes)
+            motions.append(run.motion(frame * dt))
             if progress is not None:
                 progress(frame, frames)
-        return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=record.run())
+        return MotionResult(tuple(motions), dt, len(motions[0].u), 0, particles=run.record())
 
-    def _setup(self, scene: Scene, device: str) -> _Setup:
-        mesh = scene.mesh
+    def _run(self, scene: Scene, device: str) -> _Run:
+        """Particles of the body, what becomes of stiff ones, boundaries, and the solver."""
+        mesh, material = scene.mesh, material_of(scene.mesh)
         spacing = scene.longest / self.grid
         room = scene_room(scene, spacing)  # or the grid is refused, before anything is made for it
         step = self.step or 1 / self.budget
         bends = bending_regions(scene, self.substances, spacing, step=step, courant=self.courant)
         sample = sample_tets(mesh, spacing, bends=bends)
-        given = self._particles(scene, sample)
-        found = self._treated(scene, given, spacing)
+
+        unknown = sorted(set(self.substances) - set(mesh.region_names))
+        if unknown:
+            raise UsageError(f"no part {unknown[0]!r}: there are {', '.join(mesh.region_names)}")
+        region = mesh.region[sample.tet].astype(np.int64)
+        jelly = Substance(corotated=self.corotated)
+        velocity = np.asarray(scene.velocity, dtype=float)
+        if velocity.ndim == 2:
+            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
+        particles = Particles(
+            x=sample.x, volume=sample.volume, E=material.E[sample.tet],
+            nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
+            parts=mesh.region_names, substance=region.copy(),
+            substances=tuple(self.substances.get(name, jelly) for name in mesh.region_names),
+            velocity=np.broadcast_to(velocity, sample.x.shape).copy(),
+            rigid=np.full(len(region), -1, dtype=np.int64),
+        )  # fmt: skip
+        if self.step is None:
+            treatment = treated(
+                particles, spacing, stiff=self.stiff,
+                held=near_fixed(mesh.points, scene.held, particles.x, spacing),
+                budget=self.budget, gravity=float(np.linalg.norm(scene.gravity_vector)) or 9.81,
+            )  # fmt: skip
+        else:  # with a step of its own it stays as it is, and may fail
+            treatment = Treatment(particles=particles)
+        particles = treatment.particles
+
+        notes = self.notes
+        if self.metres is not None:
+            notes += (
+                f"moved as if it were {self.metres:g} m long, not {scene.longest:.3g} m: times, "
+                "speeds and sags are not the body's own",
+            )
+        notes += treatment_notes(treatment, sample.thin)
+        force = particle_forces(scene, particles.x)
+        if particles.held.all():
+            return _Run(scene, treatment, room, None, force, notes)
         walls = [Wall(shape=obstacle, friction=scene.friction) for obstacle in scene.obstacles]
         if scene.ground is not None:
             walls.append(Wall(shape=scene.ground))
         walls += support_walls(mesh, scene.held, spacing, scene.duration)
-        notes = (*self._assumed(scene), *treatment_notes(found, sample.thin))
-        if found.particles.held.all():
-            return _Setup(found, sample, room, None, notes)
         # Whether it is jelly alone, held, and meets nothing: weights at rest forget nothing then
-        given = found.particles
-        moving = given.kinds[~given.held] == MaterialClass.JELLY
-        tears = any(s.tears for s in given.substances)
+        moving = particles.kinds[~particles.held] == MaterialClass.JELLY
+        tears = any(s.tears for s in particles.substances)
         solver = MpmSolver(
-            found.particles,
+            particles,
             room,
             walls=walls,
             gravity_vector=scene.gravity_vector,
@@ -158,52 +197,12 @@ class MpmMethod:
             courant=self.courant,
             step=self.step,
         )
-        force = particle_forces(scene, found.particles.x)
         if force.any():
-            solver.push(force / found.particles.mass[:, None])
-        setup = _Setup(found, sample, room, solver, notes)
+            solver.push(force / particles.mass[:, None])
+        run = _Run(scene, treatment, room, solver, force, notes)
         if self.announce is not None:
-            self.announce(setup.plan(scene.duration))
-        return setup
-
-    def _treated(self, scene: Scene, given: Particles, spacing: float) -> Treatment:
-        """What becomes of stiff matter; with a step of its own it stays as it is, and may fail."""
-        if self.step is not None:
-            most = largest_modulus(given.nu, given.rho, spacing, self.step, courant=self.courant)
-            return Treatment(particles=given, dt=self.step, E_max=np.asarray(most))
-        return treated(
-            given, spacing, held=near_held(scene, given.x, spacing), stiff=self.stiff,
-            budget=self.budget, gravity=float(np.linalg.norm(scene.gravity_vector)) or 9.81,
-        )  # fmt: skip
-
-    def _assumed(self, scene: Scene) -> tuple[str, ...]:
-        """What is not the body's own size, in words."""
-        if self.metres is None:
-            return self.notes
-        return (
-            *self.notes,
-            f"moved as if it were {self.metres:g} m long, not {scene.longest:.3g} m: times, speeds "
-            "and sags are not the body's own",
-        )
-
-    def _particles(self, scene: Scene, sample: TetSample) -> Particles:
-        mesh, material = scene.mesh, material_of(scene.mesh)
-        unknown = sorted(set(self.substances) - set(mesh.region_names))
-        if unknown:
-            raise UsageError(f"no part {unknown[0]!r}: there are {', '.join(mesh.region_names)}")
-        region = mesh.region[sample.tet].astype(np.int64)
-        jelly = Substance(corotated=self.corotated)
-        named = tuple(self.substances.get(name, jelly) for name in mesh.region_names)
-        velocity = np.asarray(scene.velocity, dtype=float)
-        if velocity.ndim == 2:
-            velocity = velocity[mesh.tets[sample.tet]].mean(axis=1)
-        return Particles(
-            x=sample.x, volume=sample.volume, E=material.E[sample.tet],
-            nu=material.nu[sample.tet], rho=material.rho[sample.tet], part=region,
-            parts=mesh.region_names, substance=region.copy(), substances=named,
-            velocity=np.broadcast_to(velocity, sample.x.shape).copy(),
-            rigid=np.full(len(region), -1, dtype=np.int64),
-        )  # fmt: skip
+            self.announce(run.plan)
+        return run
 
 
 METHOD = MpmMethod()
@@ -216,103 +215,106 @@ PRESETS = {
 }
 
 
-class _Setup(NamedTuple):
-    """What is solved; without a ``solver`` nothing moves."""
+class _Run:
+    """Particles that a scene became, and their states as states of the mesh.
 
-    treatment: Treatment
-    sample: TetSample
-    room: BackgroundGrid
-    solver: MpmSolver | None
-    notes: tuple[str, ...]
+    Without a ``solver`` nothing moves. ``plan`` is particles, steps and the time that they will
+    take, in words.
+    """
 
-    def now(self, time: float) -> ParticleState:
-        if self.solver is not None:
-            return self.solver.state
-        x = self.treatment.particles.x
-        eyes = np.tile(np.eye(3), (len(x), 1, 1))
-        return ParticleState(time, x, np.zeros_like(x), eyes, np.zeros(len(x)))
-
-    def plan(self, duration: float) -> str:
-        """Particles, steps and the time that they will take, in words."""
-        given = self.treatment.particles
+    def __init__(
+        self,
+        scene: Scene,
+        treatment: Treatment,
+        room: BackgroundGrid,
+        solver: MpmSolver | None,
+        force: Float[np.ndarray, "particles 3"],
+        notes: tuple[str, ...],
+    ) -> None:
+        self.scene, self.treatment, self.room = scene, treatment, room
+        self.solver, self.notes, self.time = solver, notes, 0.0
+        particles = treatment.particles
+        labels = np.zeros(len(scene.mesh.points), dtype=np.int64)
+        labels[scene.mesh.tets.ravel()] = np.repeat(scene.mesh.region, 4)
+        self.followers = Followers.of(
+            scene.mesh.points, particles.x, labels=labels, parts=particles.part
+        )
+        weight = particles.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+        self.load = weight + force
+        self.positions: list[np.ndarray] = []
+        self.gradients: list[np.ndarray] = []
         dt = np.inf  # nothing moves
-        if self.solver is not None:
-            waves, speeds = float(given.wave_speed.max()), np.linalg.norm(given.velocity, axis=1)
-            pull, spacing = self.solver.substep.pull, self.room.spacing
-            dt = longest_step(waves, float(speeds.max()), spacing, pull=pull)
-            dt = self.solver.step or dt
-        steps = max(duration / dt, 1.0)
-        each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in given.kinds])
-        seconds = steps * (OVERHEAD + float(each[~given.held].sum()))
-        return (
-            f"{len(given.x):,} particles, a grid of {'x'.join(map(str, self.room.shape))}, about "
+        if solver is not None:
+            fastest = float(np.linalg.norm(particles.velocity, axis=1).max())
+            dt = solver.step or stable_step(
+                float(particles.wave_speed.max()), fastest, room.spacing,
+                pull=solver.substep.pull, courant=solver.courant,
+            )  # fmt: skip
+        steps = max(scene.duration / dt, 1.0)
+        each = np.array([COSTS.get(MaterialClass(int(k)), COST) for k in particles.kinds])
+        seconds = steps * (OVERHEAD + float(each[~particles.held].sum()))
+        self.plan = (
+            f"{len(particles.x):,} particles, a grid of {'x'.join(map(str, room.shape))}, about "
             f"{steps:,.0f} steps: some {seconds:,.0f} s"
         )
 
-
-class _Recorder:
-    """States of particles as states of the mesh."""
-
-    def __init__(self, scene: Scene, setup: _Setup) -> None:
-        self.scene, self.setup, self.time = scene, setup, 0.0
-        given = setup.treatment.particles
-        self.follow = mesh_followers(scene.mesh, given.x, given.part)
-        weight = given.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
-        self.load = weight + particle_forces(scene, given.x)
-        self.positions: list[np.ndarray] = []
-        self.gradients: list[np.ndarray] = []
-
-    def motion(self, state: ParticleState) -> Motion:
-        """The mesh at the time of ``state``, which is kept; forces are means since the last."""
+    def motion(self, time: float) -> Motion:
+        """The mesh now, which is kept; forces are means since the last."""
+        scene, followers, particles = self.scene, self.followers, self.treatment.particles
+        solver, points, obstacles = self.solver, len(scene.mesh.points), scene.obstacles
+        forces = np.zeros((len(obstacles), 3))
+        if solver is None:
+            eyes = np.tile(np.eye(3), (len(particles.x), 1, 1))
+            still = np.zeros_like(particles.x)
+            state = ParticleState(time, particles.x, still, eyes, still[:, 0])
+        else:
+            state = solver.state
+            if state.time > self.time:
+                pushes = solver.substep.take_impulses() / (state.time - self.time)
+                forces = pushes[: len(obstacles)]
+        self.time = state.time
         self.positions.append(state.x.astype(np.float32))
         self.gradients.append(state.F.astype(np.float32))
-        scene, follow, given = self.scene, self.follow, self.setup.treatment.particles
-        solver, points, obstacles = self.setup.solver, len(scene.mesh.points), scene.obstacles
-        forces = np.zeros((len(obstacles), 3))
-        if solver is not None and state.time > self.time:
-            pushes = solver.substep.take_impulses() / (state.time - self.time)
-            forces = pushes[: len(obstacles)]
-        self.time = state.time
         gaps = [
             o.distance(state.x - state.time * np.asarray(o.velocity, dtype=float)).gap.min()
             for o in obstacles
         ]
         return Motion(
             time=state.time,
-            u=follow.positions(state) - scene.mesh.points,
-            v=np.einsum("nk,nki->ni", follow.weights, state.v[follow.near]),
+            u=followers.positions(state) - scene.mesh.points,
+            v=np.einsum("nk,nki->ni", followers.weights, state.v[followers.near]),
             a=np.zeros((points, 3)),
             contact_force=np.tile(forces.sum(axis=0) / points, (points, 1)),
             obstacle_force=forces,
             gap=float(min(gaps, default=np.inf)),
-            kinetic=float(0.5 * given.mass @ (state.v**2).sum(axis=1)),
+            kinetic=float(0.5 * particles.mass @ (state.v**2).sum(axis=1)),
             elastic=0.0 if solver is None else solver.elastic_energy,
-            potential=float((self.load * (given.x - state.x)).sum()),
+            potential=float((self.load * (particles.x - state.x)).sum()),
             barrier=0.0,
             iterations=0,
         )
 
-    def run(self) -> ParticleRun:
+    def record(self) -> ParticleRun:
         """What is kept of the particles themselves."""
-        setup, found = self.setup, self.setup.treatment
-        solver, notes = setup.solver, setup.notes
-        lost = solver.outside if solver is not None else 0
-        if lost:
-            notes = (*notes, f"{lost:,} particles left the grid and stand still where they did")
+        solver, treatment, notes = self.solver, self.treatment, self.notes
+        particles = treatment.particles
+        outside = solver.outside if solver is not None else 0
+        if outside:
+            notes = (*notes, f"{outside:,} particles left the grid and stand still where they did")
         return ParticleRun(
-            spacing=setup.room.spacing,
-            nodes=setup.room.shape,
+            spacing=self.room.spacing,
+            nodes=self.room.shape,
             substeps=solver.substeps if solver is not None else 0,
-            outside=lost,
-            stationary=int(found.particles.held.sum()),
-            rigid=found.rigid,
-            bodies=found.bodies,
-            capped=found.capped,
+            outside=outside,
+            stationary=int(particles.held.sum()),
+            rigid=treatment.rigid,
+            bodies=treatment.bodies,
+            capped=treatment.capped,
             lagrangian=solver is not None and solver.lagrangian,
-            plan=setup.plan(self.scene.duration),
+            plan=self.plan,
             notes=notes,
-            laws=tuple(sorted({one.law for one in found.particles.substances})),
-            part=found.particles.part,
+            laws=tuple(sorted({one.law for one in particles.substances})),
+            part=particles.part,
             positions=np.stack(self.positions),
             gradients=np.stack(self.gradients),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -124,8 +124,8 @@ class Particles:
     @property
     def kinds(self) -> Int[np.ndarray, "n"]:
         """Class of every particle; a rigid body is stationary in itself."""
-        found = np.array([int(s.kind) for s in self.substances])[self.substance]
-        return np.where(self.rigid >= 0, int(MaterialClass.STATIONARY), found)
+        kinds = np.array([int(s.kind) for s in self.substances])[self.substance]
+        return np.where(self.rigid >= 0, int(MaterialClass.STATIONARY), kinds)
 
     @property
     def held(self) -> Bool[np.ndarray, "n"]:
@@ -135,34 +135,28 @@ class Particles:
     @property
     def wave_speed(self) -> Float[np.ndarray, "n"]:
         """Speed of pressure waves [m/s]; of a fluid by its bulk modulus, of what is rigid zero."""
-        found = wave_speed(self.E, self.nu, self.rho)
+        speed = wave_speed(self.E, self.nu, self.rho)
         for i, substance in enumerate(self.substances):
             if substance.kind == MaterialClass.FLUID and substance.bulk is not None:
-                own = self.substance == i
-                found[own] = np.sqrt(substance.bulk / self.rho[own])
-        return np.where(self.kinds == MaterialClass.STATIONARY, 0.0, found)
+                rows = self.substance == i
+                speed[rows] = np.sqrt(substance.bulk / self.rho[rows])
+        return np.where(self.kinds == MaterialClass.STATIONARY, 0.0, speed)
 
     def numbers(self, spacing: float) -> Float[np.ndarray, "n 3"]:
         """What the kernel of every particle's class is given, on a grid of ``spacing`` [m]."""
         lam, mu = lame_parameters(self.E, self.nu)
-        found = np.zeros((len(self.x), 3))
+        numbers = np.zeros((len(self.x), 3))
         for i, substance in enumerate(self.substances):
-            own = self.substance == i
-            found[own] = substance.numbers(0.0)
+            rows = self.substance == i
+            numbers[rows] = substance.numbers(0.0)
             if substance.kind == MaterialClass.FLUID and substance.bulk is None:
-                found[own, 0] = (lam + 2 * mu / 3)[own]
-            if substance.tears:
-                band = self.crack_band(i, spacing)
-                found[own, 0], found[own, 1] = band.tension, band.softening
-        return found
-
-    def crack_band(self, substance: int, spacing: float) -> CrackBand:
-        """Strength and softening of the particles of a substance that tears."""
-        found, own = self.substances[substance], self.substance == substance
-        if found.tension is None or found.fracture_energy is None:
-            raise InputError(f"substance {substance} does not tear")
-        tension = scattered(found.tension, int(own.sum()), found.seed)
-        return crack_band(tension, found.fracture_energy, self.E[own], spacing)
+                numbers[rows, 0] = (lam + 2 * mu / 3)[rows]
+            if substance.tears and substance.tension and substance.fracture_energy:
+                scatter = np.random.default_rng(substance.seed).standard_normal(int(rows.sum()))
+                tension = substance.tension * np.clip(1 + SCATTER * scatter, 0.5, 1.5)
+                band = crack_band(tension, substance.fracture_energy, self.E[rows], spacing)
+                numbers[rows, 0], numbers[rows, 1] = band.tension, band.softening
+        return numbers
 
     def only(self, keep: Bool[np.ndarray, "n"]) -> Particles:
         """The particles of a mask."""
@@ -200,7 +194,8 @@ def block_places(
 # cells, wherever between the nodes it opens; with 1.75 or less two may open. Where a bar stores
 # more energy than its crack needs, waves open others: up to 1.5 times as much is spent.
 BAND = 1.8
-# Tensile strengths of particles differ by this share (standard deviation), for no body is perfect.
+# Tensile strengths of particles differ by this fraction (standard deviation), for no body is
+# perfect.
 SCATTER = 0.1
 # G_f E / (l_c f_t^2) at least: below one half the stress would snap back.
 LEAST = 1 / 1.9
@@ -246,12 +241,6 @@ def without_cracks(
     return whole
 
 
-def scattered(tension: float, count: int, seed: int) -> np.ndarray:
-    """Tensile strengths [Pa] of ``count`` particles around ``tension``, by ``seed``."""
-    share = SCATTER * np.random.default_rng(seed).standard_normal(count)
-    return tension * np.clip(1 + share, 0.5, 1.5)
-
-
 # Particles out of tets, and points that follow particles.
 
 # Pairs of tet and place that are tested at a time: 20 MB.
@@ -268,7 +257,7 @@ THIN = 2.0
 
 
 class TetSample(NamedTuple):
-    """Places ``x`` (n, 3) [m] on regular lattices, ``tet`` (n,) and ``volume`` (n,) [m^3] of each.
+    """Places ``x`` (n, 3) [m] on regular grids, ``tet`` (n,) and ``volume`` (n,) [m^3] of each.
 
     ``thin`` are names of parts that are too thin for the grid to bend rightly, by finer particles
     too.
@@ -288,14 +277,21 @@ def sample_tets(
     ``bends`` are the regions that finer particles help: by default none. The volumes add up to that
     of every region; a region that no place lies in gets its largest tet.
     """
-    cells = _thickness(mesh) / spacing
-    fine = np.zeros(len(cells), dtype=bool) if bends is None else bends & (cells < THIN)
+    # Thickness of the parts by volume over surface: half of a plate, a quarter of a rod
+    thickness = np.full(len(mesh.region_names), np.inf)
+    for k in np.unique(mesh.region):
+        inside = mesh.region == k
+        area = face_areas(mesh.points, boundary_faces(mesh.tets[inside]).faces).sum()
+        thickness[k] = 3 * mesh.volumes[inside].sum() / area
+    thin = thickness / spacing < THIN
+    fine = np.zeros(len(thin), dtype=bool) if bends is None else bends & thin
     places, owners = [], []
     for along, regions in ((ALONG, ~fine), (FINE, fine)):
         tets = np.flatnonzero(regions[mesh.region])
-        found, owner = _lattice(mesh, tets, spacing / along)
-        places.append(found)
-        owners.append(tets[owner])
+        if len(tets):
+            place, owner = _grid_places(mesh, tets, spacing / along)
+            places.append(place)
+            owners.append(owner)
     x, tet = np.concatenate(places), np.concatenate(owners)
     for region in np.setdiff1d(np.unique(mesh.region), mesh.region[tet]):
         largest = int(np.argmax(np.where(mesh.region == region, mesh.volumes, -1.0)))
@@ -304,70 +300,44 @@ def sample_tets(
     region = mesh.region[tet]
     volumes = np.bincount(mesh.region, mesh.volumes, len(mesh.region_names))
     counts = np.bincount(region, minlength=len(mesh.region_names))
-    thin = np.flatnonzero(cells < THIN)
-    names = tuple(mesh.region_names[k] for k in thin)
+    names = tuple(mesh.region_names[k] for k in np.flatnonzero(thin))
     return TetSample(x, tet, (volumes / np.maximum(counts, 1))[region], names)
 
 
-def _lattice(mesh: TetMesh, tets: Int[np.ndarray, "some"], h: float) -> tuple[Any, Any]:
-    """Places [m] of a lattice of spacing ``h`` [m] in some tets, and which of them it is."""
+def _grid_places(
+    mesh: TetMesh, tets: Int[np.ndarray, "some"], h: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places [m] of a regular grid of spacing ``h`` [m] in some tets, and the tet of each."""
     origin = mesh.bounds[0] + h / 2
     corners = mesh.points[mesh.tets[tets]]
-    if not len(tets):
-        return np.zeros((0, 3)), tets
     low = np.ceil((corners.min(axis=1) - origin) / h - 1e-9).astype(np.int64)
     high = np.floor((corners.max(axis=1) - origin) / h + 1e-9).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)
     maps = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
-    ends = np.cumsum(extent.prod(axis=1))
+    counts = extent.prod(axis=1)
+    ends = np.cumsum(counts)
     cuts = np.unique([0, *np.searchsorted(ends, np.arange(PAIRS, ends[-1], PAIRS)), len(ends)])
     places, owners = [], []
-    for a, b in pairwise(cuts):
-        node, owner = _in_boxes(low[a:b], extent[a:b])
-        owner = owner + a
+    for a, b in pairwise(cuts):  # all places in the boxes of some tets
+        owner = np.repeat(np.arange(a, b), counts[a:b])
+        rank = np.arange(len(owner)) - (ends - counts)[owner] + (ends - counts)[a]
+        wide, deep = extent[owner, 2], extent[owner, 1]
+        local = np.stack([rank // (wide * deep), rank // wide % deep, rank % wide], axis=1)
+        node = low[owner] + local
         three = np.einsum("nij,nj->ni", maps[owner], origin + h * node - corners[owner, 0])
         inside = (three >= ON_FACE).all(axis=1) & (three.sum(axis=1) <= 1 - ON_FACE)
         places.append(node[inside])
         owners.append(owner[inside])
     node, owner = np.concatenate(places), np.concatenate(owners)
     _, first = np.unique(node, axis=0, return_index=True)  # on a face: in one tet only
-    return origin + h * node[first], owner[first]
-
-
-def _in_boxes(
-    low: Int[np.ndarray, "tets 3"], extent: Int[np.ndarray, "tets 3"]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the lattice in boxes, and the box of each."""
-    counts = extent.prod(axis=1)
-    owner = np.repeat(np.arange(len(low)), counts)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    wide, deep = extent[owner, 2], extent[owner, 1]
-    local = np.stack([rank // (wide * deep), rank // wide % deep, rank % wide], axis=1)
-    return low[owner] + local, owner
-
-
-def _thickness(mesh: TetMesh) -> Float[np.ndarray, "regions"]:
-    """Thickness [m] of the parts by volume over surface: half of a plate, a quarter of a rod."""
-    found = np.full(len(mesh.region_names), np.inf)
-    for k in np.unique(mesh.region):
-        own = mesh.region == k
-        area = face_areas(mesh.points, boundary_faces(mesh.tets[own]).faces).sum()
-        found[k] = 3 * mesh.volumes[own].sum() / area
-    return found
+    return origin + h * node[first], tets[owner[first]]
 
 
 @dataclass(frozen=True, eq=False)
 class Followers:
     """Points that follow the particles around them: x' = sum w (x_j + F_j (X - X_j)).
 
-    Parameters
-    ----------
-    near
-        The particles that every point follows, shape (n, k).
-    weights
-        Their weights, shape (n, k), of sum one.
-    arms
-        Ways [m] from them to the point at rest, shape (n, k, 3).
+    ``near`` are the particles j of every point, ``weights`` w of sum one, ``arms`` X - X_j [m].
     """
 
     near: Int[np.ndarray, "n k"]
@@ -389,11 +359,11 @@ class Followers:
         count = min(NEAREST, len(rest))
         near = np.zeros((len(points), count), dtype=np.int64)
         away = np.full((len(points), count), np.inf)
-        known = np.isin(labels, np.unique(parts))
-        for part in [*np.unique(labels[known]), None]:
-            asking = ~known if part is None else labels == part
-            sources = np.arange(len(rest)) if part is None else np.flatnonzero(parts == part)
+        lost = ~np.isin(labels, np.unique(parts))  # of parts without particles: any will do
+        groups = [(labels == part, parts == part) for part in np.unique(labels[~lost])]
+        for asking, asked in [*groups, (lost, np.ones(len(rest), dtype=bool))]:
             if asking.any():
+                sources = np.flatnonzero(asked)
                 k = min(count, len(sources))
                 far, row = KDTree(rest[sources]).query(points[asking], k=k)
                 near[asking, :k] = sources[row.reshape(-1, k)]
@@ -413,15 +383,6 @@ class Followers:
         return np.einsum("nk,nkij->nij", self.weights, state.F[self.near])
 
 
-def mesh_followers(
-    mesh: TetMesh, rest: Float[np.ndarray, "particles 3"], parts: Int[np.ndarray, "particles"]
-) -> Followers:
-    """The points of a mesh after particles of a region of theirs."""
-    labels = np.zeros(len(mesh.points), dtype=np.int64)
-    labels[mesh.tets.ravel()] = np.repeat(mesh.region, 4)
-    return Followers.of(mesh.points, rest, labels=labels, parts=parts)
-
-
 def particle_forces(
     scene: Scene, rest: Float[np.ndarray, "particles 3"]
 ) -> Float[np.ndarray, "particles 3"]:
@@ -431,7 +392,7 @@ def particle_forces(
         space = discretise(scene.mesh, 1)
         load = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
         loaded = np.flatnonzero(load.any(axis=1))
-        one, points = np.zeros(len(rest), dtype=np.int64), scene.mesh.points[loaded]
-        found = Followers.of(points, rest, labels=np.zeros(len(loaded), dtype=np.int64), parts=one)
-        np.add.at(total, found.near, found.weights[:, :, None] * load[loaded, None])
+        all_of_one = {"labels": np.zeros(len(loaded), int), "parts": np.zeros(len(rest), int)}
+        around = Followers.of(scene.mesh.points[loaded], rest, **all_of_one)
+        np.add.at(total, around.near, around.weights[:, :, None] * load[loaded, None])
     return total

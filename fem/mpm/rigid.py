@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from ..device import start_warp
 from ..mesh import material_of
 from ..scene.scene import Scene
+from ..scene.supports import Supports
 from .kernels_grid import rigid_kernels
 from .materials import MaterialClass, Substance
 from .particles import ALONG, Particles
@@ -53,9 +54,8 @@ def rigid_labels(x: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
-    pairs = KDTree(x).query_pairs(reach, output_type="ndarray")
-    ones = np.ones(len(pairs), dtype=np.int8)
-    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(x), len(x)))
+    pairs = KDTree(x).query_pairs(reach, output_type="ndarray").T
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(x),) * 2)
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
@@ -65,17 +65,19 @@ def merged_inside(particles: Particles, spacing: float) -> Particles:
     A block of two ``spacing`` [m] is one particle, at their centre of mass and with their mass,
     where it and all blocks around it are full of one body: what meets others keeps its particles.
     """
-    own = np.flatnonzero(particles.rigid >= 0)
+    rigid = np.flatnonzero(particles.rigid >= 0)
     full = (2 * ALONG) ** 3
-    if len(own) < 27 * full:
+    if len(rigid) < 27 * full:
         return particles
-    low = particles.x[own].min(axis=0) - spacing / (2 * ALONG)
-    block = np.floor((particles.x[own] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
+    low = particles.x[rigid].min(axis=0) - spacing / (2 * ALONG)
+    block = np.floor((particles.x[rigid] - low) / (2 * spacing) + 1e-6).astype(np.int64) + 1
     shape = tuple((block.max(axis=0) + 2).tolist())
-    kind = np.stack([particles.rigid[own], particles.part[own], particles.substance[own]], axis=1)
+    kind = np.stack(
+        [particles.rigid[rigid], particles.part[rigid], particles.substance[rigid]], axis=1
+    )
     kinds, which = np.unique(kind, axis=0, return_inverse=True)
     number = np.asarray(np.ravel_multi_index(tuple(block.T), shape))
-    inside, which = np.zeros(len(own), dtype=bool), which.reshape(-1)
+    inside, which = np.zeros(len(rigid), dtype=bool), which.reshape(-1)
     for k in range(len(kinds)):
         counts = np.bincount(number[which == k], minlength=int(np.prod(shape)))
         solid = (counts == full).reshape(shape)
@@ -84,7 +86,7 @@ def merged_inside(particles: Particles, spacing: float) -> Particles:
         inside |= (which == k) & solid.ravel()[number]
     if not inside.any():
         return particles
-    deep = own[inside]
+    deep = rigid[inside]
     _, first, row = np.unique(number[inside], return_index=True, return_inverse=True)
     row, mass, volume = row.reshape(-1), particles.mass[deep], particles.volume[deep]
 
@@ -126,8 +128,8 @@ class RigidBodies:
             np.zeros((count, 3)),
         )
         for b in range(count):
-            own = given.rigid == b
-            m, x, v = mass[own], given.x[own], given.velocity[own]
+            rows = given.rigid == b
+            m, x, v = mass[rows], given.x[rows], given.velocity[rows]
             sums[b] = m.sum()
             centres[b], velocity[b] = m @ x / sums[b], m @ v / sums[b]
             arm = x - centres[b]
@@ -154,9 +156,9 @@ class RigidBodies:
 
     def take_push(self) -> Float[np.ndarray, "3"]:
         """Momentum [N s] that walls gave beyond what their nodes say, since asked last."""
-        found = self.struct.extra.numpy().astype(np.float64).sum(axis=0)
+        extra = self.struct.extra.numpy().astype(np.float64).sum(axis=0)
         self.struct.extra.zero_()
-        return found
+        return extra
 
     def keep(self) -> None:
         """Remember the state."""
@@ -187,15 +189,13 @@ class Stiff(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What was made of stiff matter.
+    """What was made of stiff parts.
 
     ``particles`` with ``stationary``, ``rigid`` (in ``bodies`` bodies) and ``capped`` ones counted;
-    ``E_max`` [Pa] (n,) is what the steps of ``dt`` [s] allow, ``notes`` what to know.
+    ``notes`` what to know.
     """
 
     particles: Particles
-    dt: float
-    E_max: Float[np.ndarray, "n"]
     stationary: int = 0
     rigid: int = 0
     bodies: int = 0
@@ -211,7 +211,6 @@ def treated(
     stiff: Stiff = Stiff.RIGID,
     budget: float = BUDGET,
     gravity: float = 9.81,
-    courant: float = COURANT,
     reach: float = REACH,
 ) -> Treatment:
     """Decide what becomes of particles stiffer than ``budget`` substeps a second allow.
@@ -220,66 +219,50 @@ def treated(
     move as rigid ones. ``gravity`` [m/s^2] says whether softening would be seen. Particles within
     ``reach`` [spacings] of each other are of one rigid body.
     """
-    dt = 1 / budget
-    most = np.asarray(largest_modulus(particles.nu, particles.rho, spacing, dt, courant=courant))
+    x, rho = particles.x, particles.rho
+    most = np.asarray(largest_modulus(particles.nu, rho, spacing, 1 / budget))
     hard = (particles.E > most) & (particles.kinds != MaterialClass.FLUID) & ~particles.held
-    parts = [particles.parts[i] for i in np.unique(particles.part[hard])]
-    found = Treatment(particles=particles, dt=dt, E_max=most)
     if not hard.any():
-        return found
+        return Treatment(particles=particles)
+    parts = ", ".join(particles.parts[i] for i in np.unique(particles.part[hard]))
     if stiff == Stiff.CAP:
-        return _capped(found, hard, parts, gravity)
+        size = float(np.ptp(x[hard], axis=0).max())
+        sag = float((rho[hard] * gravity * size / most[hard]).max())
+        seen = "invisible: " if sag < INVISIBLE else "it is seen: "
+        note = (
+            f"{parts}: softened from {particles.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
+            f"({seen}rho g L / E is {sag:.2g} then)"
+        )
+        softened = replace(particles, E=np.where(hard, most, particles.E))
+        return Treatment(particles=softened, capped=int(hard.sum()), notes=(note,))
     labels = np.full(len(hard), -1)
-    labels[hard] = rigid_labels(particles.x[hard], reach * spacing)
+    labels[hard] = rigid_labels(x[hard], reach * spacing)
     standing = np.isin(labels, np.unique(labels[hard & held])) & hard
     if stiff == Stiff.STATIONARY:
         standing = hard
     free = hard & ~standing
     numbers = np.full(len(hard), -1, dtype=np.int64)
     numbers[free] = np.unique(labels[free], return_inverse=True)[1]
+    bodies = int(numbers.max()) + 1
     still = Substance(kind=MaterialClass.STATIONARY)
-    substance = np.where(standing, len(particles.substances), particles.substance)
     changed = replace(
         particles,
-        substance=substance,
+        substance=np.where(standing, len(particles.substances), particles.substance),
         substances=(*particles.substances, still),
         rigid=numbers,
     )
-    bodies = int(numbers.max()) + 1
     changed = merged_inside(changed, spacing)
-    rigid = int((changed.rigid >= 0).sum())
+    rigid, stationary = int((changed.rigid >= 0).sum()), int(standing.sum())
     moves = f"{rigid:,} particles move as {bodies} rigid bod{'y' if bodies == 1 else 'ies'}"
-    stands = f"{int(standing.sum()):,} particles stand still"
-    done = ", ".join([*[stands] * bool(standing.any()), *[moves] * bool(bodies)])
+    stands = f"{stationary:,} particles stand still"
+    done = ", ".join([*[stands] * bool(stationary), *[moves] * bool(bodies)])
     note = (
-        f"{', '.join(parts)}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps "
-        f"a second allow: {done}"
+        f"{parts}: stiffer than the {most[hard].min():.3g} Pa that {budget:,.0f} steps a second "
+        f"allow: {done}"
     )
-    return replace(
-        found,
-        particles=changed,
-        stationary=int(standing.sum()),
-        rigid=rigid,
-        bodies=bodies,
-        notes=(note,),
+    return Treatment(
+        particles=changed, stationary=stationary, rigid=rigid, bodies=bodies, notes=(note,)
     )
-
-
-def _capped(
-    found: Treatment, hard: Bool[np.ndarray, "n"], parts: list[str], gravity: float
-) -> Treatment:
-    """Matter softened to what the steps allow; whether that is seen is said."""
-    given, most = found.particles, found.E_max
-    E = np.where(hard, most, given.E)
-    size = float(np.ptp(given.x[hard], axis=0).max())
-    sag = float((given.rho[hard] * gravity * size / most[hard]).max())
-    seen = "invisible: " if sag < INVISIBLE else "it is seen: "
-    note = (
-        f"{', '.join(parts)}: softened from {given.E[hard].max():.3g} to {most[hard].min():.3g} Pa "
-        f"({seen}rho g L / E is {sag:.2g} then)"
-    )
-    changed = replace(given, E=E)
-    return replace(found, particles=changed, capped=int(hard.sum()), notes=(note,))
 
 
 def bending_regions(
@@ -295,33 +278,36 @@ def bending_regions(
     ``spacing`` [m] is that of the grid; ``substances`` are classes by name, jelly where none is.
     """
     mesh, material = scene.mesh, material_of(scene.mesh)
-    given = [substances.get(name, Substance()) for name in mesh.region_names]
-    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in given])
+    classes = [substances.get(name, Substance()) for name in mesh.region_names]
+    jelly = np.array([s.kind == MaterialClass.JELLY and not s.tears for s in classes])
     most = largest_modulus(material.nu, material.rho, spacing, step, courant=courant)
-    soft = np.isin(np.arange(len(given)), mesh.region[material.E <= most])
+    soft = np.isin(np.arange(len(classes)), mesh.region[material.E <= most])
     return jelly & soft & (bool(scene.held.fixed.any()) and not scene.obstacles)
 
 
-def near_held(scene: Scene, x: Float[np.ndarray, "n 3"], spacing: float) -> Bool[np.ndarray, "n"]:
-    """Which places [m] are within a ``spacing`` [m] of the points that hold a body."""
+def near_fixed(
+    points: Float[np.ndarray, "points 3"],
+    supports: Supports,
+    x: Float[np.ndarray, "n 3"],
+    spacing: float,
+) -> Bool[np.ndarray, "n"]:
+    """Which places ``x`` [m] are within a ``spacing`` [m] of the ``points`` [m] that are held."""
     from scipy.spatial import KDTree
 
-    points = scene.mesh.points[scene.held.fixed.any(axis=1)]
-    if not len(points):
-        return np.zeros(len(x), dtype=bool)
-    return KDTree(points).query(x)[0] < spacing
+    fixed = points[supports.fixed.any(axis=1)]
+    return KDTree(fixed).query(x)[0] < spacing if len(fixed) else np.zeros(len(x), dtype=bool)
 
 
 def treatment_notes(found: Treatment, thin: tuple[str, ...]) -> tuple[str, ...]:
     """What to know of a treatment, and of the parts that are too ``thin`` for the grid to bend."""
-    given, notes = found.particles, list(found.notes)
-    bending = np.unique(given.part[given.kinds != MaterialClass.STATIONARY])
-    names = [name for name in thin if name in {given.parts[i] for i in bending}]
+    particles, notes = found.particles, list(found.notes)
+    bending = np.unique(particles.part[particles.kinds != MaterialClass.STATIONARY])
+    names = [name for name in thin if name in {particles.parts[i] for i in bending}]
     if names:
         notes.append(
             f"{', '.join(names)}: less than about two cells thick, bends wrongly, by a fifth and "
             "more: finer --grid"
         )
-    if given.held.all():
+    if particles.held.all():
         notes.append("everything is stationary: nothing can move")
     return tuple(notes)

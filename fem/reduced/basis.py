@@ -47,11 +47,11 @@ from .model import Accuracy, ReducedModel, Subspace
 # Modes of the vector basis; of the first so many, and of the responses to loads, derivatives, of
 # which so many principal fields are kept.
 MODES, BENT, DERIVED = 10, 5, 21
-# Fields that add less than this to the span of the others, as a share of the first, are dropped.
+# Fields that add less than this to the span of the others, over the first, are dropped.
 DEPENDENT = 1e-6
-# Size of the second difference, as a share of the body's: the cubic part is then 1e-6 of it.
+# Size of the second difference, over the body's: the cubic part is then 1e-6 of it.
 PROBE = 1e-3
-# A free body's stiffness is raised by its mass times this share of its first frequency's square.
+# A free body's stiffness is raised by its mass times this fraction of its first frequency's square.
 RAISED = 1e-3
 # Relative residual of a static response.
 TOLERANCE = 1e-8
@@ -87,9 +87,7 @@ class LinearBody(NamedTuple):
         return float(np.ptp(self.mesh.bounds, axis=0).max())
 
 
-def linear_body(
-    mesh: TetMesh, supports: Supports | None, modes: int = MODES, *, order: int = 1
-) -> LinearBody:
+def linear_body(mesh: TetMesh, supports: Supports | None, *, order: int = 1) -> LinearBody:
     """Vibrations and compliance of ``mesh`` with elements of ``order`` and lumped mass.
 
     Raises
@@ -97,28 +95,23 @@ def linear_body(
     InputError
         Where a prescribed displacement is not zero, or the material has a grain.
     """
-    held = supports or Supports.none(len(mesh.points))
+    held, material = supports or Supports.none(len(mesh.points)), material_of(mesh)
     if (held.values * held.fixed).any():
         raise InputError("a reduced body cannot be moved by its supports: prescribe zero, or fem")
-    if material_of(mesh).tensor is not None:
+    if material.tensor is not None:
         raise InputError("a reduced body knows no grain: wanted an isotropic material")
-    if held.fixed.any() or held.springs.any():
+    free = not (held.fixed.any() or held.springs.any())
+    if not free:
         check_held(mesh, held)
     grid = discretise(mesh, order)
     held = node_supports(held, grid.space)
-    found = natural_modes(mesh, modes, supports=held, order=order, lumped=True)
+    vibrations = natural_modes(mesh, MODES, supports=held, order=order, lumped=True)
     mass = lumped_mass(mesh, grid.space)
-    free = not (held.fixed.any() or held.springs.any())
-    raised = RAISED * (2 * np.pi * found.frequencies[0]) ** 2 * mass if free else 0 * mass
-    return LinearBody(mesh, held, grid, mass, found, _compliance(mesh, held, grid, raised))
+    raised = RAISED * (2 * np.pi * vibrations.frequencies[0]) ** 2 * mass
 
-
-def _compliance(
-    mesh: TetMesh, held: Supports, grid: Discretisation, raised: np.ndarray
-) -> Callable[[np.ndarray], np.ndarray]:
-    def solve(forces: np.ndarray) -> np.ndarray:
-        matrix = linear_stiffness(grid, material_of(mesh))
-        if raised.any():
+    def compliance(forces: np.ndarray) -> np.ndarray:
+        matrix = linear_stiffness(grid, material)
+        if free:
             add_diagonal(matrix, raised[:, None, None] * np.eye(3))
         apply_supports(matrix, held.fixed, held.springs)
         b = np.where(held.fixed, 0.0, forces)
@@ -126,23 +119,13 @@ def _compliance(
         if plan.entries <= MOST_ENTRIES:  # the factor that the modes were found with
             together = np.ascontiguousarray(np.moveaxis(b, 0, 2))
             return np.moveaxis(known_factor(matrix, plan).solve(together), 2, 0)
-        known = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
-        found = [solve_system(matrix, load, **known, tolerance=TOLERANCE) for load in b]
-        if wrong := [s.residual for s in found if not s.reached(TOLERANCE)]:
+        options = {"points": grid.space.nodes, "fixed": held.fixed, "edges": grid.space.edges}
+        solved = [solve_system(matrix, load, **options, tolerance=TOLERANCE) for load in b]
+        if wrong := [s.residual for s in solved if not s.reached(TOLERANCE)]:
             raise ConvergenceError(f"a response was found to {max(wrong):.2g} only")
-        return np.stack([s.x for s in found])
+        return np.stack([s.x for s in solved])
 
-    return solve
-
-
-def load_responses(
-    body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None
-) -> Float[np.ndarray, "loads nodes 3"]:
-    """Displacements [m] of a held body under 1 m/s^2 along x, y, z, and under ``forces`` [N]."""
-    loads = [body.mass[:, None] * axis for axis in np.eye(3)]
-    if forces is not None and np.any(forces):
-        loads.append(forces)
-    return body.compliance(np.stack(loads))
+    return LinearBody(mesh, held, grid, mass, vibrations, compliance)
 
 
 def derivatives(
@@ -160,10 +143,10 @@ def derivatives(
         """f''(u, u), since what is odd in u cancels."""
         return elastic.response(u).force + elastic.response(-u).force
 
-    own, pushes = [even(a) for a in probes], []
+    alone, pushes = [even(a) for a in probes], []
     for i, a in enumerate(probes):
         for j, b in enumerate(probes[i:], i):
-            mixed = own[i] if i == j else (even(a + b) - own[i] - own[j]) / 2
+            mixed = alone[i] if i == j else (even(a + b) - alone[i] - alone[j]) / 2
             pushes.append(-mixed / (scale[i] * scale[j]))
     return body.compliance(np.stack(pushes))
 
@@ -189,8 +172,14 @@ def vector_basis(
 def unit_responses(
     body: LinearBody, forces: Float[np.ndarray, "nodes 3"] | None = None
 ) -> Float[np.ndarray, "loads nodes 3"]:
-    """``load_responses`` of unit norm in mass [1/sqrt(kg)]."""
-    responses = load_responses(body, forces)
+    """Responses of a held body to weight along x, y, z and to ``forces`` [N], of unit norm in mass.
+
+    Displacements over the root of the mass [1/sqrt(kg)].
+    """
+    loads = [body.mass[:, None] * axis for axis in np.eye(3)]
+    if forces is not None and np.any(forces):
+        loads.append(forces)
+    responses = body.compliance(np.stack(loads))
     size = np.sqrt(np.einsum("n,kni,kni->k", body.mass, responses, responses))
     return responses / size[:, None, None]
 
@@ -199,22 +188,22 @@ def bent_fields(
     body: LinearBody, responses: Float[np.ndarray, "loads nodes 3"]
 ) -> Float[np.ndarray, "nodes 3 fields"]:
     """Derivatives of the first modes, as large as the same force makes them, and ``responses``."""
-    share = (body.modes.frequencies[0] / body.modes.frequencies[:BENT]) ** 2
-    modes = body.modes.shapes[:BENT] * share[:, None, None]
+    softness = (body.modes.frequencies[0] / body.modes.frequencies[:BENT]) ** 2
+    modes = body.modes.shapes[:BENT] * softness[:, None, None]
     return np.moveaxis(derivatives(body, np.concatenate([modes, responses])), 0, 2)
 
 
 def principal_fields(
     fields: Float[np.ndarray, "points *components fields"],
-    beside: Float[np.ndarray, "points *components known"],
+    beside: Float[np.ndarray, "points *components others"],
     mass: Float[np.ndarray, "points"],
     most: int,
 ) -> Float[np.ndarray, "points *components kept"]:
     """First ``most`` principal components of what ``fields`` have outside M-orthonormal ones."""
     shape = fields.shape[:-1]
     root = np.sqrt(mass).repeat(int(np.prod(shape[1:])))[:, None]
-    known, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
-    U, sizes, _ = np.linalg.svd(A - known @ (known.T @ A), full_matrices=False)
+    B, A = (root * f.reshape(len(root), -1) for f in (beside, fields))
+    U, sizes, _ = np.linalg.svd(A - B @ (B.T @ A), full_matrices=False)
     U = U[:, : min(most, int((sizes > DEPENDENT * sizes[0]).sum()))]  # the others are round-off
     return np.where(root > 0, U / np.where(root > 0, root, 1), 0.0).reshape(*shape, -1)
 
@@ -256,14 +245,14 @@ BENDS, BEND_SIZE = 4, 0.3
 SWEEPS = 30
 # Of the normal matrices' mean diagonal: transforms, and the change of the weights in a sweep.
 RIDGE_TRANSFORMS, RIDGE_WEIGHTS = 1e-8, 1e-4
-# Scalar functions that depend on others to this share of the first are dropped.
+# Scalar functions that depend on others to this fraction of the first are dropped.
 SKINNING_DEPENDENT = 1e-7
 
 
 def affine_coordinates(
     mesh: TetMesh, nodes: Float[np.ndarray, "nodes 3"]
 ) -> Float[np.ndarray, "nodes 4"]:
-    """(x, y, z, 1) of every node, about the middle and in shares of the body's longest side."""
+    """(x, y, z, 1) of every node, about the middle and over the body's longest side."""
     middle, side = mesh.bounds.mean(axis=0), np.ptp(mesh.bounds, axis=0).max()
     return np.concatenate([(nodes - middle) / side, np.ones((len(nodes), 1))], axis=1)
 
@@ -344,41 +333,53 @@ def modal_weights(
     fitted: int,
     *,
     beside: Float[np.ndarray, "nodes 3 fields"] | None = None,
-    sweeps: int = SWEEPS,
 ) -> Float[np.ndarray, "nodes handles"]:
     """Weights of so many ``handles`` that can make the first ``fitted`` modes.
 
     And the fields ``beside`` [1/sqrt(kg)], by default ``bent_beside``; they vanish on what holds
     the body.
+
+    Raises
+    ------
+    InputError
+        Where a point is held in some directions only.
     """
-    held, points = held_nodes(body), len(body.mesh.points)
-    weights = extend_linear(body.space, laplacian_weights(body.mesh, handles, held[:points]))
-    snapshots = _snapshots(body, fitted, bent_beside(body) if beside is None else beside)
+    fixed = np.asarray(body.held.fixed.any(axis=1))
+    if (fixed & ~body.held.fixed.all(axis=1)).any():
+        raise InputError(
+            "a point is held in some directions only, and handles vanish on it in all or in none: "
+            "wanted the vector basis"
+        )
+    laplacian = laplacian_weights(body.mesh, handles, fixed[: len(body.mesh.points)])
+    weights = extend_linear(body.space, laplacian)
+    # Modes, as large as in a motion by f1 / f, and what is beside them, as (x, y, z)
+    modes = body.modes
+    fields = modes.shapes[:fitted] * (modes.frequencies[0] / modes.frequencies[:fitted, None, None])
+    beside = bent_beside(body) if beside is None else beside
+    targets = np.concatenate([np.moveaxis(fields, 0, 2), beside], axis=2)
+    targets = targets.swapaxes(1, 2).reshape(len(body.mass), -1)
     affine = affine_coordinates(body.mesh, body.space.nodes)
     root = np.sqrt(body.mass)[:, None]
-    free = (body.mass > 0) & ~held
-    for _ in range(sweeps):
-        # Transforms (handles, 4, shots) of the given weights; a `whole` one comes last
+    free = (body.mass > 0) & ~fixed
+    for _ in range(SWEEPS):
+        # Transforms (handles, 4, targets) of the given weights; that of the whole comes last
         products = (weights[:, :, None] * affine[:, None, :]).reshape(len(weights), -1)
         if body.is_free:
             products = np.concatenate([products, affine], axis=1)
         A = root * products
         normal = A.T @ A
         normal += RIDGE_TRANSFORMS * np.trace(normal) / len(normal) * np.eye(len(normal))
-        maps = np.linalg.solve(normal, A.T @ (root * snapshots)).reshape(-1, 4, snapshots.shape[1])
-        weights[free] = _fitted_weights(weights, maps, affine, snapshots)[free]
+        maps = np.linalg.solve(normal, A.T @ (root * targets)).reshape(-1, 4, targets.shape[1])
+        # Weights of every node for these transforms: a small least squares each
+        made = np.einsum("na,has->nsh", affine, maps, optimize=True)
+        left = targets - made[:, :, handles:].sum(axis=2)
+        B = made[:, :, :handles]
+        normal = B.swapaxes(1, 2) @ B
+        ridge = RIDGE_WEIGHTS * np.trace(normal.mean(axis=0)) / handles
+        right = (B.swapaxes(1, 2) @ left[:, :, None])[..., 0] + ridge * weights
+        solved = np.linalg.solve(normal + ridge * np.eye(handles), right[..., None])[..., 0]
+        weights[free] = solved[free]
     return weights
-
-
-def held_nodes(body: LinearBody) -> Bool[np.ndarray, "nodes"]:
-    """Nodes that are held, in all directions; ``InputError`` where one is in some only."""
-    fixed = body.held.fixed
-    if (fixed.any(axis=1) & ~fixed.all(axis=1)).any():
-        raise InputError(
-            "a point is held in some directions only, and handles vanish on it in all or in none: "
-            "wanted the vector basis"
-        )
-    return np.asarray(fixed.any(axis=1))
 
 
 def bent_beside(
@@ -396,28 +397,8 @@ def bent_beside(
     return np.concatenate([np.moveaxis(responses, 0, 2), BEND_SIZE * bent], axis=2)
 
 
-def _snapshots(body: LinearBody, fitted: int, beside) -> Float[np.ndarray, "nodes shots"]:
-    """Modes, as large as their share f1 / f of a motion, and what is ``beside``, as (x, y, z)."""
-    modes = body.modes
-    fields = modes.shapes[:fitted] * (modes.frequencies[0] / modes.frequencies[:fitted, None, None])
-    both = np.concatenate([np.moveaxis(fields, 0, 2), beside], axis=2)
-    return both.swapaxes(1, 2).reshape(len(body.mass), -1)
-
-
-def _fitted_weights(weights, maps, affine, snapshots) -> np.ndarray:
-    """Weights of every node for the given transforms: a small least squares each."""
-    handles = weights.shape[1]
-    made = np.einsum("na,has->nsh", affine, maps, optimize=True)
-    left = snapshots - made[:, :, handles:].sum(axis=2)
-    B = made[:, :, :handles]
-    normal = B.swapaxes(1, 2) @ B
-    ridge = RIDGE_WEIGHTS * np.trace(normal.mean(axis=0)) / handles
-    right = (B.swapaxes(1, 2) @ left[:, :, None])[..., 0] + ridge * weights
-    return np.linalg.solve(normal + ridge * np.eye(handles), right[..., None])[..., 0]
-
-
 GRAVITY = (0.0, 0.0, -9.81)
-# A body swings far whose linear response to SWINGS of its load is beyond this share of its size.
+# A body swings far whose linear response to SWINGS of its load is beyond this fraction of its size.
 SWINGS, FAR = (1.0, 2.0), 0.25
 # Of quadratic elements that are reduced where linear ones lock: some ten CPU seconds.
 MOST_UNKNOWNS = 60_000
@@ -491,12 +472,22 @@ def reduce_body(
     body = linear_body(mesh, supports, order=used)
     dead = load_vector(mesh, body.grid, traction=traction, forces=forces)
     acting = body.mass[:, None] * np.asarray(gravity_vector, dtype=float) + dead
-    if kind is not Subspace.SKINNING and not body.is_free:
-        whole = _vector(body, dead, acting, checked_count("derived", derived))
+    if kind is Subspace.SKINNING:
+        functions = _modal_functions(body, checked_count("handles", handles), dead, acting)
+        whole = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
+    elif body.is_free:
+        checked_count("handles", handles)
+        whole = whole_model(body, skinned_basis(turning_functions(body)), Subspace.SKINNING)
     else:
-        wanted = (checked_count("handles", handles), dead, acting)
-        skin = _skinning(body, *wanted) if kind is Subspace.SKINNING else turning_functions(body)
-        whole = whole_model(body, skinned_basis(skin), Subspace.SKINNING)
+        derived = checked_count("derived", derived)
+        whole = whole_model(body, vector_basis(body, dead, derived), Subspace.VECTOR)
+        linear = body.compliance(acting[None])[0]
+        if SWINGS[-1] * np.abs(linear).max() >= FAR * body.size:  # as many coordinates, for swings
+            swung = swung_fields(body, whole, acting)
+            kept = vector_basis(body, dead, max(0, derived - swung.shape[2]))
+            far = principal_fields(swung, kept, body.mass, swung.shape[2])
+            basis = orthonormal_fields(np.concatenate([kept, far], axis=2), body.mass)
+            whole = whole_model(body, basis, Subspace.VECTOR)
     stiffening = 1.0 if used == 2 else stiffening
     return on_few_cells(whole, acting, most_cells, stiffening=stiffening, seed=seed)
 
@@ -562,46 +553,35 @@ def measured(
 
 def relative_error(
     model: ReducedModel,
-    found: Float[np.ndarray, "*frames nodes 3"],
-    wanted: Float[np.ndarray, "*frames nodes 3"],
+    u: Float[np.ndarray, "*frames nodes 3"],
+    target: Float[np.ndarray, "*frames nodes 3"],
 ) -> float:
-    """Error of displacements over the wanted ones [1], in the norm of mass, all frames together."""
+    """Error of displacements over the target [1], in the norm of mass, all frames together."""
     mass = model.mass[:, None]
-    error, size = (mass * (found - wanted) ** 2).sum(), (mass * wanted**2).sum()
+    error, size = (mass * (u - target) ** 2).sum(), (mass * target**2).sum()
     return float(np.sqrt(error / size)) if size > 0 else 0.0 if error == 0 else np.inf
 
 
 def accuracy_warnings(model: ReducedModel) -> tuple[str, ...]:
     """What to say where a model is not as good as it should be."""
     ratio, sag, cell_ratio, cell_sag, motion, stiffening = model.accuracy
-    found = [] if (coarse := too_coarse(stiffening)) is None else [f"{coarse}; convert it finer"]
+    warnings = [] if (coarse := too_coarse(stiffening)) is None else [f"{coarse}; convert it finer"]
     if model.kind is Subspace.VECTOR and np.isfinite(cell_ratio) and np.isnan(cell_sag):
-        found.append(
+        warnings.append(
             f"{len(model.cells)} cells were chosen by the frequency alone: nothing loads the body, "
             "or no rest under its load was found"
         )
     if abs(ratio - 1) > FREQUENCY_LIMIT:
-        found.append(f"the reduced body's lowest frequency is {ratio:.3f} times the full one's")
+        warnings.append(f"the reduced body's lowest frequency is {ratio:.3f} times the full one's")
     if sag > SAG_LIMIT:
-        found.append(f"the reduced body sags otherwise than the full one, by {sag:.1%}")
+        warnings.append(f"the reduced body sags otherwise than the full one, by {sag:.1%}")
     if cell_sag > SAG_LIMIT:
-        found.append(f"{len(model.cells)} cells sag otherwise than all tets, by {cell_sag:.1%}")
+        warnings.append(f"{len(model.cells)} cells sag otherwise than all tets, by {cell_sag:.1%}")
     if motion > MOTION_LIMIT:
-        found.append(f"the reduced body moves otherwise than the full one, by about {motion:.1%}")
-    return tuple(found)
-
-
-def _vector(body: LinearBody, dead: np.ndarray, acting: np.ndarray, derived: int) -> ReducedModel:
-    """Model of a vector basis with all tets; of as many coordinates where the body swings far."""
-    whole = whole_model(body, vector_basis(body, dead, derived), Subspace.VECTOR)
-    linear = body.compliance(acting[None])[0]
-    if SWINGS[-1] * np.abs(linear).max() < FAR * body.size:
-        return whole
-    swung = swung_fields(body, whole, acting)
-    kept = vector_basis(body, dead, max(0, derived - swung.shape[2]))
-    far = principal_fields(swung, kept, body.mass, swung.shape[2])
-    basis = orthonormal_fields(np.concatenate([kept, far], axis=2), body.mass)
-    return whole_model(body, basis, Subspace.VECTOR)
+        warnings.append(
+            f"the reduced body moves otherwise than the full one, by about {motion:.1%}"
+        )
+    return tuple(warnings)
 
 
 def swung_fields(
@@ -616,41 +596,38 @@ def swung_fields(
     few = ReducedElasticity(drawn_cells(model))
     elastic = ElasticBody(body.grid, material_of(body.mesh), Law.NEO_HOOKEAN)
     plan = planned_elimination(body.grid.pattern, body.space.edges)
-    found, q = [], None
-    for share in SWINGS:
-        q = held_rest(few, share * model.pull_back(acting), start=q)
+    fields, q = [], None
+    for times in SWINGS:
+        q = held_rest(few, times * model.pull_back(acting), start=q)
         if q is None or plan.entries > MOST_ENTRIES:
             break
         u = model.displacement(q)
-        left = share * acting - elastic.response(u).force - body.held.springs * u
+        left = times * acting - elastic.response(u).force - body.held.springs * u
         matrix = elastic.tangent(u, projected=True)
         apply_supports(matrix, body.held.fixed, body.held.springs)
         factor = CholeskyFactor(matrix, plan)
-        found.append(u + factor.solve(np.where(body.held.fixed, 0.0, left)))
-    return np.stack(found, axis=2) if found else np.zeros((*acting.shape, 0))
+        fields.append(u + factor.solve(np.where(body.held.fixed, 0.0, left)))
+    return np.stack(fields, axis=2) if fields else np.zeros((*acting.shape, 0))
 
 
-def _skinning(
+def _modal_functions(
     body: LinearBody, handles: int, forces: np.ndarray, acting: np.ndarray
 ) -> Float[np.ndarray, "nodes _"]:
     """Scalar functions of the modal weights that come nearest to the linear body."""
     best: tuple[float, np.ndarray] | None = None
     beside = bent_beside(body, forces)
+    loaded = acting.any() and not body.is_free
+    response = body.compliance(acting[None])[0] if loaded else acting
     for fitted in FITTED:
         weights = modal_weights(body, handles, fitted, beside=beside)
         functions = skinned_functions(body, weights, free=body.is_free)
         model = whole_model(body, skinned_basis(functions), Subspace.SKINNING)
-        error = abs(model.accuracy.frequency - 1) + _linear_error(body, model, acting)
+        error = abs(model.accuracy.frequency - 1)
+        if loaded:  # and of the linear response
+            K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
+            u = model.displacement(np.linalg.solve(K, model.pull_back(acting)))
+            error += relative_error(model, u, response)
         if best is None or error < best[0]:
             best = error, functions
     assert best is not None
     return best[1]
-
-
-def _linear_error(body: LinearBody, model: ReducedModel, acting: np.ndarray) -> float:
-    """Relative error of the linear response to the forces ``acting`` (nodes, 3) [N]."""
-    if body.is_free or not acting.any():
-        return 0.0
-    K = ReducedElasticity(model).tangent(np.zeros(model.dofs))
-    found = model.displacement(np.linalg.solve(K, model.pull_back(acting)))
-    return relative_error(model, found, body.compliance(acting[None])[0])

@@ -25,20 +25,20 @@ from .elasticity import (
 )
 from .model import ReducedModel
 
-# Largest displacement of a state, in shares of the body's longest side.
+# Largest displacement of a state, over the body's longest side.
 AMPLITUDES = (0.01, 0.15)
 STATES = 12
 # Lowest vibrations whose combinations load the states.
 LOADED = 8
 # The stiffness about rest counts as much as so many states.
-LINEAR_SHARE = 8.0
+LINEAR_WEIGHT = 8.0
 # And the rest under the load, about which the body moves: its sag is what cells are accepted by.
-REST_SHARE = 100.0
+REST_WEIGHT = 100.0
 # Cells that states are found with, and that weights are sought for: a draw where there are more.
 DRAWN, CANDIDATES = 1500, 6000
 # Unbalanced force of a state, over its load.
 TOLERANCE = 1e-2
-# Cells that are tried, until frequency and sag agree with all tets to this share, and forces do.
+# Cells that are tried, until frequency and sag agree with all tets to this fraction, and forces do.
 CELLS = (60, 90, 120, 180, 250, 320, 400)
 ACCEPTED, RESIDUAL = 3e-3, 1e-3
 # Cells that join before weights are found again: the most needed of those left, at least so many,
@@ -49,7 +49,7 @@ JOINING, GROWTH = 8, 0.05
 class Cubature(NamedTuple):
     """Candidates ``cells`` (n,), a ``factor`` (n,) [1] to the volume of each, and what it misses.
 
-    ``residual`` is that of the forces of the snapshots, as a share.
+    ``residual`` is that of the forces of the snapshots, over their size.
     """
 
     cells: Int[np.ndarray, "n"]
@@ -57,26 +57,10 @@ class Cubature(NamedTuple):
     residual: float
 
 
-class Training(NamedTuple):
-    """Forces in the snapshots: ``parts`` (rows, candidates) of cells, ``whole`` (rows,) of all.
-
-    ``cells`` (candidates,) says which cells may be taken.
-    """
-
-    parts: Float[np.ndarray, "rows candidates"]
-    whole: Float[np.ndarray, "rows"]
-    cells: Int[np.ndarray, "candidates"]
-
-
 def with_cells(
-    whole: ReducedModel,
-    load: Float[np.ndarray, "dofs"],
-    most: int,
-    *,
-    accepted: float = ACCEPTED,
-    seed: int = 0,
+    whole: ReducedModel, load: Float[np.ndarray, "dofs"], most: int, *, seed: int = 0
 ) -> ReducedModel:
-    """Model of at most ``most`` cells, as few as bring frequency and sag within ``accepted``.
+    """Model of at most ``most`` cells, as few as bring frequency and sag within ``ACCEPTED``.
 
     The sag is that under ``load``, forces on the coordinates [N/sqrt(kg)]; the forces of the
     snapshots are within ``RESIDUAL``. Where no count is enough, the one with the most cells is
@@ -89,49 +73,38 @@ def with_cells(
     if start is not None:
         kept.renew(few.tangent(start))
     rest = held_rest(elasticity, load, start=start, kept=None if start is None else kept)
-    known = _Reference(lowest_frequency(stiffness), rest)
-    found = training(elasticity, few, load, stiffness=stiffness, rest=rest, seed=seed)
+    frequency = lowest_frequency(stiffness)
+    A, y, candidates = snapshot_forces(
+        elasticity, few, load, stiffness=stiffness, rest=rest, seed=seed
+    )
     cubature: Cubature | None = None
     model = whole
     for count in [n for n in CELLS if n < most] + [most]:
         if count >= len(whole.cells):
             break
-        cubature = select_cells(found, count, start=cubature)
+        cubature = select_cells(A, y, count, start=cubature)
         if cubature.residual > RESIDUAL and count < most:
             continue
-        model = _checked(whole, found.cells[cubature.cells], cubature.factor, load, known)
-        if model.accuracy.cell_error <= accepted:
+        cells = candidates[cubature.cells]
+        model = whole.on_cells(cells, cubature.factor * whole.weights[cells])
+        # Frequency and sag against those of all cells
+        summed = ReducedElasticity(model)
+        ratio = lowest_frequency(summed.tangent(np.zeros(model.dofs))) / frequency
+        sag = np.nan
+        if rest is not None:
+            q = held_rest(summed, load, start=rest)
+            size = float(np.linalg.norm(rest))
+            sag = np.inf if q is None else float(np.linalg.norm(q - rest)) / size
+        accuracy = whole.accuracy._replace(
+            frequency=whole.accuracy.frequency * ratio, cell_frequency=ratio, cell_sag=sag
+        )
+        model = replace(model, accuracy=accuracy)
+        if accuracy.cell_error <= ACCEPTED:
             return model
     return whole if cubature is None else model
 
 
-class _Reference(NamedTuple):
-    """Lowest frequency [Hz] and coordinates at rest of the model with all tets; None: no rest."""
-
-    frequency: float
-    rest: np.ndarray | None
-
-
-def _checked(
-    whole: ReducedModel,
-    cells: np.ndarray,
-    factor: np.ndarray,
-    load: np.ndarray,
-    known: _Reference,
-) -> ReducedModel:
-    model = whole.on_cells(cells, factor * whole.weights[cells])
-    elasticity = ReducedElasticity(model)
-    ratio = lowest_frequency(elasticity.tangent(np.zeros(model.dofs))) / known.frequency
-    sag = np.nan
-    if known.rest is not None:
-        rest = held_rest(elasticity, load, start=known.rest)
-        size = float(np.linalg.norm(known.rest))
-        sag = np.inf if rest is None else float(np.linalg.norm(rest - known.rest)) / size
-    accuracy = whole.accuracy._replace(cell_frequency=ratio, cell_sag=sag)
-    return replace(model, accuracy=accuracy._replace(frequency=whole.accuracy.frequency * ratio))
-
-
-def training(
+def snapshot_forces(
     elasticity: ReducedElasticity,
     few: ReducedElasticity,
     load: Float[np.ndarray, "dofs"],
@@ -139,25 +112,25 @@ def training(
     stiffness: Float[np.ndarray, "dofs dofs"],
     rest: Float[np.ndarray, "dofs"] | None = None,
     seed: int = 0,
-) -> Training:
-    """Forces of the cells of a model with all of them, in states that ``few`` cells are at rest in.
+) -> tuple[Float[np.ndarray, "rows n"], Float[np.ndarray, "rows"], Int[np.ndarray, "n"]]:
+    """Forces of candidate cells in snapshots, of all cells together, and which are candidates.
 
-    ``stiffness`` [1/s^2] is that about zero, ``rest`` the state under ``load``: the forces on the
-    coordinates [N/sqrt(kg)] that will act, of weight and others. Every other state is loaded by
-    them, scaled either way.
+    The states are those that ``few`` cells are at rest in; ``stiffness`` [1/s^2] is that about
+    zero, ``rest`` the state under ``load``: the forces on the coordinates [N/sqrt(kg)] that will
+    act, of weight and others. Every other state is loaded by them, scaled either way.
     """
     square, modes = np.linalg.eigh(stiffness)
     elastic = square > RIGID * square[-1]
     square, modes = square[elastic], modes[:, elastic]
     turn = (modes / np.sqrt(square)).T  # the norm of a force is what it moves the body by
     count = len(elasticity.model.cells)
-    taken = np.sort(np.random.default_rng(seed).permutation(count)[:CANDIDATES])
-    slopes = elasticity.model.gradients[taken].reshape(len(taken), 9, -1)
+    candidates = np.sort(np.random.default_rng(seed).permutation(count)[:CANDIDATES])
+    slopes = elasticity.model.gradients[candidates].reshape(len(candidates), 9, -1)
 
     def forces(q: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Components of the candidates' forces, and last of that of all cells."""
         stress = elasticity.stress(q)
-        each = np.einsum("tk,tka->at", stress[taken].reshape(-1, 9), slopes)
+        each = np.einsum("tk,tka->at", stress[candidates].reshape(-1, 9), slopes)
         whole = elasticity.gradients.pull(stress)
         return rows @ np.concatenate([each, whole[:, None]], axis=1)
 
@@ -165,64 +138,64 @@ def training(
     for k in range(min(LOADED, len(square))):
         step = 1e-7 / np.abs(elasticity.gradients.of(turn[k])).max()
         linear = forces(step * turn[k], turn[k:]) / step
-        blocks.append(np.sqrt(LINEAR_SHARE / LOADED) * linear)
-    states = [(q, 1.0) for q in _states(few, square, modes, load, seed)]
-    for q, share in states if rest is None else [(rest, REST_SHARE), *states]:
+        blocks.append(np.sqrt(LINEAR_WEIGHT / LOADED) * linear)
+    # States of equilibrium under loads that bend the body between the amplitudes
+    states = [] if rest is None else [(rest, REST_WEIGHT)]
+    rng, model, taken = np.random.default_rng(seed), few.model, range(min(LOADED, len(square)))
+    size = float(np.ptp(model.points[model.mass > 0], axis=0).max())
+    inverse = modes / square @ modes.T
+    for number in range(STATES):
+        mixed = rng.normal(size=len(taken)) * np.sqrt(square[0] * square[taken])
+        push = modes[:, taken] @ mixed if number % 2 or not load.any() else load
+        linear = inverse @ push
+        largest = np.linalg.norm(model.basis @ linear, axis=1).max()
+        amplitude = size * np.exp(rng.uniform(*np.log(AMPLITUDES))) / largest
+        sign = -1.0 if number % 4 == 2 else 1.0
+        try:
+            q = reduced_rest(few, sign * amplitude * push, tolerance=TOLERANCE).u
+        except ConvergenceError:  # it snaps through: the linear state, as far as it goes
+            q = 0.1 * sign * amplitude * linear
+        states.append((q, 1.0))
+    for q, weight in states:
         bent = forces(q, turn)
-        blocks.append(np.sqrt(share) / np.linalg.norm(bent[:, -1]) * bent)
-    found = np.concatenate(blocks)
-    return Training(found[:, :-1], found[:, -1], taken)
+        blocks.append(np.sqrt(weight) / np.linalg.norm(bent[:, -1]) * bent)
+    rows = np.concatenate(blocks)
+    return rows[:, :-1], rows[:, -1], candidates
 
 
 def drawn_cells(model: ReducedModel, seed: int = 0) -> ReducedModel:
     """The model on some of its cells, drawn by volume: states that are near to rest are enough."""
     if len(model.cells) <= DRAWN:
         return model
-    share = model.weights / model.weights.sum()
-    cells = np.random.default_rng(seed).choice(len(share), DRAWN, p=share)
+    odds = model.weights / model.weights.sum()
+    cells = np.random.default_rng(seed).choice(len(odds), DRAWN, p=odds)
     return model.on_cells(cells, np.full(DRAWN, model.weights.sum() / DRAWN))
 
 
-def _states(elasticity, square, modes, load, seed):
-    """States of equilibrium under loads that bend the body between the ``AMPLITUDES``."""
-    rng, model = np.random.default_rng(seed), elasticity.model
-    size = float(np.ptp(model.points[model.mass > 0], axis=0).max())
-    inverse, taken = modes / square @ modes.T, range(min(LOADED, len(square)))
-    basis = model.basis
-    for number in range(STATES):
-        mixed = rng.normal(size=len(taken)) * np.sqrt(square[0] * square[taken])
-        push = modes[:, taken] @ mixed if number % 2 or not load.any() else load
-        linear = inverse @ push
-        largest = np.linalg.norm(basis @ linear, axis=1).max()
-        amplitude = size * np.exp(rng.uniform(*np.log(AMPLITUDES))) / largest
-        sign = -1.0 if number % 4 == 2 else 1.0
-        try:
-            yield reduced_rest(elasticity, sign * amplitude * push, tolerance=TOLERANCE).u
-        except ConvergenceError:  # it snaps through: the linear state, as far as it goes
-            yield 0.1 * sign * amplitude * linear
-
-
 def select_cells(
-    given: Training, limit: int, *, tolerance: float = 0.0, start: Cubature | None = None
+    A: Float[np.ndarray, "rows n"],
+    y: Float[np.ndarray, "rows"],
+    limit: int,
+    *,
+    start: Cubature | None = None,
 ) -> Cubature:
-    """At most ``limit`` cells whose weighted forces come within ``tolerance`` of the whole.
+    """At most ``limit`` columns of ``A`` whose weighted sum comes near to ``y``.
 
     Greedy: the cells that point most along what is missed join, weights are found anew, those that
     become zero leave. ``start`` goes on from what was selected before.
     """
-    A, y, _ = given
     size = np.linalg.norm(A, axis=0)
     usable, whole = size > 1e-12 * size.max(), float(np.linalg.norm(y))
     chosen = np.zeros(0, dtype=int) if start is None else start.cells
     factor = np.zeros(0) if start is None else start.factor
     gram = A[:, chosen].T @ A[:, chosen]
     missing = y - A[:, chosen] @ factor
-    while len(chosen) < limit and np.linalg.norm(missing) > tolerance * whole:
-        wanted = np.where(usable, missing @ A / np.maximum(size, 1e-300), -np.inf)
-        wanted[chosen] = -np.inf
+    while len(chosen) < limit and missing.any():
+        along = np.where(usable, missing @ A / np.maximum(size, 1e-300), -np.inf)
+        along[chosen] = -np.inf
         most = min(max(JOINING, int(GROWTH * len(chosen))), limit - len(chosen))
-        new = np.argpartition(-wanted, most - 1)[:most]
-        new = new[wanted[new] > 0]
+        new = np.argpartition(-along, most - 1)[:most]
+        new = new[along[new] > 0]
         if not new.size:
             break
         grown = np.concatenate([chosen, new])
@@ -257,13 +230,13 @@ def nonnegative_weights(
             ids = np.flatnonzero(passive)
             inner = gram[np.ix_(ids, ids)]
             inner.flat[:: len(ids) + 1] += ridge
-            found = solve_dense(inner, right[ids])
-            low = found <= 0
+            solved = solve_dense(inner, right[ids])
+            low = solved <= 0
             if not low.any():
-                x[ids] = found
+                x[ids] = solved
                 break
-            share = (x[ids[low]] / (x[ids[low]] - found[low])).min()
-            x[ids] += share * (found - x[ids])
+            alpha = (x[ids[low]] / (x[ids[low]] - solved[low])).min()
+            x[ids] += alpha * (solved - x[ids])
             out = ids[low & (x[ids] <= 1e-14 * max(x.max(), 1e-300))]
             passive[out if out.size else ids[low][:1]] = False
             x[~passive] = 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -53,7 +53,8 @@ class ReducedElasticity:
         wp = start_warp()
         kernels = elastic_kernels(LAWS[law])
         self.model, self.law = model, law
-        self.gradients = cell_gradients(model)
+        skinned = model.kind is Subspace.SKINNING
+        self.gradients = (SkinnedGradients if skinned else VectorGradients)(model.gradients)
         self._H, self._P = (wp.empty(len(model.cells), dtype=wp.mat33d, device="cpu") for _ in "HP")
         self._W, self._lam, self._mu = (
             wp.empty(len(model.cells), dtype=wp.float64, device="cpu") for _ in range(3)
@@ -64,11 +65,11 @@ class ReducedElasticity:
             array.numpy() for array in (self._H, self._P, self._W, self._A)
         )
         record = Recorder(len(model.cells), "cpu")
-        given = [self._H, self._lam, self._mu]
-        self._stress = record(kernels.stress, [*given, self._W, self._P])
+        inputs = [self._H, self._lam, self._mu]
+        self._stress = record(kernels.stress, [*inputs, self._W, self._P])
         exact, projected = kernels.exact_at, kernels.projected_at
-        self._exact = record(exact or projected, [*given, self._A])
-        self._projected = record(projected or exact, [*given, self._A])
+        self._exact = record(exact or projected, [*inputs, self._A])
+        self._projected = record(projected or exact, [*inputs, self._A])
         self.set_moduli(model.E, model.nu)
 
     def set_moduli(self, E: np.ndarray, nu: np.ndarray) -> None:
@@ -107,25 +108,8 @@ class ReducedElasticity:
         return self.gradients.pull_tangent(self._a.reshape(-1, 9, 9)) + self.model.springs
 
 
-@runtime_checkable
-class CellGradients(Protocol):
-    """Linear map from the coordinates (dofs,) to displacement gradients (cells, 3, 3)."""
-
-    def of(self, q: np.ndarray) -> np.ndarray:
-        """Displacement gradients H [1], shape (cells, 3, 3)."""
-        ...
-
-    def pull(self, stress: np.ndarray) -> np.ndarray:
-        """Forces on the coordinates of ``stress`` (cells, 3, 3) [Pa m^3]."""
-        ...
-
-    def pull_tangent(self, tangent: np.ndarray) -> np.ndarray:
-        """Stiffness (dofs, dofs) of the symmetric ``tangent`` (cells, 9, 9) [Pa m^3]."""
-        ...
-
-
 class VectorGradients:
-    """Gradients of fields of vectors."""
+    """Linear map from the coordinates to displacement gradients, of fields of vectors."""
 
     def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
         self._each = np.ascontiguousarray(gradients.reshape(len(gradients), 9, -1))
@@ -152,7 +136,7 @@ class VectorGradients:
 
 
 class SkinnedGradients:
-    """Gradients of a skinned body: H = Z G, with the same functions along the three axes."""
+    """The same of a skinned body: H = Z G, with the same functions along the three axes."""
 
     def __init__(self, gradients: Float[np.ndarray, "cells 3 3 dofs"]) -> None:
         count = gradients.shape[3] // 3
@@ -181,12 +165,6 @@ class SkinnedGradients:
         return K.reshape(3 * count, 3 * count)
 
 
-def cell_gradients(model: ReducedModel) -> CellGradients:
-    """Gradients of ``model`` in the form that is cheapest for its kind."""
-    skinned = model.kind is Subspace.SKINNING
-    return (SkinnedGradients if skinned else VectorGradients)(model.gradients)
-
-
 def hat_gradients(mesh: TetMesh) -> Float[np.ndarray, "tets 4 3"]:
     """Gradients [1/m] of the four linear shape functions of every tet."""
     corners = mesh.points[mesh.tets]
@@ -195,22 +173,17 @@ def hat_gradients(mesh: TetMesh) -> Float[np.ndarray, "tets 4 3"]:
     return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
 
 
-def slopes_at_points(mesh: TetMesh, space: Space) -> Float[np.ndarray, "tets points nodes 3"]:
-    """Gradients [1/m] of the shape functions of every tet at its quadrature points."""
-    hats, where = hat_gradients(mesh)[:, None], element_points(space.order)
-    if space.order == 1:
-        return hats
-    a, b = EDGES.T
-    corners = (4 * where - 1)[..., None] * hats
-    left, right = where[:, a, None] * hats[..., b, :], where[:, b, None] * hats[..., a, :]
-    return np.concatenate([corners, 4 * (left + right)], axis=2)
-
-
 def basis_gradients(
     mesh: TetMesh, space: Space, basis: Float[np.ndarray, "nodes 3 dofs"]
 ) -> Float[np.ndarray, "cells 3 3 dofs"]:
     """Gradients d U_a,i / d x_j of ``basis`` at the quadrature points, tet by tet."""
-    slopes = np.swapaxes(slopes_at_points(mesh, space), 2, 3)  # (tets, points, j, nodes)
+    slopes = hat_gradients(mesh)[:, None]  # of the shape functions: (tets, points, nodes, j)
+    if space.order == 2:
+        (a, b), where, hats = EDGES.T, element_points(space.order), slopes
+        corners = (4 * where - 1)[..., None] * hats
+        left, right = where[:, a, None] * hats[..., b, :], where[:, b, None] * hats[..., a, :]
+        slopes = np.concatenate([corners, 4 * (left + right)], axis=2)
+    slopes = np.swapaxes(slopes, 2, 3)  # (tets, points, j, nodes)
     nodal = basis[space.elements].swapaxes(1, 2)  # (tets, i, nodes, dofs)
     return (slopes[:, :, None] @ nodal[:, None]).reshape(-1, 3, 3, basis.shape[2])
 
@@ -219,9 +192,9 @@ def basis_gradients(
 
 # Unbalanced force of a rest, over the load.
 TOLERANCE = 1e-9
-# Squares of frequencies below this share of the largest are rigid motions.
+# Squares of frequencies below this fraction of the largest are rigid motions.
 RIGID = 1e-9
-# An inverse Hessian serves while every move brings the gradient below this share of the last.
+# An inverse Hessian serves while every move brings the gradient below this fraction of the last.
 CONTRACTION = 0.5
 
 
@@ -283,9 +256,9 @@ class KeptInverse:
         """
         if projected:
             self.inverse = self._last = None
-            found = KeptInverse()
-            found.renew(matrix())
-            return found
+            once = KeptInverse()
+            once.renew(matrix())
+            return once
         last, self._last, first, self._first = self._last, (q, gradient), self._first, False
         far = np.inf if first or last is None else CONTRACTION * length(last[1])
         slow = not length(gradient) < far

@@ -17,7 +17,7 @@ from ..validation import checked_count, checked_positive
 from .basis import CELLS, HANDLES, accuracy_warnings, reduce_body
 from .elasticity import reduced_frequencies
 from .model import ReducedModel, Subspace
-from .motion import ROUNDS, Followed, Following, reduced_dynamics
+from .motion import ROUNDS, Following, reduced_dynamics
 
 # Derived fields that a motion has: with 21 a bonsai's swings were 4.4 % off, with 36 1.3 %.
 DERIVED_IN_MOTION = 45
@@ -76,33 +76,41 @@ class ReducedMethod:
         model = self.model_of(scene, order)
         if self.announce is not None:
             self.announce(model_in_words(model))
-        law = law or Law.NEO_HOOKEAN
-        own = self.scale == 1 and self.nu is None
-        found = Following(
+        fitted = self.scale != 1 or self.nu is not None
+        followed = Following(
             dt=dt,
             frames=frames,
-            law=law,
+            law=law or Law.NEO_HOOKEAN,
             scheme=scheme,
             most_cells=self.most_cells,
-            rounds=ROUNDS if own else 0,
+            rounds=0 if fitted else ROUNDS,
             announce=self.announce,
             progress=progress,
         ).of(scene, model)
-        model = found.model
+        model, solution = followed.model, [("reduced model", model_in_words(followed.model))]
+        if followed.before:
+            before = ", then by ".join(f"{100 * error:.2g} %" for error in followed.before)
+            again = f"the motion before was off by {before}; what it missed joined"
+            solution.append(("followed again", again))
+        notes = [
+            *accuracy_warnings(model),
+            *error_notes(followed.error),
+            *halving_notes(followed.halved, frames),
+        ]
+        if scene.obstacles:
+            notes.append(
+                f"{model.dofs} coordinates follow how the body bends as a whole, not the dents "
+                "that obstacles make"
+            )
         return MotionResult(
-            found.states,
+            followed.states,
             dt,
             len(scene.mesh.points),
             model.order,
             locking_share(scene.mesh) if model.order == 1 else 0.0,
-            notes=(
-                *accuracy_warnings(model),
-                *error_notes(found.error),
-                *halving_notes(found.halved, frames),
-                *_dents(scene, model),
-            ),
-            solution=(("reduced model", model_in_words(model)), *_again(found)),
-            model_error=found.error,
+            notes=tuple(notes),
+            solution=tuple(solution),
+            model_error=followed.error,
             stiffening=model.accuracy.stiffening,
         )
 
@@ -148,17 +156,9 @@ def with_motion_error(model: ReducedModel, scene: Scene) -> ReducedModel:
     if not body.load.any() and not body.now.v.any():
         return model
     period = 1 / float(reduced_frequencies(body.elasticity)[0])
-    found = Following(dt=period / PER_PERIOD, frames=PERIODS * PER_PERIOD).of(loose, model)
-    share = np.nan if found.error is None else found.error.share
-    return replace(found.model, accuracy=found.model.accuracy._replace(motion=share))
-
-
-def _again(found: Followed) -> tuple[tuple[str, str], ...]:
-    """That a motion was followed again, and how far off it was before."""
-    if not found.before:
-        return ()
-    before = ", then by ".join(f"{100 * share:.2g} %" for share in found.before)
-    return (("followed again", f"the motion before was off by {before}; what it missed joined"),)
+    followed = Following(dt=period / PER_PERIOD, frames=PERIODS * PER_PERIOD).of(loose, model)
+    error = np.nan if followed.error is None else followed.error.share
+    return replace(followed.model, accuracy=followed.model.accuracy._replace(motion=error))
 
 
 def model_in_words(model: ReducedModel) -> str:
@@ -168,14 +168,4 @@ def model_in_words(model: ReducedModel) -> str:
     return (
         f"{model.dofs} coordinates of {basis}, {len(model.cells):,} cells; lowest frequency "
         f"{model.accuracy.best_frequency:.3f} of the full body's with {of} elements"
-    )
-
-
-def _dents(scene: Scene, model: ReducedModel) -> tuple[str, ...]:
-    """Say that what an obstacle does to a small place is not followed."""
-    if not scene.obstacles:
-        return ()
-    return (
-        f"{model.dofs} coordinates follow how the body bends as a whole, not the dents that "
-        "obstacles make",
     )

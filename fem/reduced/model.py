@@ -155,13 +155,6 @@ class ReducedModel:
         """Lame parameters (lam, mu) [Pa] of the cells, each (cells,)."""
         return lame_parameters(self.E, self.nu)
 
-    @property
-    def functions(self) -> Float[np.ndarray, "nodes functions"]:
-        """Scalar functions of a skinned body at the nodes [1/sqrt(kg)]."""
-        if self.kind is not Subspace.SKINNING:
-            raise InputError(f"a {self.kind} model has no scalar functions: wanted a skinned one")
-        return self.basis[:, 0, : self.dofs // 3]
-
     def displacement(self, q: Float[np.ndarray, "dofs"]) -> Float[np.ndarray, "nodes 3"]:
         """Displacement [m] of the nodes at the coordinates ``q`` [m sqrt(kg)]."""
         return self.basis @ q

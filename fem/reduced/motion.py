@@ -78,21 +78,21 @@ class Following:
 
     def of(self, scene: Scene, model: ReducedModel) -> Followed:
         """The motion of ``scene`` by ``model``, or by what it is made of what that missed."""
-        found, missed = self._once(scene, model)
+        followed, missed = self._once(scene, model)
         for _ in range(self.rounds):
-            error = found.error
+            error = followed.error
             if missed is None or error is None or error.share <= MOTION_LIMIT:
                 break
             if model.kind is not Subspace.VECTOR:
                 break
             if self.announce is not None:
                 self.announce(f"off by {error.words}: once more, with {JOINING} coordinates more")
-            wider = enriched(found.model, scene, missed, most_cells=self.most_cells)
+            wider = enriched(followed.model, scene, missed, most_cells=self.most_cells)
             again, missed = self._once(scene, wider)
             if again.error is None or again.error.share >= error.share:
                 break
-            found = again._replace(before=(*found.before, error.share))
-        return found
+            followed = again._replace(before=(*followed.before, error.share))
+        return followed
 
     def _once(self, scene: Scene, model: ReducedModel) -> tuple[Followed, np.ndarray | None]:
         """The motion by ``model``, and what it missed (frames, nodes, 3) [m]."""
@@ -158,8 +158,8 @@ def reduced_dynamics(
 
 def start_velocity(scene: Scene, space: Space) -> Float[np.ndarray, "nodes 3"]:
     """Velocity [m/s] of the nodes that the scene starts with."""
-    given = np.asarray(scene.velocity, dtype=float)
-    at_points = np.broadcast_to(given, scene.mesh.points.shape)
+    velocity = np.asarray(scene.velocity, dtype=float)
+    at_points = np.broadcast_to(velocity, scene.mesh.points.shape)
     return extend_linear(space, at_points)
 
 
@@ -188,9 +188,9 @@ def _contact_of(scene: Scene, space: Space) -> Contact:
 # factor serves as long as the body stays near where it was made: all frames of a stiff body. Exact
 # for the linear law, for others to the first order in e.
 
-# A tangent serves until a point has moved so far since, in shares of the body's longest side.
+# A tangent serves until a point has moved so far since, over the body's longest side.
 NEAR = 0.02
-# And until obstacles press by so much more or less, in shares of their stiffness.
+# And until obstacles press by so much more or less, over their stiffness.
 ALIKE = 0.5
 
 
@@ -209,28 +209,18 @@ def missed_motion(
 ) -> Float[np.ndarray, "frames nodes 3"] | None:
     """What a reduced motion lacks of the full body's [m], of every frame but the start.
 
-    An estimate; None where the mesh is too large for a factor.
-
-    Parameters
-    ----------
-    mesh, supports
-        The full body.
-    states
-        Its reduced motion at equal times, the start first; their contact forces are taken as given.
-    load, velocity
-        Dead forces [N] and initial velocity [m/s] of the nodes.
-    law, scheme, order
-        Name of the elastic law, the time integration that made the motion, and its elements.
-    contact
-        The obstacles that it met.
+    An estimate; None where the mesh is too large for a factor. ``states`` are at equal times, the
+    start first, their contact forces taken as they are; ``load`` [N] and ``velocity`` [m/s] at the
+    start are those of the nodes, ``contact`` the obstacles that were met.
     """
     full = _FullBody(mesh, supports, law, load, order, contact)
-    if full.too_large or len(states) < 2:
+    if full.plan.entries > MOST_ENTRIES or len(states) < 2:
         return None
     dt = states[1].time - states[0].time
-    rest = np.zeros_like(load)
     late = np.where(full.fixed, 0.0, velocity - states[0].v)
-    now, before = Kinematics(rest, late, full.per_mass(-full.unbalanced(states[0]))), None
+    per_mass = 1 / np.where(full.mass > 0, full.mass, 1.0)[:, None]
+    start = Kinematics(np.zeros_like(load), late, -full.unbalanced(states[0]) * per_mass)
+    now, before = start, None
     errors = []
     for state in states[1:]:
         step = Step.of(scheme, dt, now, before)
@@ -249,9 +239,9 @@ def error_of(
 ) -> ModelError:
     """Size of what was ``missed`` [m] by ``states``, the start first, with the ``mass`` [kg]."""
     moved = np.stack([state.u for state in states[1:]])
-    size, wanted = (float(np.sqrt((mass[:, None] * x**2).sum())) for x in (missed, moved))
+    error, size = (float(np.sqrt((mass[:, None] * x**2).sum())) for x in (missed, moved))
     largest = float(np.linalg.norm(missed, axis=2).max())
-    return ModelError(size / wanted if wanted else 0.0, largest)
+    return ModelError(error / size if size else 0.0, largest)
 
 
 class _FullBody:
@@ -278,38 +268,24 @@ class _FullBody:
         self._about: np.ndarray | None = None
         self._factor, self._pressed = 0.0, np.zeros((1, 3, 3))
 
-    @property
-    def too_large(self) -> bool:
-        return self.plan.entries > MOST_ENTRIES
-
     def unbalanced(self, state: Motion) -> Float[np.ndarray, "nodes 3"]:
         """Force [N] that the coordinates leave at the nodes that are free."""
         force = self.mass[:, None] * state.a + self.elastic.response(state.u).force
         force += self.springs * state.u - self.load - state.contact_force
         return np.where(self.fixed, 0.0, force)
 
-    def per_mass(self, force: np.ndarray) -> np.ndarray:
-        return force / np.where(self.mass > 0, self.mass, 1.0)[:, None]
-
     def solve(self, factor: float, state: Motion, b: np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """(c M + K)^-1 b for the ``factor`` c [1/s^2], K about a state near to ``state``."""
-        u, ground = state.u, self._ground(state)
+        u, ground = state.u, np.zeros((1, 3, 3))
+        if self.contact is not None:  # stiffness [N/m] of the obstacles at every point
+            self.contact.begin(u, state.time, 1.0)
+            ground = self.contact.hessian_blocks(u)[0]
         near = self._about is not None and np.abs(u - self._about).max() <= self.reach
         changed = np.linalg.norm(ground - self._pressed)
         near = near and changed <= ALIKE * np.linalg.norm(self._pressed)
-        if not near or factor != self._factor:
-            self._about, self._factor, self._pressed = u, factor, ground
-            self._inverse = self._factored(factor, u)
-        return self._inverse(b)
-
-    def _ground(self, state: Motion) -> np.ndarray:
-        """Stiffness [N/m] of the obstacles at every point, which they have at ``state``."""
-        if self.contact is None:
-            return np.zeros((1, 3, 3))
-        self.contact.begin(state.u, state.time, 1.0)
-        return self.contact.hessian_blocks(state.u)[0]
-
-    def _factored(self, factor: float, u: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        if near and factor == self._factor:
+            return self._inverse.solve(b)
+        self._about, self._factor, self._pressed = u, factor, ground
         for projected in (False, True):
             matrix = self.elastic.tangent(u, projected=projected)
             if self.contact is not None:
@@ -317,9 +293,10 @@ class _FullBody:
             add_diagonal(matrix, (factor * self.mass)[:, None, None] * np.eye(3))
             apply_supports(matrix, self.fixed, self.springs)
             try:
-                return CholeskyFactor(matrix, self.plan).solve
+                self._inverse = CholeskyFactor(matrix, self.plan)
             except NotPositive:
                 continue
+            return self._inverse.solve(b)
         raise ConvergenceError("the full body's stiffness about the reduced motion is not positive")
 
 
@@ -327,7 +304,7 @@ class _FullBody:
 
 logger = logging.getLogger(__name__)
 
-# A step ends when the unbalanced force is below this share of the external and inertial force.
+# A step ends when the unbalanced force is below this fraction of the external and inertial force.
 TOLERANCE = 1e-4
 # A step that fails is halved so often at most.
 HALVINGS = 8
@@ -369,22 +346,21 @@ class _Potential:
 
         Without obstacles that of an earlier state serves as long as it does well.
         """
-        if self.of.contact is not None:
-            self.of.kept.inverse = None
-        return self.of.kept.at(
-            q, self._gradient, lambda: self._matrix(q, projected=projected), projected
-        )
-
-    def _matrix(self, q: np.ndarray, *, projected: bool) -> np.ndarray:
         of = self.of
-        matrix = of.elasticity.tangent(q, projected=projected)
-        matrix.flat[:: len(q) + 1] += self.factor
         if of.contact is not None:
-            matrix += pulled_hessian(of.model, of.contact, of.model.displacement(q))
-        return matrix
+            of.kept.inverse = None
+
+        def matrix() -> np.ndarray:
+            H = of.elasticity.tangent(q, projected=projected)
+            H.flat[:: len(q) + 1] += self.factor
+            if of.contact is not None:
+                H += pulled_hessian(of.model, of.contact, of.model.displacement(q))
+            return H
+
+        return of.kept.at(q, self._gradient, matrix, projected)
 
     def longest_step(self, q: np.ndarray, step: np.ndarray) -> float:
-        """Share of ``step`` that keeps the body out of the obstacles."""
+        """Fraction of ``step`` that keeps the body out of the obstacles."""
         if self.of.contact is None:
             return np.inf
         model = self.of.model
@@ -394,20 +370,10 @@ class _Potential:
 class ReducedDynamics:
     """A reduced body in motion.
 
-    Parameters
-    ----------
-    model
-        The reduced model.
-    load
-        Constant forces on the coordinates [N/sqrt(kg)], shape (dofs,): ``model.weight`` and
-        ``model.pull_back`` make them.
-    velocity
-        Initial velocity of the coordinates [m sqrt(kg)/s], shape (dofs,).
-    contact
-        Obstacles against the surface of the full body, pulled back through the basis.
-    law, scheme, tolerance
-        Name of the elastic law, time integration, residual of a step over the external and
-        inertial force.
+    ``load`` [N/sqrt(kg)] on the coordinates is constant (``model.weight`` and ``model.pull_back``
+    make it), ``velocity`` [m sqrt(kg)/s] the initial one. ``contact`` are obstacles against the
+    surface of the full body, pulled back through the basis; ``tolerance`` is the residual of a
+    step over the external and inertial force.
     """
 
     def __init__(
@@ -492,11 +458,23 @@ class ReducedDynamics:
             if self.contact is not None:
                 self.contact.begin(self.model.displacement(self.now.u), self.time + dt, dt)
             q, iterations = self._solve(step)
-            if leapt := self._leaps(step, q):
+            # Whether an obstacle stops or throws the body within the step: the past is forgotten
+            leapt = False
+            if self.contact is not None:
+                at = [self.model.displacement(x) for x in (self.now.u, q)]
+                barriers = [self.contact.barrier(u) for u in at]
+                if any(barriers):
+                    kinetic = 0.5 * float(self.now.v @ self.now.v)
+                    elastic = self.elasticity.response(self.now.u).energy
+                    leapt = step.leaps(q, 1.0, kinetic + elastic + barriers[0])
+            if leapt:
                 self._forget()
                 if step.before is not None:
-                    step, q, more = self._restarted(step, q)
-                    iterations += more
+                    try:  # once more without it
+                        q, more = self._solve(step.restarted)
+                        step, iterations = step.restarted, iterations + more
+                    except ConvergenceError as error:
+                        logger.info("an impact is kept as its past leads it: %s", error)
             self._before, self.last_dt, self.now = None if leapt else self.now, dt, step.ended(q)
             self.time, self.iterations = self.time + dt, self.iterations + iterations
             self._forecast.add(self.now.a)
@@ -507,25 +485,6 @@ class ReducedDynamics:
             for _ in range(2):
                 self._halved(dt / 2, halvings - 1)
 
-    def _restarted(self, step: Step, q: np.ndarray) -> tuple[Step, np.ndarray, int]:
-        """The ``step`` to ``q`` made anew without its past, where that converges."""
-        try:
-            return step.restarted, *self._solve(step.restarted)
-        except ConvergenceError as error:
-            logger.info("an impact is kept as its past leads it: %s", error)
-            return step, q, 0
-
-    def _leaps(self, step: Step, q: np.ndarray) -> bool:
-        """Whether an obstacle stops or throws the body within the ``step`` to ``q``."""
-        if self.contact is None:
-            return False
-        barriers = [self.contact.barrier(self.model.displacement(x)) for x in (self.now.u, q)]
-        if not any(barriers):
-            return False
-        kinetic = 0.5 * float(self.now.v @ self.now.v)
-        elastic = self.elasticity.response(self.now.u).energy
-        return step.leaps(q, 1.0, kinetic + elastic + barriers[0])
-
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         if step.factor != self._factor:
             self.kept, self._factor = KeptInverse(), step.factor
@@ -533,31 +492,28 @@ class ReducedDynamics:
         ahead = step.target + self._forecast.next() / step.factor
         options: dict[str, Any] = {"solve": KeptInverse.solve, "tolerance": self.tolerance}
         if self.contact is None:
-            found = minimise(potential, ahead, **options)
-            return found.u, found.iterations
-        q, count = self._allowed(self.now.u), 0
-        q = q + min(1.0, potential.longest_step(q, ahead - q)) * (ahead - q)
-        for _ in range(FRICTION_PASSES if self.contact.friction else 1):
-            self.contact.lag_friction(self.model.displacement(q))
-            found = minimise(potential, q, **options)
-            q, count = found.u, count + found.iterations
-        return q, count
-
-    def _allowed(self, q: np.ndarray) -> np.ndarray:
-        """``q`` moved as little as possible so that no obstacle that moves has reached the body."""
-        assert self.contact is not None
+            minimum = minimise(potential, ahead, **options)
+            return minimum.u, minimum.iterations
+        # The last state moved as little as possible out of the way of obstacles that move
+        q, count = self.now.u, 0
         for _ in range(ROOM_PASSES):
             u = self.model.displacement(q)
             push = self.contact.allowed(u) - u
             size = np.linalg.norm(push, axis=1)
             if not size.any():
-                return q
+                break
             near = size > 0
             rows = np.einsum("nia,ni->na", self.model.basis[near], push[near] / size[near, None])
             q = q + np.linalg.lstsq(rows, size[near], rcond=None)[0]
-        if self.contact.gap(self.model.displacement(q)) > 0:
-            return q
-        raise ConvergenceError("an obstacle moves through the body: use a smaller step")
+        else:
+            if not self.contact.gap(self.model.displacement(q)) > 0:
+                raise ConvergenceError("an obstacle moves through the body: use a smaller step")
+        q = q + min(1.0, potential.longest_step(q, ahead - q)) * (ahead - q)
+        for _ in range(FRICTION_PASSES if self.contact.friction else 1):
+            self.contact.lag_friction(self.model.displacement(q))
+            minimum = minimise(potential, q, **options)
+            q, count = minimum.u, count + minimum.iterations
+        return q, count
 
 
 def pulled_hessian(

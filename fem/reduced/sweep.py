@@ -1,4 +1,10 @@
-"""What if: one body under many loads and moduli, by its reduced model."""
+"""Sweeps: one body under many loads and moduli, by its reduced model or a reduced linear family.
+
+Stiffness and mass of a family are sums over groups of tets, each times numbers of its E, nu and
+rho: pulled back once, a member of the family costs small dense matrices. The basis holds what the
+full body does at the ends of every range and where it was still wrong (reduced basis method, Rozza,
+Huynh & Patera 2008): responses to the loads, and one inverse iteration of the vibrations.
+"""
 
 from __future__ import annotations
 
@@ -75,36 +81,31 @@ def what_if(
     law
         Name of the elastic law.
     """
-    wanted = f"wanted a positive number for each of {len(model.region_names)} part(s)"
-    if scales.shape != (len(loads), len(model.region_names)):
+    names = model.region_names
+    wanted = f"wanted a positive number for each of {len(names)} part(s)"
+    if scales.shape != (len(loads), len(names)):
         raise InputError(f"scales {scales.shape} of {len(loads)} runs: {wanted}")
     if (wrong := np.argwhere(~(scales > 0))).size:
         run, part = wrong[0]
-        raise InputError(
-            f"run {run + 1}: factor {scales[run, part]:g} of {model.region_names[part]!r}: {wanted}"
-        )
+        factor = scales[run, part]
+        raise InputError(f"run {run + 1}: factor {factor:g} of {names[part]!r}: {wanted}")
     elasticity = ReducedElasticity(model, law)
-    found = np.full(loads.shape, np.nan)
+    coordinates = np.full(loads.shape, np.nan)
     frequency = np.empty(len(loads))
     for run, (scale, load) in enumerate(zip(scales, loads, strict=True)):
         elasticity.set_moduli(model.E * scale[model.region], model.nu)
         frequency[run] = reduced_frequencies(elasticity)[0]
-        try:
-            found[run] = _rest_in_steps(elasticity, load)
-        except ConvergenceError:
-            continue
-    largest = np.array([np.linalg.norm(model.displacement(q), axis=1).max() for q in found])
-    return WhatIf(found, largest, frequency)
-
-
-def _rest_in_steps(elasticity: ReducedElasticity, load: np.ndarray) -> np.ndarray:
-    try:
-        return reduced_rest(elasticity, load, tolerance=1e-6).u
-    except ConvergenceError:
-        q = np.zeros_like(load)
-        for share in np.arange(1, LOAD_STEPS + 1) / LOAD_STEPS:
-            q = reduced_rest(elasticity, share * load, start=q, tolerance=1e-6).u
-        return q
+        for steps in (1, LOAD_STEPS):
+            q = np.zeros_like(load)
+            try:
+                for fraction in np.arange(1, steps + 1) / steps:
+                    q = reduced_rest(elasticity, fraction * load, start=q, tolerance=1e-6).u
+            except ConvergenceError:
+                continue
+            coordinates[run] = q
+            break
+    largest = np.array([np.linalg.norm(model.displacement(q), axis=1).max() for q in coordinates])
+    return WhatIf(coordinates, largest, frequency)
 
 
 def what_if_error(
@@ -139,22 +140,15 @@ def what_if_error(
     rest, frequency = np.empty(len(runs)), np.empty(len(runs))
     for i, run in enumerate(runs):
         material = material_of(mesh)
-        moduli = type(material)(material.E * scales[run][mesh.region], material.nu, material.rho)
+        moduli = ElementMaterial(material.E * scales[run][mesh.region], material.nu, material.rho)
         body = mesh.with_material(moduli)
-        known = {"forces": forces(int(run)), "law": law, "order": order}
-        full = solve_nonlinear(body, supports, **known).node_displacement[: len(model.points)]
+        solved = solve_nonlinear(body, supports, forces=forces(int(run)), law=law, order=order)
+        full = solved.node_displacement[: len(model.points)]
         rest[i] = relative_error(model, model.displacement(found.coordinates[run]), full)
         modes = natural_modes(body, 1, supports=supports, order=order, lumped=order == 1)
         frequency[i] = found.frequency[run] / modes.frequencies[0] - 1
     return WhatIfError(runs, rest, frequency)
 
-
-# One linear body with many moduli and densities: a basis that can follow all of them.
-#
-# Stiffness and mass are sums over groups of tets, each times numbers of its E, nu and rho: pulled
-# back once, a member of the family costs small dense matrices. The basis holds what the full body
-# does at the ends of every range and where it was still wrong (reduced basis method, Rozza, Huynh
-# & Patera 2008): responses to the loads, and one inverse iteration of the vibrations.
 
 # Numbers of a factor above which a family takes more than some seconds: a dozen are made.
 MOST_ENTRIES = 10_000_000
@@ -173,22 +167,11 @@ class Member(NamedTuple):
 
 
 class LinearFamily:
-    """Members of a family of held bodies in few coordinates.
+    """Members of a family of held bodies in few coordinates; what holds them must not be moved.
 
-    Parameters
-    ----------
-    mesh, supports
-        The body; what holds it must not be moved.
-    groups
-        Tets whose material varies together, shape (groups, tets).
-    grained
-        Groups whose stiffness is a tensor: nu does not change it.
-    forces
-        Dead forces [N] at the points, shape (points, 3).
-    gravity_vector
-        Acceleration [m/s^2] on the mass, which varies, shape (3,).
-    shapes
-        Vibrations of the body as it is, shape (modes, points, 3).
+    The material of the tets of a group varies together; the stiffness of ``grained`` ones is a
+    tensor, which nu does not change. ``forces`` [N] at the points are dead, ``gravity_vector``
+    [m/s^2] acts on the mass, which varies; ``shapes`` are vibrations of the body as it is.
     """
 
     def __init__(
@@ -206,7 +189,13 @@ class LinearFamily:
         self.grid = discretise(mesh, 1)
         self.held = node_supports(supports, self.grid.space)
         self.forces, self.gravity, self.shapes = forces, np.asarray(gravity_vector, float), shapes
-        self._masses = [_mass_of(mesh, tets) for tets in groups]
+        corner_mass = material_of(mesh).rho * mesh.volumes / 4
+        self._masses = [
+            np.bincount(
+                mesh.tets.ravel(), np.where(tets, corner_mass, 0.0).repeat(4), len(mesh.points)
+            )
+            for tets in groups
+        ]
         self._rest = lumped_mass(mesh, self.grid.space) - sum(self._masses)
         self._snapshots: list[np.ndarray] = []
 
@@ -222,21 +211,16 @@ class LinearFamily:
 
     def material(self, member: Member) -> ElementMaterial:
         """Material of a member's tets."""
-        known = material_of(self.mesh)
-        E, nu, rho = (np.ones(len(known.E)), known.nu.copy(), np.ones(len(known.E)))
+        base = material_of(self.mesh)
+        E, nu, rho = (np.ones(len(base.E)), base.nu.copy(), np.ones(len(base.E)))
         for tets, *values in zip(self.groups, *member, strict=True):
             E[tets], nu[tets], rho[tets] = values
-        tensor = None if known.tensor is None else self._tensor(E, nu)
-        return ElementMaterial(known.E * E, nu, known.rho * rho, tensor, known.axes)
-
-    def _tensor(self, E: np.ndarray, nu: np.ndarray) -> np.ndarray:
-        """Stiffness tensors [Pa]: of the grain scaled, of the others anew."""
-        known = material_of(self.mesh)
-        assert known.tensor is not None
-        scaled = known.tensor * E[:, None, None]
-        grain = np.asarray(self.groups[self.grained].any(axis=0) | self.others)
-        plain = isotropic_tensor(*lame_parameters(known.E * E, nu))
-        return np.where(grain[:, None, None], scaled, plain)
+        tensor = base.tensor
+        if tensor is not None:  # of the grain scaled, of the others anew
+            grain = np.asarray(self.groups[self.grained].any(axis=0) | self.others)
+            plain = isotropic_tensor(*lame_parameters(base.E * E, nu))
+            tensor = np.where(grain[:, None, None], tensor * E[:, None, None], plain)
+        return ElementMaterial(base.E * E, nu, base.rho * rho, tensor, base.axes)
 
     def mass(self, member: Member) -> Float[np.ndarray, "points"]:
         """Lumped mass [kg] of a member's points."""
@@ -279,10 +263,9 @@ class LinearFamily:
     @cached_property
     def _parts(self) -> tuple[list[tuple[Any, Any]], Any]:
         """Stiffness of every group by lam and mu (of a grain: all and nothing); of the rest."""
-        known, pairs = material_of(self.mesh), []
+        pairs, none = [], np.zeros(len(self.mesh.tets))
         for tets, grained in zip(self.groups, self.grained, strict=True):
-            E = np.where(tets, known.E, 0.0)
-            none = np.zeros_like(E)
+            E = np.where(tets, material_of(self.mesh).E, 0.0)
             if grained:
                 empty = _trimmed(stiffness(self.grid, none, none).to_scipy())
                 pairs.append((self._stiffness_of(tets), empty))
@@ -293,22 +276,12 @@ class LinearFamily:
 
     def _stiffness_of(self, tets: np.ndarray) -> Any:
         """Stiffness of some tets as they are: twice what is missing when they have half of it."""
-        known = material_of(self.mesh)
-        share = np.where(tets, 0.5, 1.0)
-        tensor = None if known.tensor is None else known.tensor * share[:, None, None]
-        half = replace(known, E=known.E * share, tensor=tensor)
-        whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (known, half))
+        base = material_of(self.mesh)
+        factor = np.where(tets, 0.5, 1.0)
+        tensor = None if base.tensor is None else base.tensor * factor[:, None, None]
+        half = replace(base, E=base.E * factor, tensor=tensor)
+        whole, rest = (linear_stiffness(self.grid, m).to_scipy() for m in (base, half))
         return _trimmed(2 * (whole - rest))
-
-    def matrices(self, member: Member) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness [1/s^2] and mass [1] of a member on the coordinates, each (dofs, dofs)."""
-        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
-        for g, (first, second) in enumerate(self._stiff):
-            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
-            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
-            K += member.E[g] * (lam * first + mu * second)
-            M += member.rho[g] * self._mass_parts[g]
-        return K, M
 
     def answers(
         self, member: Member
@@ -333,7 +306,12 @@ class LinearFamily:
         """Coordinates of the displacement at rest, and natural frequencies [Hz]."""
         from scipy.linalg import eigh, solve
 
-        K, M = self.matrices(member)
+        K, M = self._stiff_rest.copy(), self._mass_rest.copy()
+        for g, (first, second) in enumerate(self._stiff):
+            unit = lame_parameters(np.ones(1), member.nu[g : g + 1])
+            lam, mu = (1.0, 0.0) if self.grained[g] else (unit.lam[0], unit.mu[0])
+            K += member.E[g] * (lam * first + mu * second)
+            M += member.rho[g] * self._mass_parts[g]
         rest = solve(K, np.array([1.0, *member.rho, 1.0]) @ self._loads, assume_a="pos")
         count = len(self.shapes)
         if not count:
@@ -350,10 +328,3 @@ def _trimmed(matrix: Any) -> Any:
     before = np.concatenate([[0], np.cumsum(some)])
     arrays = (matrix.data[some], matrix.indices[some], before[matrix.indptr])
     return bsr_array(arrays, shape=matrix.shape)
-
-
-def _mass_of(mesh: TetMesh, tets: np.ndarray) -> Float[np.ndarray, "points"]:
-    """Lumped mass [kg] of some tets."""
-    known = material_of(mesh)
-    each = np.where(tets, known.rho * mesh.volumes / 4, 0.0)
-    return np.bincount(mesh.tets.ravel(), each.repeat(4), len(mesh.points))

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from ..elements.assembly import discretise
 from ..elements.forces import load_vector
 from ..errors import UsageError
-from ..mesh import TetMesh, face_areas, material_of
+from ..mesh import face_areas, material_of
 from ..scene.obstacles import Plane
 from ..scene.scene import Scene
 from ..solve.result import Motion
@@ -23,9 +23,9 @@ NEAR_NU = 0.05
 # Bending needs so many anchors of thickness: at 3.7 a slab of nu 1/4 rings at .94 of its tone.
 LAYERS = 6.0
 # Where a part is fewer anchors thick than this, hinges are looked for: vibrations that are slower
-# than this share of the slowest wave's across the body.
+# than this fraction of the slowest wave's across the body.
 HINGES, SLACK = 3.0, 1e-3
-# Contact begins this share of the body's diagonal before a plane, as for finite elements.
+# Contact begins this fraction of the body's diagonal before a plane, as for finite elements.
 REACH = 1e-3
 # Stiffness of contact over that of a cube of matter around an anchor.
 HARDNESS = 4.0
@@ -35,20 +35,9 @@ HARDNESS = 4.0
 class SpringBody:
     """The network of a scene, and the points of its mesh after it.
 
-    Parameters
-    ----------
-    scene
-        What it was made of.
-    network
-        Anchors and springs.
-    weights
-        Weights of the anchors for the mesh points, sparse (points, anchors).
-    loads, contact
-        Of the scene, on the anchors.
-    notes
-        What a network does not know of this body.
-    asked
-        How many anchors were asked for: about as many there are, beside those that are held.
+    ``weights`` (points, anchors), sparse, are those of the anchors for the mesh points; ``loads``
+    and ``contact`` act on the anchors; ``notes`` say what a network does not know of this body.
+    ``asked`` is how many anchors were asked for, beside which there are those that are held.
     """
 
     scene: Scene
@@ -70,10 +59,10 @@ class SpringBody:
         mesh, anchors = self.scene.mesh, self.network.anchors
         velocity = np.asarray(self.scene.velocity, dtype=float)
         if velocity.ndim == 2:
-            given = velocity[mesh.tets].mean(axis=1)
+            of_tets = velocity[mesh.tets].mean(axis=1)
             from scipy.spatial import KDTree
 
-            velocity = given[KDTree(mesh.centroids).query(anchors.x)[1]]
+            velocity = of_tets[KDTree(mesh.centroids).query(anchors.x)[1]]
         return SpringMotion(
             network=self.network,
             stiffness=stiffness,
@@ -94,18 +83,20 @@ class SpringBody:
         """The mesh at ``time`` [s]; forces are means since the last state."""
         scene, anchors, x = self.scene, self.network.anchors, motion.x
         u, v, free = self.displacement(x), motion.synchronous_v, ~scene.held.fixed
-        force, gap = np.zeros((len(scene.obstacles), 3)), np.inf
-        at_points = np.zeros_like(u)
-        if self.contact is not None:
-            dt = scene.duration / scene.frames
-            given = motion.take_impulses() / dt
+        force, gap, barrier = np.zeros((len(scene.obstacles), 3)), np.inf, 0.0
+        at_points, contact = np.zeros_like(u), self.contact
+        if contact is not None:
+            impulses = motion.take_impulses() / (scene.duration / scene.frames)
             used = np.unique(scene.mesh.boundary.faces)
-            at_points[used] = given.sum(axis=1)
-            force = given.sum(axis=0)
+            at_points[used] = impulses.sum(axis=1)
+            force = impulses.sum(axis=0)
             here = scene.mesh.points[used] + u[used]
-            shift = [time * np.asarray(o.velocity, dtype=float) for o in scene.obstacles]
-            pairs = zip(scene.obstacles, shift, strict=True)
-            gap = min(float(o.distance(here - s).gap.min()) for o, s in pairs)
+            for plane in contact.planes:
+                shift = time * np.asarray(plane.velocity, dtype=float)
+                gaps = plane.distance(here - shift).gap
+                gap = min(gap, float(gaps.min()))
+                depth = np.maximum(contact.reach - gaps, 0)
+                barrier += 0.5 * float(contact.stiffness @ depth**2)
         return Motion(
             time=time,
             u=u,
@@ -117,109 +108,91 @@ class SpringBody:
             kinetic=0.5 * float(anchors.mass @ (v**2).sum(axis=1)),
             elastic=motion.elastic,
             potential=-float((self.loads.force * (x - anchors.x)).sum()),
-            barrier=self._barrier(u, time),
+            barrier=barrier,
             iterations=0,
         )
-
-    def _barrier(self, u: np.ndarray, time: float) -> float:
-        """Energy [J] of the points that planes push."""
-        if self.contact is None:
-            return 0.0
-        given, total = self.contact, 0.0
-        used = np.unique(self.scene.mesh.boundary.faces)
-        for plane in given.planes:
-            shift = time * np.asarray(plane.velocity, dtype=float)
-            gap = plane.distance(given.points + u[used] - shift).gap
-            total += 0.5 * float(given.stiffness @ np.maximum(given.reach - gap, 0) ** 2)
-        return total
 
 
 def spring_body(
     scene: Scene, anchors: int = 2048, neighbours: int = 32, *, seed: int = 0
 ) -> SpringBody:
     """Network of about ``anchors`` anchors with ``neighbours`` each for a scene; see there."""
-    mesh = scene.mesh
-    surface = Sight(mesh.points, mesh.boundary.faces)
-    found = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
-    network = SpringNetwork.of(found, neighbours, surface)
-    weights = following(mesh.points, body_of_points(mesh), found, surface)
+    mesh, material = scene.mesh, material_of(scene.mesh)
+    faces = mesh.boundary.faces
+    surface = Sight(mesh.points, faces)
+    placed = sample_anchors(mesh, anchors, supports=scene.held, surface=surface, seed=seed)
+    network = SpringNetwork.of(placed, neighbours, surface)
+    weights = interpolation(mesh.points, body_of_points(mesh), placed, surface)
+    diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     # Weight, tractions and forces of the scene on its anchors, and springs to the ground
-    space = discretise(scene.mesh, 1)
-    given = load_vector(scene.mesh, space, traction=scene.tractions, forces=scene.forces)
-    weight = found.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
+    space = discretise(mesh, 1)
+    load = load_vector(mesh, space, traction=scene.tractions, forces=scene.forces)
+    weight = placed.mass[:, None] * np.asarray(scene.gravity_vector, dtype=float)
     ground = np.maximum(weights.T @ scene.held.springs, 0.0)
     # What a network of springs does not know of this body
-    nu, volumes, notes = material_of(mesh).nu, mesh.volumes, []
-    far = np.abs(nu - CAUCHY_NU) > NEAR_NU
+    notes = []
+    far = np.abs(material.nu - CAUCHY_NU) > NEAR_NU
     for k, name in enumerate(mesh.region_names):
-        own = far & (mesh.region == k)
-        if own.any():
-            mean = float(np.average(nu[own], weights=volumes[own]))
+        inside = far & (mesh.region == k)
+        if inside.any():
+            mean = float(np.average(material.nu[inside], weights=mesh.volumes[inside]))
             notes.append(f"{name}: springs take nu = {CAUCHY_NU:g}, its material has {mean:.3g}")
-    for name, layers in zip(mesh.region_names, network.anchors.layers, strict=True):
+    for name, layers in zip(mesh.region_names, placed.layers, strict=True):
         if layers < LAYERS:
             notes.append(
                 f"{name}: about {layers:.1f} anchors thick, may bend wrongly below {LAYERS:g}: "
                 "more --anchors"
             )
-    if network.anchors.layers.min() < HINGES and _turns_freely(mesh, network):
-        notes.append("pieces of it turn freely: parts too thin for so few anchors: more --anchors")
+    if placed.layers.min() < HINGES:
+        wave = float(np.sqrt((placed.E / mesh.mass * mesh.volume).min())) / diagonal
+        if network_frequencies(network, network.stiffness())[0] < SLACK * wave:
+            notes.append(
+                "pieces of it turn freely: parts too thin for so few anchors: more --anchors"
+            )
     if network.bridges:
         notes.append(f"{network.bridges} springs leave the body: without them pieces fall apart")
-    if material_of(mesh).tensor is not None:
+    if material.tensor is not None:
         notes.append("wood is taken as stiff across its grain as along it: springs know no grain")
+    contact = None
+    if scene.obstacles:
+        planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
+        if len(planes) < len(scene.obstacles):
+            raise UsageError(
+                "springs meet planes alone: --solver fem knows boxes, balls and capsules"
+            )
+        used = np.unique(faces)
+        area = np.bincount(faces.ravel(), np.repeat(face_areas(mesh.points, faces) / 3, 3))[used]
+        E = np.zeros(len(mesh.points))
+        np.maximum.at(E, mesh.tets.ravel(), np.repeat(material.E, 4))
+        contact = SurfaceContact(
+            points=mesh.points[used],
+            weights=weights[used],
+            stiffness=HARDNESS * E[used] * area / placed.spacing,
+            planes=planes,
+            friction=scene.friction,
+            reach=REACH * diagonal if scene.thickness is None else scene.thickness,
+        )
     return SpringBody(
         scene=scene,
         network=network,
         weights=weights,
-        loads=AnchorLoads(force=weight + weights.T @ given, ground=ground),
-        contact=_contact(scene, found, weights),
+        loads=AnchorLoads(force=weight + weights.T @ load, ground=ground),
+        contact=contact,
         notes=tuple(notes),
         asked=anchors,
     )
-
-
-def _contact(scene: Scene, anchors: Anchors, weights: Any) -> SurfaceContact | None:
-    """The surface against the planes of the scene."""
-    if not scene.obstacles:
-        return None
-    planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
-    if len(planes) < len(scene.obstacles):
-        raise UsageError("springs meet planes alone: --solver fem knows boxes, balls and capsules")
-    mesh = scene.mesh
-    faces = mesh.boundary.faces
-    used = np.unique(faces)
-    area = np.bincount(faces.ravel(), np.repeat(face_areas(mesh.points, faces) / 3, 3))[used]
-    E = np.zeros(len(mesh.points))
-    np.maximum.at(E, mesh.tets.ravel(), np.repeat(material_of(mesh).E, 4))
-    diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    return SurfaceContact(
-        points=mesh.points[used],
-        weights=weights[used],
-        stiffness=HARDNESS * E[used] * area / anchors.spacing,
-        planes=planes,
-        friction=scene.friction,
-        reach=REACH * diagonal if scene.thickness is None else scene.thickness,
-    )
-
-
-def _turns_freely(mesh: TetMesh, network: SpringNetwork) -> bool:
-    """Whether a vibration is far slower than the slowest wave across the body."""
-    speed = np.sqrt((network.anchors.E / mesh.mass * mesh.volume).min())
-    across = float(speed) / float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    return bool(network_frequencies(network, network.stiffness())[0] < SLACK * across)
 
 
 # Points that follow anchors: linear moving least squares at rest, fixed weights in motion.
 
 # Anchors that a point follows, and those that they are chosen from.
 NEAREST, CHOICE = 12, 32
-# Directions in which the anchors around a point reach less than this share are not followed: there
-# a point stays as far from them as it is.
+# Directions in which the anchors around a point reach less than this fraction are not followed:
+# there a point stays as far from them as it is.
 FLAT = 0.1
 
 
-def following(
+def interpolation(
     points: Float[np.ndarray, "points 3"],
     body: Int[np.ndarray, "points"],
     anchors: Anchors,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,12 +21,12 @@ from .network import SOFTEST, SpringNetwork, stiffened
 # A network that should ring so many times faster has pieces that turn freely: no k mends that.
 LOOSE = 1e3
 # Gauss-Newton on log k and its profile: difference, longest step, shortest step, and most steps. It
-# ends where the square of the error falls, or would, by less than a share. Derivatives serve while
-# a step gains about what they promise, and learn from it (Broyden).
+# ends where the square of the error falls, or would, by less than a fraction. Derivatives serve
+# while a step gains about what they promise, and learn from it (Broyden).
 DIFFERENCE, LONGEST, SHORTEST, MOST, GAIN = 1e-3, 1.0, 1e-5, 48, 1e-2
 # Bar and slab are followed within 5 %: a fit that ends at more than twice that is none.
 FOLLOWED = 0.1
-# A misfit below this share of the motion is none: no springs come so near to another solver.
+# A misfit below this fraction of the motion is none: no springs come so near to another solver.
 EXACT = 1e-5
 # The profiles [exp] that a fit starts from where it knows a frequency: bar and slab end at 2.1 to
 # 2.4; where it does not follow from there, it starts once more, between those and the calibrated.
@@ -78,18 +78,18 @@ class SpringFit:
 
 def spring_warnings(fit: SpringFit) -> tuple[str, ...]:
     """What to say where a fit is not what it looks like."""
-    found = []
+    warnings = []
     if abs(fit.surface) >= STEEPEST:
-        found.append(
+        warnings.append(
             f"the springs' profile ended at its limit, {np.exp(STEEPEST):.0f} times from middle to "
             "surface: the motion wants what springs cannot do"
         )
     if not fit.error <= FOLLOWED:
-        found.append(
+        warnings.append(
             f"the springs do not follow the motion: {fit.error:.0%} off after the fit (limit "
             f"{FOLLOWED:.0%}); more --anchors, or a motion of more frames in a period"
         )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def scale_to_frequency(
@@ -101,13 +101,13 @@ def scale_to_frequency(
     """
     if not wanted > 0:
         raise InputError(f"a first frequency of {wanted:g} Hz: wanted > 0")
-    found = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
-    if not LOOSE * found > wanted:
+    frequency = float(network_frequencies(network, network.stiffness(eta, surface=surface))[0])
+    if not LOOSE * frequency > wanted:
         raise InputError(
-            f"the springs' first frequency is {found:.2g} Hz, {wanted:.2g} Hz is wanted: pieces "
-            "turn freely, wanted more anchors"
+            f"the springs' first frequency is {frequency:.2g} Hz, {wanted:.2g} Hz is wanted: "
+            "pieces turn freely, wanted more anchors"
         )
-    return (wanted / found) ** 2
+    return (wanted / frequency) ** 2
 
 
 def fit_both_ends(
@@ -117,16 +117,15 @@ def fit_both_ends(
     dt: tuple[float, float],
     *,
     frequency: float | None = None,
-    **told: Any,
+    **options: Any,
 ) -> SpringFit:
     """As ``fit_to_motion`` of a ``soft`` motion at the softest eta, and how stiff another is.
 
     ``dt`` [s] are the intervals of both. The stiff motion is fitted at the same eta; how many times
-    more its springs carry is what eta, and k beyond its reach, has to make. Both fits are ``told``
-    of, as there.
+    more its springs carry is what eta, and k beyond its reach, has to make. ``options`` as there.
     """
-    one = fit_to_motion(body, soft, dt[0], eta=SOFTEST, frequency=frequency, **told)
-    two = fit_to_motion(body, stiff, dt[1], eta=SOFTEST, frequency=frequency, **told)
+    one = fit_to_motion(body, soft, dt[0], eta=SOFTEST, frequency=frequency, **options)
+    two = fit_to_motion(body, stiff, dt[1], eta=SOFTEST, frequency=frequency, **options)
     square = body.network.length**2
     ends = [f.scale * body.network.stiffness(SOFTEST, surface=f.surface) for f in (one, two)]
     ratio = float((ends[1] @ square) / (ends[0] @ square))
@@ -163,24 +162,29 @@ def fit_to_motion(
         Where the fit would take hours.
     """
     network = body.network
-    told = {"announce": announce, "progress": progress}
-    followed = SpringMisfit(body, wanted, dt, dashpot=dashpot, steps=steps, **told)
+    compared = SpringMisfit(
+        body, wanted, dt, dashpot=dashpot, steps=steps, announce=announce, progress=progress
+    )
 
     def stiffness(p: np.ndarray) -> np.ndarray:
         return np.exp(p[0]) * network.stiffness(eta, surface=p[1])
 
     def misfit(p: np.ndarray) -> np.ndarray:
-        return followed.of(stiffness(p))
+        return compared.of(stiffness(p))
 
-    near = _start(network, frequency, eta, PROFILES[0])  # first: pieces that turn freely are told
-    first = misfit(np.zeros(2))
-    least = _gauss_newton(misfit, near, first)
-    if frequency is not None and least.error > FOLLOWED:
-        second = _start(network, frequency, eta, PROFILES[1])
-        one = least
-        other = _gauss_newton(misfit, second, first)
-        least = min(one, other, key=lambda least: least.error)._replace(runs=one.runs + other.runs)
-    p, error, runs = least
+    def start(surface: float) -> np.ndarray:
+        """The profile ``surface`` at the scale of the first frequency, where that is known."""
+        if frequency is None:
+            return np.zeros(2)
+        scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
+        return np.array([np.log(scale), surface])
+
+    near = start(PROFILES[0])  # before any motion: it refuses pieces that turn freely
+    calibrated = misfit(np.zeros(2))
+    p, error, runs = _gauss_newton(misfit, near, calibrated)
+    if frequency is not None and error > FOLLOWED:
+        q, other, more = _gauss_newton(misfit, start(PROFILES[1]), calibrated)
+        p, error, runs = (q, other, runs + more) if other < error else (p, error, runs + more)
     ratio = np.nan
     if frequency is not None:
         ratio = float(network_frequencies(network, stiffness(p))[0] / frequency)
@@ -188,7 +192,7 @@ def fit_to_motion(
         scale=float(np.exp(p[0])),
         surface=float(p[1]),
         error=error,
-        calibrated_error=float(np.linalg.norm(first)),
+        calibrated_error=float(np.linalg.norm(calibrated)),
         frequency_ratio=ratio,
         runs=runs + 1,
         anchors=body.asked,
@@ -197,28 +201,10 @@ def fit_to_motion(
     )
 
 
-class _Least(NamedTuple):
-    """Argument of the least square, the root of that, and how many runs it took."""
-
-    p: np.ndarray
-    error: float
-    runs: int
-
-
-def _start(
-    network: SpringNetwork, frequency: float | None, eta: float, surface: float
-) -> np.ndarray:
-    """Where a fit starts: the profile ``surface`` at the scale of the first ``frequency``."""
-    if frequency is None:
-        return np.zeros(2)
-    scale = scale_to_frequency(network, frequency, eta=eta, surface=surface)
-    return np.array([np.log(scale), surface])
-
-
 def _gauss_newton(
     misfit: Callable[[np.ndarray], np.ndarray], p: np.ndarray, at_zero: np.ndarray
-) -> _Least:
-    """Least squares of ``misfit`` from ``p`` on; steps that do not help are halved."""
+) -> tuple[np.ndarray, float, int]:
+    """Least squares of ``misfit`` from ``p`` on: argument, root of the least square, and runs."""
     here, runs = (misfit(p), 1) if p.any() else (at_zero, 0)
     J: np.ndarray | None = None
     age = 0  # steps since J was made of differences
@@ -228,35 +214,31 @@ def _gauss_newton(
             age = 0
             columns = [misfit(p + d) - here for d in DIFFERENCE * np.eye(len(p))]
             J, runs = np.stack(columns, 1) / DIFFERENCE, runs + len(p)
-        move = _short(p, np.linalg.lstsq(J, -here, rcond=1e-6)[0])
+        move = np.linalg.lstsq(J, -here, rcond=1e-6)[0]
+        # No longer than is safe, and to no steeper profile than there may be
+        move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
+        move[1] = np.clip(p[1] + move[1], -STEEPEST, STEEPEST) - p[1]
         expected = here + J @ move
         if not expected @ expected < (1 - GAIN) * (here @ here):
             if age < 2:
-                return _Least(p, float(np.linalg.norm(here)), runs)
+                return p, float(np.linalg.norm(here)), runs
             J = None  # what was learnt promises nothing: differences
             continue
         there, runs = misfit(p + move), runs + 1
         if not there @ there < (1 - GAIN) * (here @ here) and not fresh:
             J = None
             continue
-        while not there @ there < here @ here:
+        while not there @ there < here @ here:  # steps that do not help are halved
             move = move / 2
             if np.abs(move).max() < SHORTEST:
-                return _Least(p, float(np.linalg.norm(here)), runs)
+                return p, float(np.linalg.norm(here)), runs
             there, runs = misfit(p + move), runs + 1
         gained = there @ there < (1 - GAIN) * (here @ here)
         J = J + np.outer(there - here - J @ move, move) / (move @ move)
         p, here, age = p + move, there, age + 1
         if not gained or here @ here < EXACT**2:
-            return _Least(p, float(np.linalg.norm(here)), runs)
+            return p, float(np.linalg.norm(here)), runs
     raise ConvergenceError(f"the fit of k does not settle within {MOST} steps")
-
-
-def _short(p: np.ndarray, move: np.ndarray) -> np.ndarray:
-    """``move`` no longer than is safe, and to no steeper profile than there may be."""
-    move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
-    move[1] = np.clip(p[1] + move[1], -STEEPEST, STEEPEST) - p[1]
-    return move
 
 
 # How far springs are from a motion, which every step of a fit asks.
@@ -265,27 +247,17 @@ logger = logging.getLogger(__name__)
 
 # Motions that a fit takes, about: 9 to 14 were counted.
 USUAL = 12
-# Steps are made shorter only where they are too long by more than this share, so that differences
-# are not those of another step.
+# Steps are made shorter only where they are too long by more than this fraction, so that
+# differences are not those of another step.
 LEEWAY = 0.05
 
 
 class SpringMisfit:
     """A motion that a body's springs are compared with; steps grow shorter as springs need it.
 
-    Parameters
-    ----------
-    body
-        Whose springs are fitted.
-    wanted
-        Displacement [m] of the mesh points, shape (frames, points, 3), the start first.
-    dt
-        Between two frames [s].
-    dashpot, steps
-        Damping of the springs, and how many steps a frame has at least.
-    announce, progress
-        Called before the first motion with what a fit takes, and every frame with how many of all
-        its frames are done.
+    ``wanted`` (frames, points, 3) [m] every ``dt`` [s], the start first, in at least ``steps``
+    steps. ``announce`` hears before the first motion what a fit takes, ``progress`` every frame how
+    many of all its frames are done.
     """
 
     def __init__(
@@ -308,8 +280,8 @@ class SpringMisfit:
             raise InputError(
                 f"a motion of shape {target.shape}: wanted (frames, {len(mesh.points)}, 3)"
             )
-        share = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
-        weight = np.sqrt(np.bincount(mesh.tets.ravel(), share, len(mesh.points)))[:, None]
+        quarter = (material_of(mesh).rho * mesh.volumes / 4).repeat(4)
+        weight = np.sqrt(np.bincount(mesh.tets.ravel(), quarter, len(mesh.points)))[:, None]
         size = float(np.linalg.norm(weight * target))
         if not size > 0:
             raise InputError("nothing moves in the motion: there is nothing to fit to")
@@ -327,9 +299,18 @@ class SpringMisfit:
         motion = self.body.motion(stiffness, dashpot=self.dashpot)
         needed = motion.steps_for(self.dt)
         self.steps = needed if needed > (1 + LEEWAY) * self.steps else self.steps
-        plan = self._plan(len(stiffness))
+        steps = self.steps * len(self.target)
+        seconds = USUAL * 2 * COST * len(stiffness) * steps
+        if seconds > PATIENCE:
+            raise UsageError(
+                f"a fit takes some {USUAL} motions of {steps:,} steps, so stiff the springs are: "
+                f"some {seconds / 3600:.1f} hours; fewer --anchors, a shorter or softer motion, or "
+                "--solver lbs"
+            )
+        logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
         if self.announce is not None and not self.motions:
-            self.announce(plan)
+            plan = f"{len(stiffness):,} springs, about {USUAL} motions of {steps:,} steps"
+            self.announce(f"{plan}: some {seconds:,.0f} s")
         out = np.empty_like(self.target)
         for frame in range(len(out)):
             motion.advance(self.dt, steps=self.steps)
@@ -339,17 +320,3 @@ class SpringMisfit:
                 self.progress(self.motions * len(out) + frame + 1, most * len(out))
         self.motions += 1
         return (self.weight * (out - self.target)).ravel()
-
-    def _plan(self, springs: int) -> str:
-        """What a fit takes, in words."""
-        steps = self.steps * len(self.target)
-        seconds = USUAL * 2 * COST * springs * steps
-        if seconds > PATIENCE:
-            raise UsageError(
-                f"a fit takes some {USUAL} motions of {steps:,} steps, so stiff the springs are: "
-                f"some {seconds / 3600:.1f} hours; fewer --anchors, a shorter or softer motion, or "
-                "--solver lbs"
-            )
-        logger.info("a motion of %s steps takes some %.0f s", f"{steps:,}", seconds / USUAL)
-        plan = f"{springs:,} springs, about {USUAL} motions of {steps:,} steps"
-        return f"{plan}: some {seconds:,.0f} s"

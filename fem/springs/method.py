@@ -14,7 +14,6 @@ from ..solve.method import FrameProgress
 from ..solve.result import MotionResult
 from ..validation import checked_count, checked_positive
 from .body import SpringBody, spring_body
-from .motion import SpringMotion
 from .network import SOFTEST, stiffened
 
 # CPU time of half a spring and step [s]: 3.3 to 5 ns were measured, on a busy machine more.
@@ -84,7 +83,18 @@ class SpringMethod:
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         motion = body.motion(self.stiffness(body), dashpot=self.dashpot, device=device)
-        plan = _plan(motion, scene.duration)
+        springs, steps = len(motion.network.i), motion.steps_for(scene.duration)
+        seconds = 2 * COST * springs * steps
+        if seconds > PATIENCE and device == "cpu":
+            raise UsageError(
+                f"springs as stiff as these need steps of {motion.longest_step:.2g} s: "
+                f"{steps:,.0f} steps, some {seconds / 3600:,.0f} hours; --solver lbs or fem, or "
+                "fewer --anchors"
+            )
+        count = len(motion.network.anchors.x)
+        plan = f"{count:,} anchors, {springs:,} springs, about {steps:,} steps"
+        if device == "cpu":
+            plan = f"{plan}: some {seconds:,.0f} s"
         if self.announce is not None:
             self.announce(plan)
         states = [body.state(motion, 0.0)]
@@ -106,17 +116,3 @@ class SpringMethod:
 
 
 METHOD = SpringMethod()
-
-
-def _plan(motion: SpringMotion, duration: float) -> str:
-    """Springs, steps and the time that a CPU will take, in words; ``UsageError`` where hours."""
-    springs = len(motion.network.i)
-    steps = motion.steps_for(duration)
-    seconds = 2 * COST * springs * steps
-    if seconds > PATIENCE and motion.device == "cpu":
-        raise UsageError(
-            f"springs as stiff as these need steps of {motion.longest_step:.2g} s: {steps:,.0f} "
-            f"steps, some {seconds / 3600:,.0f} hours; --solver lbs or fem, or fewer --anchors"
-        )
-    plan = f"{len(motion.network.anchors.x):,} anchors, {springs:,} springs, about {steps:,} steps"
-    return f"{plan}: some {seconds:,.0f} s" if motion.device == "cpu" else plan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,13 +16,14 @@ from ..linalg.cholesky import CholeskyFactor, planned_elimination
 from ..scene.obstacles import Plane
 from .network import SpringNetwork
 
-# Share of the longest stable step at rest: springs turn and stretch on the way.
+# Fraction of the longest stable step at rest: springs turn and stretch on the way.
 SAFE = 0.8
 # The same where planes are met: contact that comes and goes shakes the fastest vibrations. A cube
 # that planes squeeze by 15 % made 8 to 28 % of its energy of nothing at .7 and .8, .1 % at .6.
 IN_CONTACT = 0.5
 # Energy that a network may hold over what was put into it: steps of .8 show up to 2.8 times too
-# much in the fastest vibration. Rounding is worth this share of its stiffness times length squared.
+# much in the fastest vibration. Rounding is worth this fraction of its stiffness times length
+# squared.
 EXCESS, ROUNDING = 10.0, 1e-20
 # Steps of one launch on a GPU.
 CHUNK = 32
@@ -30,20 +31,10 @@ CHUNK = 32
 
 @dataclass(eq=False, kw_only=True)
 class SpringMotion:
-    """A network in motion from rest, or from a velocity.
+    """A network in motion from rest, or from a ``velocity`` [m/s].
 
-    Parameters
-    ----------
-    network, stiffness
-        Springs, and how stiff each is [N/m].
-    dashpot
-        Force of every spring for a speed of its ends [N s/m], shape (springs,).
-    loads, contact
-        What acts on the anchors, and what pushes the surface.
-    velocity
-        At the start [m/s], shape (n, 3).
-    device
-        'cpu' or 'cuda'.
+    Springs have a ``stiffness`` [N/m] and, for a speed of their ends, a ``dashpot`` [N s/m];
+    ``loads`` act on the anchors, ``contact`` pushes the surface. ``device`` is 'cpu' or 'cuda'.
     """
 
     network: SpringNetwork
@@ -62,36 +53,101 @@ class SpringMotion:
         heavy = anchors.mass > 0
         inverse = np.where(heavy, 1 / np.where(heavy, anchors.mass, 1.0), 0.0)
         self.inverse_mass = np.where(anchors.fixed, 0.0, inverse[:, None])
-        start = anchors.x + np.where(anchors.fixed, anchors.values, 0.0)
-        given = np.zeros_like(start) if self.velocity is None else self.velocity
-        self._springs, self._contacts, self._now = self._arrays(start, given)
-        self.longest_step = self._longest_step()
-        self._given = self._kinetic + self.elastic + self._slack()
-        self._work = 0.0
-
-    def _longest_step(self) -> float:
-        """2 / w at the highest frequency [s], less what dashpots take."""
-        highest = highest_frequency(self.inverse_mass, self._linear_force())
-        if self.dashpot is None or not self.dashpot.any():
-            return 2 / highest
-        drag = self.network.matrix(self.dashpot)
-        dragged = highest_frequency(
-            self.inverse_mass, lambda u: (drag @ u.ravel()).reshape(u.shape)
-        )
-        damping = 0.5 * dragged**2 / highest
-        return 2 / highest * (np.sqrt(1 + damping**2) - damping)
-
-    def _linear_force(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Force [N] by displacements [m] of the anchors, (n, 3), about rest, contact and all."""
-        springs = self.network.matrix(self.stiffness)
+        self._upload()
+        # Longest step: 2 / w at the highest frequency, less what dashpots take
+        springs, contact = self.network.matrix(self.stiffness), self.contact
         ground = 0.0 if self.loads is None else self.loads.ground
-        points = None if self.contact is None else self.contact.matrix
 
         def force(u: np.ndarray) -> np.ndarray:
-            own = (springs @ u.ravel()).reshape(u.shape) + ground * u
-            return own if points is None else own + points @ u
+            inner = (springs @ u.ravel()).reshape(u.shape) + ground * u
+            if contact is None:
+                return inner
+            W = contact.weights
+            return inner + W.T @ (contact.stiffness[:, None] * (W @ u))
 
-        return force
+        highest = highest_frequency(self.inverse_mass, force)
+        self.longest_step = 2 / highest
+        if self.dashpot is not None and self.dashpot.any():
+            drag = self.network.matrix(self.dashpot)
+            dragged = highest_frequency(
+                self.inverse_mass, lambda u: (drag @ u.ravel()).reshape(u.shape)
+            )
+            damping = 0.5 * dragged**2 / highest
+            self.longest_step *= np.sqrt(1 + damping**2) - damping
+        # Energy put in: at the start, of rounding, and of the surface at the planes' reach
+        self._input = self._kinetic + self.elastic
+        self._input += ROUNDING * float(self.stiffness @ self.network.length**2)
+        if self.contact is not None:
+            depths = len(self.contact.planes) * self.contact.reach**2
+            self._input += 0.5 * float(self.contact.stiffness.sum()) * depths
+        self._work = 0.0
+
+    def _upload(self) -> None:
+        """Springs, contacts and the state as structs of warp."""
+        from . import kernels_springs as k
+
+        wp, device = start_warp(), self.device
+
+        def ints(values: np.ndarray) -> Any:
+            return wp.array(np.asarray(values, dtype=np.int32), dtype=int, device=device)
+
+        def reals(values: np.ndarray) -> Any:
+            return wp.array(np.asarray(values, dtype=float), dtype=wp.float64, device=device)
+
+        def vectors(values: np.ndarray) -> Any:
+            return wp.array(np.ascontiguousarray(values), dtype=wp.vec3d, device=device)
+
+        net, anchors = self.network, self.network.anchors
+        start = anchors.x + np.where(anchors.fixed, anchors.values, 0.0)
+        velocity = np.zeros_like(start) if self.velocity is None else self.velocity
+        ends, far = net.i, net.j
+        if not self._alone:
+            ends, far = np.concatenate([net.i, net.j]), np.concatenate([net.j, net.i])
+        order = np.argsort(ends, kind="stable")
+        ordered = lambda values: np.resize(values, len(ends))[order]  # noqa: E731
+        dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
+        loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
+        springs = self._springs = k.Springs()
+        springs.first = ints(
+            np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=len(start)))])
+        )
+        springs.other = ints(far[order])
+        springs.stiffness, springs.length = (
+            reals(ordered(self.stiffness)),
+            reals(ordered(net.length)),
+        )
+        springs.dashpot = reals(ordered(dashpot))
+        springs.load, springs.ground = vectors(loads.force), vectors(loads.ground)
+        springs.inverse_mass, springs.rest = vectors(self.inverse_mass), vectors(anchors.x)
+        springs.share = wp.float64(len(net.i) / max(len(ends), 1))
+        self._energies = reals(np.zeros(len(start)))
+
+        contact, contacts = self.contact, k.Contacts()
+        self._contacts, points, planes = contacts, 0, 0
+        if contact is not None:
+            points, planes = len(contact.points), len(contact.planes)
+            rows, back = contact.weights.tocsr(), contact.weights.T.tocsr()
+            contacts.first, contacts.anchor = ints(rows.indptr), ints(rows.indices)
+            contacts.back, contacts.point = ints(back.indptr), ints(back.indices)
+            contacts.weight, contacts.share = reals(rows.data), reals(back.data)
+            contacts.rest = vectors(contact.points - contact.weights @ anchors.x)
+            contacts.stiffness, contacts.grip = (
+                reals(contact.stiffness),
+                reals(0 * contact.stiffness),
+            )
+            normals = np.array([plane.normal for plane in contact.planes], dtype=float)
+            contacts.normal = vectors(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+            contacts.place = vectors(np.array([p.point for p in contact.planes], dtype=float))
+            contacts.speed = vectors(np.array([p.velocity for p in contact.planes], dtype=float))
+            contacts.reach = wp.float64(contact.reach)
+            contacts.friction = wp.float64(contact.friction)
+
+        now = self._now = k.Now()
+        now.x, now.a = vectors(start), vectors(0 * start)
+        now.v = vectors(np.where(self.inverse_mass > 0, velocity, 0.0))
+        now.push = vectors(np.zeros((points, 3)))
+        now.impulse = vectors(np.zeros((points * planes, 3)))
+        now.clock = reals(np.zeros(2))
 
     @property
     def x(self) -> Float[np.ndarray, "n 3"]:
@@ -119,16 +175,16 @@ class SpringMotion:
         """Elastic energy of the springs [J]."""
         from . import kernels_springs as k
 
-        given, size = [self._springs, self._now, self._energies], self._now.x.shape[0]
-        start_warp().launch(k.hold, size, inputs=given, device=self.device)
+        wp, inputs = start_warp(), [self._springs, self._now, self._energies]
+        wp.launch(k.hold, self._now.x.shape[0], inputs=inputs, device=self.device)
         return float(self._energies.numpy().sum())
 
     def take_impulses(self) -> Float[np.ndarray, "points planes 3"]:
         """Momentum [N s] that every plane gave every point of the surface since asked last."""
         planes = 0 if self.contact is None else len(self.contact.planes)
-        found = self._now.impulse.numpy().copy()
+        impulses = self._now.impulse.numpy().copy()
         self._now.impulse.zero_()
-        return found.reshape(-1, max(planes, 1), 3)[:, :planes]
+        return impulses.reshape(-1, max(planes, 1), 3)[:, :planes]
 
     def advance(self, duration: float, *, steps: int | None = None) -> None:
         """Follow the network for ``duration`` [s], by default in steps that are safely stable.
@@ -138,12 +194,33 @@ class SpringMotion:
         ConvergenceError
             Where the steps turn out unstable: more energy is there than loads and planes gave.
         """
+        from . import kernels_springs as k
+
+        wp = start_warp()
         count, pushed = steps or self.steps_for(duration), self._now.impulse.numpy().copy()
         dt, clock = duration / count, self._now.clock
         clock.assign(np.array([clock.numpy()[0], dt]))
         if self.contact is not None:
             self._contacts.grip.assign(self.contact.grip(self.inverse_mass.max(axis=1), dt))
-        self._run(count)
+        state = [self._springs, self._contacts, self._now]
+
+        def step() -> None:
+            self._launch_forces(1.0)
+            wp.launch(k.move, self._now.x.shape[0], inputs=state[2:], device=self.device)
+            wp.launch(k.tick, 1, inputs=state[2:], device=self.device)
+
+        if self._alone:
+            wp.launch(k.follow, 1, inputs=[count, *state], device="cpu")
+        else:
+            whole, rest = divmod(count, CHUNK)
+            if whole:
+                with wp.ScopedCapture(device=self.device) as capture:
+                    for _ in range(CHUNK):
+                        step()
+                for _ in range(whole):
+                    wp.capture_launch(capture.graph)
+            for _ in range(rest):
+                step()
         self.steps += count
         # Raise where the energy cannot come from the start, the loads and what planes `pushed`
         with np.errstate(over="ignore", invalid="ignore"):
@@ -154,11 +231,11 @@ class SpringMotion:
                 )
             moved = self.x - self.network.anchors.x
             by_loads = 0.0 if self.loads is None else np.abs(self.loads.force * moved).sum()
-            given = self._given + by_loads + abs(self._work)
-            found = self._kinetic + self.elastic
-        if not found <= EXCESS * given:
+            given = self._input + by_loads + abs(self._work)
+            energy = self._kinetic + self.elastic
+        if not energy <= EXCESS * given:
             raise ConvergenceError(
-                f"the springs hold {found:.2g} J at {float(self._now.clock.numpy()[0]):.3g} s, "
+                f"the springs hold {energy:.2g} J at {float(self._now.clock.numpy()[0]):.3g} s, "
                 f"{given:.2g} J were put in: their steps are unstable; wanted a smaller load or "
                 "speed, or --solver fem"
             )
@@ -168,124 +245,24 @@ class SpringMotion:
         """Kinetic energy [J] half a step before the positions."""
         return 0.5 * float(self.network.anchors.mass @ (self.v**2).sum(axis=1))
 
-    def _slack(self) -> float:
-        """Energy [J] of the surface at the planes' reach, and of rounding."""
-        rounding = ROUNDING * float(self.stiffness @ self.network.length**2)
-        if self.contact is None:
-            return rounding
-        depths = len(self.contact.planes) * self.contact.reach**2
-        return rounding + 0.5 * float(self.contact.stiffness.sum()) * depths
-
     def steps_for(self, duration: float) -> int:
         """How many steps ``duration`` [s] takes."""
-        share = SAFE if self.contact is None else IN_CONTACT
-        return max(1, int(np.ceil(duration / (share * self.longest_step))))
-
-    def _run(self, count: int) -> None:
-        from . import kernels_springs as k
-
-        wp, given = start_warp(), [self._springs, self._contacts, self._now]
-        if self._alone:
-            wp.launch(k.follow, 1, inputs=[count, *given], device="cpu")
-            return
-
-        def step() -> None:
-            self._launch_forces(1.0)
-            wp.launch(k.move, self._now.x.shape[0], inputs=given[2:], device=self.device)
-            wp.launch(k.tick, 1, inputs=given[2:], device=self.device)
-
-        whole, rest = divmod(count, CHUNK)
-        if whole:
-            with wp.ScopedCapture(device=self.device) as capture:
-                for _ in range(CHUNK):
-                    step()
-            for _ in range(whole):
-                wp.capture_launch(capture.graph)
-        for _ in range(rest):
-            step()
+        fraction = SAFE if self.contact is None else IN_CONTACT
+        return max(1, int(np.ceil(duration / (fraction * self.longest_step))))
 
     def _launch_forces(self, counted: float) -> None:
         """Accelerations at the positions; impulses of planes count for so many steps."""
         from . import kernels_springs as k
 
-        wp, contacts, now = start_warp(), self._contacts, self._now
+        wp, device, counts = start_warp(), self.device, start_warp().float64(counted)
+        springs, contacts, now = self._springs, self._contacts, self._now
         if self._alone:
-            given = [wp.float64(counted), self._springs, contacts, now]
-            wp.launch(k.balance, 1, inputs=given, device=self.device)
+            wp.launch(k.balance, 1, inputs=[counts, springs, contacts, now], device=device)
             return
         if self.contact is not None:
-            given = [contacts, now, wp.float64(counted)]
-            wp.launch(k.meet, now.push.shape[0], inputs=given, device=self.device)
-        given = [self._springs, contacts, now]
-        wp.launch(k.pull, now.x.shape[0], inputs=given, device=self.device)
-
-    def _arrays(self, start: np.ndarray, velocity: np.ndarray) -> tuple[Any, Any, Any]:
-        from . import kernels_springs as k
-
-        net, anchors = self.network, self.network.anchors
-        ends, far = np.concatenate([net.i, net.j]), np.concatenate([net.j, net.i])
-        if self._alone:
-            ends, far = net.i, net.j
-        order = np.argsort(ends, kind="stable")
-        ordered = lambda values: np.resize(values, len(ends))[order]  # noqa: E731
-        dashpot = np.zeros_like(self.stiffness) if self.dashpot is None else self.dashpot
-        loads = self.loads or AnchorLoads(force=0 * start, ground=0 * start)
-        springs = k.Springs()
-        springs.first = self._ints(
-            np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=len(start)))])
-        )
-        springs.other = self._ints(far[order])
-        springs.stiffness = self._reals(ordered(self.stiffness))
-        springs.length = self._reals(ordered(net.length))
-        springs.dashpot = self._reals(ordered(dashpot))
-        springs.load, springs.ground = self._vectors(loads.force), self._vectors(loads.ground)
-        springs.inverse_mass = self._vectors(self.inverse_mass)
-        springs.rest = self._vectors(anchors.x)
-        springs.share = start_warp().float64(len(net.i) / max(len(ends), 1))
-        self._energies = self._reals(np.zeros(len(start)))
-        now = k.Now()
-        now.x, now.a = self._vectors(start), self._vectors(0 * start)
-        now.v = self._vectors(np.where(self.inverse_mass > 0, velocity, 0.0))
-        points = 0 if self.contact is None else len(self.contact.points)
-        planes = 0 if self.contact is None else len(self.contact.planes)
-        now.push = self._vectors(np.zeros((points, 3)))
-        now.impulse = self._vectors(np.zeros((points * planes, 3)))
-        now.clock = self._reals(np.zeros(2))
-        return springs, self._contact_arrays(), now
-
-    def _contact_arrays(self) -> Any:
-        from . import kernels_springs as k
-
-        wp, given, contacts = start_warp(), self.contact, k.Contacts()
-        if given is None:
-            return contacts
-        rows, back = given.weights.tocsr(), given.weights.T.tocsr()
-        contacts.first, contacts.anchor = self._ints(rows.indptr), self._ints(rows.indices)
-        contacts.back, contacts.point = self._ints(back.indptr), self._ints(back.indices)
-        contacts.weight, contacts.share = self._reals(rows.data), self._reals(back.data)
-        rest = given.points - given.weights @ self.network.anchors.x
-        contacts.rest = self._vectors(rest)
-        contacts.stiffness = self._reals(given.stiffness)
-        contacts.grip = self._reals(0 * given.stiffness)
-        normals = np.array([plane.normal for plane in given.planes], dtype=float)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        contacts.normal = self._vectors(normals)
-        contacts.place = self._vectors(np.array([p.point for p in given.planes], dtype=float))
-        contacts.speed = self._vectors(np.array([p.velocity for p in given.planes], dtype=float))
-        contacts.reach, contacts.friction = wp.float64(given.reach), wp.float64(given.friction)
-        return contacts
-
-    def _ints(self, values: np.ndarray) -> Any:
-        wp = start_warp()
-        return wp.array(np.asarray(values, dtype=np.int32), dtype=int, device=self.device)
-
-    def _reals(self, values: Sequence[float] | np.ndarray) -> Any:
-        wp = start_warp()
-        return wp.array(np.asarray(values, dtype=float), dtype=wp.float64, device=self.device)
-
-    def _vectors(self, values: np.ndarray) -> Any:
-        wp = start_warp()
-        return wp.array(np.ascontiguousarray(values), dtype=wp.vec3d, device=self.device)
+            size = now.push.shape[0]
+            wp.launch(k.meet, size, inputs=[contacts, now, counts], device=device)
+        wp.launch(k.pull, now.x.shape[0], inputs=[springs, contacts, now], device=device)
 
 
 # What meets a network from outside: loads of its anchors, planes against its surface.
@@ -295,16 +272,9 @@ class SpringMotion:
 class SurfaceContact:
     """Points of the surface that planes push, and the anchors that they follow.
 
-    Parameters
-    ----------
-    points
-        Positions at rest [m], shape (points, 3).
-    weights
-        Weights of the anchors for them, sparse (points, anchors).
-    stiffness
-        Force of a point for a depth [N/m], shape (points,).
-    planes, friction, reach
-        What pushes them, its coefficient of Coulomb friction [1], and from how far [m].
+    ``points`` [m] at rest, their ``weights`` of the anchors (sparse) and ``stiffness`` [N/m] of a
+    depth; the ``planes``, their Coulomb ``friction`` [1], and from how far they push, ``reach``
+    [m].
     """
 
     points: Float[np.ndarray, "points 3"]
@@ -313,13 +283,6 @@ class SurfaceContact:
     planes: tuple[Plane, ...]
     friction: float = 0.0
     reach: float = 0.0
-
-    @property
-    def matrix(self) -> Any:
-        """Stiffness [N/m] of one component when all points are pushed, (anchors, anchors)."""
-        from scipy.sparse import diags_array
-
-        return self.weights.T @ diags_array(self.stiffness) @ self.weights
 
     def grip(self, inverse_mass: Float[np.ndarray, "anchors"], dt: float) -> np.ndarray:
         """Rubbing [N s/m] that stops no point beyond rest in a step, all of them together."""
@@ -341,7 +304,7 @@ class AnchorLoads:
 
 # Frequencies of a network at rest: the lowest tell its stiffness, the highest its steps.
 
-# Free bodies: rigid motions, and the shift [share of the mean square of the frequencies] that makes
+# Free bodies: rigid motions, and the shift [over the mean square of the frequencies] that makes
 # their matrix regular.
 RIGID, SHIFT = 6, 1e-9
 # Relative error of the highest frequency's square; below so many unknowns it is exact.
@@ -380,8 +343,8 @@ def network_frequencies(
 
     operator = LinearOperator((free.size,) * 2, matvec=inverse, dtype=float)  # type: ignore
     start = np.random.default_rng(0).normal(size=free.size) * free.ravel()
-    found = eigsh(operator, k=count + skipped, v0=start, return_eigenvectors=False)
-    square = np.sort(1 / np.asarray(found))[skipped:] - shift
+    inverses = eigsh(operator, k=count + skipped, v0=start, return_eigenvectors=False)
+    square = np.sort(1 / np.asarray(inverses))[skipped:] - shift
     return np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
 
 

@@ -39,20 +39,11 @@ def neighbour_weights(eta: float, neighbours: int) -> Float[np.ndarray, "neighbo
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SpringNetwork:
-    """Springs between anchors, each once.
+    """Springs between ``anchors``, each once, from ``i`` to a larger ``j``.
 
-    Parameters
-    ----------
-    anchors
-        What is joined.
-    i, j
-        Anchors at the ends of every spring, i < j, shape (springs,).
-    rank_i, rank_j
-        Rank of j among the neighbours of i, and of i among those of j; -1 where it is none of them.
-    neighbours
-        How many neighbours an anchor has at most.
-    bridges
-        Springs that leave the tets because something would fall apart without them.
+    ``rank_i`` is the rank of j among the neighbours of i, ``rank_j`` that of i among those of j, -1
+    where it is none of them; an anchor has ``neighbours`` at most. ``bridges`` springs leave the
+    tets because something would fall apart without them.
     """
 
     anchors: Anchors
@@ -66,44 +57,53 @@ class SpringNetwork:
     @classmethod
     def of(cls, anchors: Anchors, neighbours: int, surface: Sight) -> SpringNetwork:
         """Join every anchor with its ``neighbours`` nearest ones that it sees inside the body."""
-        count = len(anchors.x)
-        if not 3 < neighbours < count:
-            raise InputError(f"{neighbours} neighbours of {count} anchors: wanted 4 to {count - 1}")
-        a, b, rank = _seen_neighbours(anchors, neighbours, surface)
-        low, high = np.minimum(a, b), np.maximum(a, b)
-        key, spring = np.unique(low * count + high, return_inverse=True)
-        i, j = key // count, key % count
-        ranks = np.full((2, len(key)), -1)
-        ranks[(a > b).astype(int), spring] = rank
-        # Shortest pairs that join what the springs leave apart but tets hold together
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import KDTree
 
-        found, count = [np.zeros((0, 2), dtype=np.int64)], len(anchors.x)
-        ones = np.ones(len(i), dtype=np.int8)
-        piece = connected_components(
-            coo_array((ones, (i, j)), shape=(count, count)), directed=False
-        )[1]
-        for body in np.unique(anchors.body):
-            while len(pieces := np.unique(piece[anchors.body == body])) > 1:
+        x, body, count = anchors.x, anchors.body, len(anchors.x)
+        if not 3 < neighbours < count:
+            raise InputError(f"{neighbours} neighbours of {count} anchors: wanted 4 to {count - 1}")
+        # Of the nearest candidates those that are seen, by rank
+        wide = min(CANDIDATES * neighbours, count - 1)
+        b = np.asarray(KDTree(x).query(x, wide + 1)[1])[:, 1:]
+        a = np.repeat(np.arange(count), wide).reshape(b.shape)
+        key, pair = np.unique(np.minimum(a, b) * count + np.maximum(a, b), return_inverse=True)
+        i, j = key // count, key % count
+        good = (body[i] == body[j]) & ~surface.crossed(x[i], x[j])
+        seen = good[pair].reshape(b.shape)
+        rank = np.cumsum(seen, axis=1) - 1
+        seen &= rank < neighbours
+        a, b, rank = a[seen], b[seen], rank[seen]
+        # Every pair once, with its rank at both ends
+        key, spring = np.unique(np.minimum(a, b) * count + np.maximum(a, b), return_inverse=True)
+        i, j = key // count, key % count
+        ranks = np.full((2, len(key)), -1)
+        ranks[(a > b).astype(int), spring] = rank
+        # Shortest pairs that join what the springs leave apart but tets hold together
+        bridges = [np.zeros((0, 2), dtype=np.int64)]
+        graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(count, count))
+        piece = connected_components(graph, directed=False)[1]
+        for name in np.unique(body):
+            while len(pieces := np.unique(piece[body == name])) > 1:
                 sizes = np.bincount(piece, minlength=count)[pieces]
                 inner = np.flatnonzero(piece == pieces[np.argmin(sizes)])
-                outer = np.flatnonzero((anchors.body == body) & (piece != piece[inner[0]]))
+                outer = np.flatnonzero((body == name) & (piece != piece[inner[0]]))
                 many = min(BRIDGES, len(outer))
-                far, near = KDTree(anchors.x[outer]).query(anchors.x[inner], k=many)
+                far, near = KDTree(x[outer]).query(x[inner], k=many)
                 best = np.argsort(far.reshape(-1), kind="stable")[:BRIDGES]
-                pairs = np.stack([inner.repeat(many)[best], outer[near.reshape(-1)[best]]], axis=1)
-                found.append(np.sort(pairs, axis=1))
-                piece[np.isin(piece, piece[outer[near.reshape(-1)[best]]])] = piece[inner[0]]
-        bridge = np.concatenate(found)
-        new = np.zeros((2, len(bridge)), dtype=ranks.dtype)  # as near as the nearest
+                ends = outer[near.reshape(-1)[best]]
+                pairs = np.stack([inner.repeat(many)[best], ends], axis=1)
+                bridges.append(np.sort(pairs, axis=1))
+                piece[np.isin(piece, piece[ends])] = piece[inner[0]]
+        bridge = np.concatenate(bridges)
+        ranks = np.pad(ranks, ((0, 0), (0, len(bridge))))  # as near as the nearest
         return cls(
             anchors=anchors,
             i=np.concatenate([i, bridge[:, 0]]),
             j=np.concatenate([j, bridge[:, 1]]),
-            rank_i=np.concatenate([ranks[0], new[0]]),
-            rank_j=np.concatenate([ranks[1], new[1]]),
+            rank_i=ranks[0],
+            rank_j=ranks[1],
             neighbours=neighbours,
             bridges=len(bridge),
         )
@@ -120,16 +120,16 @@ class SpringNetwork:
         x = self.anchors.x
         return (x[self.j] - x[self.i]) / self.length[:, None]
 
-    def _shares(self, eta: float) -> tuple[np.ndarray, np.ndarray]:
+    def _weights(self, eta: float) -> tuple[np.ndarray, np.ndarray]:
         weights = np.append(neighbour_weights(eta, self.neighbours), 0.0)
         return weights[self.rank_i], weights[self.rank_j]
 
     def calibrated(self, eta: float) -> Float[np.ndarray, "n"]:
         """Constant k [N] of every anchor: half its springs, k w l / 2 in sum, carry 6 V E."""
-        own, other = self._shares(eta)
+        at_i, at_j = self._weights(eta)
         count = len(self.anchors.x)
-        reach = np.bincount(self.i, own * self.length, count)
-        reach += np.bincount(self.j, other * self.length, count)
+        reach = np.bincount(self.i, at_i * self.length, count)
+        reach += np.bincount(self.j, at_j * self.length, count)
         carried = 6 * self.anchors.volume * self.anchors.E
         return carried / np.where(reach > 0, reach / 2, np.inf)
 
@@ -154,19 +154,19 @@ class SpringNetwork:
         ``k`` [N] are the anchors' constants, by default those of ``eta`` and ``surface``.
         """
         k = self.constants(eta, surface) if k is None else k
-        own, other = self._shares(eta)
+        at_i, at_j = self._weights(eta)
         a, b = self.anchors.E[self.i], self.anchors.E[self.j]
         series = 4 * (a / (a + b)) * (b / (a + b))  # harmonic over arithmetic mean: halves in a row
-        return series * (k[self.i] * own + k[self.j] * other) / (2 * self.length)
+        return series * (k[self.i] * at_i + k[self.j] * at_j) / (2 * self.length)
 
     @cached_property
     def pattern(self) -> BlockPattern:
         """Where the blocks of the stiffness matrix are; kept, and with it what is planned on it."""
         wp, count = start_warp(), len(self.anchors.x)
-        own = np.arange(count)
-        row = np.concatenate([own, self.i, self.j])
+        diagonal = np.arange(count)
+        row = np.concatenate([diagonal, self.i, self.j])
         keys, slot = np.unique(
-            row * count + np.concatenate([own, self.j, self.i]), return_inverse=True
+            row * count + np.concatenate([diagonal, self.j, self.i]), return_inverse=True
         )
         rows = np.concatenate([[0], np.cumsum(np.bincount(keys // count, minlength=count))])
         ends = (count, count + len(self.i))
@@ -205,32 +205,6 @@ class BlockPattern(NamedTuple):
     own: np.ndarray
     above: np.ndarray
     below: np.ndarray
-
-
-class _Neighbours(NamedTuple):
-    """Anchors ``a``, neighbours ``b`` of theirs, and the ``rank`` of these, each (pairs,)."""
-
-    a: np.ndarray
-    b: np.ndarray
-    rank: np.ndarray
-
-
-def _seen_neighbours(anchors: Anchors, neighbours: int, surface: Sight) -> _Neighbours:
-    """Nearest neighbours that are seen."""
-    from scipy.spatial import KDTree
-
-    count = len(anchors.x)
-    wide = min(CANDIDATES * neighbours, count - 1)
-    b = np.asarray(KDTree(anchors.x).query(anchors.x, wide + 1)[1])[:, 1:]
-    a = np.repeat(np.arange(count), wide).reshape(b.shape)
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    key, pair = np.unique(low * count + high, return_inverse=True)
-    i, j = key // count, key % count
-    good = (anchors.body[i] == anchors.body[j]) & ~surface.crossed(anchors.x[i], anchors.x[j])
-    seen = good[pair].reshape(b.shape)
-    rank = np.cumsum(seen, axis=1) - 1
-    seen &= rank < neighbours
-    return _Neighbours(a[seen], b[seen], rank[seen])
 
 
 # Anchors: points in the tets that stand for the matter around them, and points that are held.
@@ -282,22 +256,6 @@ class Anchors:
     skin: Float[np.ndarray, "n"]
 
 
-class _Places(NamedTuple):
-    """Points in the tets: ``x`` (n, 3) [m], their ``tet`` (n,) and ``volume`` (n,) [m^3]."""
-
-    x: np.ndarray
-    tet: np.ndarray
-    volume: np.ndarray
-
-
-class _Held(NamedTuple):
-    """Held places: ``x`` (n, 3) [m], ``fixed`` (n, 3), ``values`` (n, 3) [m]."""
-
-    x: np.ndarray
-    fixed: np.ndarray
-    values: np.ndarray
-
-
 def sample_anchors(
     mesh: TetMesh,
     count: int = 2048,
@@ -308,8 +266,8 @@ def sample_anchors(
 ) -> Anchors:
     """Spread about ``count`` anchors over ``mesh``, and others over what ``supports`` hold.
 
-    Parts share them by volume, at least one each. Cells are Lloyd's; an anchor whose cell has its
-    centre outside the tets stands at the nearest place inside.
+    They are divided by volume among the parts, at least one each. Cells are Lloyd's; an anchor
+    whose cell has its centre outside the tets stands at the nearest place inside.
 
     Raises
     ------
@@ -318,52 +276,111 @@ def sample_anchors(
     """
     if count < LEAST:
         raise InputError(f"{count} anchors: wanted at least {LEAST}")
+    from scipy.spatial import KDTree
+
     rng = np.random.default_rng(seed)
     spacing = float(np.cbrt(mesh.volume / count))
-    held = _held_places(mesh, supports or Supports.none(len(mesh.points)), spacing, rng)
-    places = _sampled(mesh, PLACES * count, rng)
-    region = mesh.region[places.tet]
-    seen = surface or Sight(mesh.points, mesh.boundary.faces)
-    from scipy.spatial import KDTree
+    supports = supports or Supports.none(len(mesh.points))
+    surface = surface or Sight(mesh.points, mesh.boundary.faces)
+    fixed_x, fixed, values = _support_places(mesh, supports, spacing, rng)
 
-    near = KDTree(places.x).query(held.x)[1] if len(held.x) else np.zeros(0, dtype=np.int64)
-    found, owner = [], np.zeros(len(places.x), dtype=np.int64)
-    part, total = [region[near]], len(held.x)
+    # Places, evenly over the volume, that hold the volume of every part
+    ends, parts = np.cumsum(mesh.volumes), len(mesh.region_names)
+    steps = (np.arange(PLACES * count) + rng.random()) / (PLACES * count) * ends[-1]
+    tet = np.searchsorted(ends, steps).clip(max=len(ends) - 1)
+    lost = np.setdiff1d(np.unique(mesh.region), mesh.region[tet])
+    largest = [int(np.argmax(np.where(mesh.region == k, mesh.volumes, -1.0))) for k in lost]
+    tet = np.append(tet, np.array(largest, dtype=tet.dtype))
+    region = mesh.region[tet]
+    each = mesh.region_volumes() / np.maximum(np.bincount(region, minlength=parts), 1)
+    places, volumes = _random_points(mesh, tet, rng), each[region]
+
+    # Cells of the anchors, part by part
+    near = KDTree(places).query(fixed_x)[1] if len(fixed_x) else np.zeros(0, dtype=np.int64)
+    positions, part, total = [fixed_x], [region[near]], len(fixed_x)
+    owner = np.zeros(len(places), dtype=np.int64)
     for name in np.unique(region):
-        own = np.flatnonzero(region == name)
-        own_held = np.flatnonzero(region[near] == name)
-        share = max(1, round(places.volume[own].sum() / spacing**3))
-        cells = _relaxed(places.x[own], held.x[own_held], min(share, len(own)), seen, rng)
-        free = len(cells.x) - len(own_held)
-        index = np.concatenate([own_held, total + np.arange(free)])
-        owner[own] = index[cells.owner]
-        found.append(cells.x[len(own_held) :])
+        inside = np.flatnonzero(region == name)
+        corners = np.flatnonzero(region[near] == name)
+        free = min(max(1, round(volumes[inside].sum() / spacing**3)), len(inside))
+        centres, cell = _lloyd(places[inside], fixed_x[corners], free, surface, rng)
+        owner[inside] = np.concatenate([corners, total + np.arange(free)])[cell]
+        positions.append(centres[len(corners) :])
         part.append(np.full(free, name))
         total += free
-    matter = _matter(mesh, places, owner, np.concatenate([held.x, *found]), len(held.x))
-    part = np.concatenate(part)[matter.stays]
-    thickness, skin = _thicknesses(mesh, matter.fields["x"], part, rng)
-    fixed, values = np.zeros((len(part), 3), dtype=bool), np.zeros((len(part), 3))
-    fixed[: len(held.x)], values[: len(held.x)] = held.fixed, held.values
-    known = {"fixed": fixed, "values": values, "spacing": spacing, "layers": thickness / spacing}
-    return Anchors(**matter.fields, part=part, skin=skin, **known)
+
+    # What is in them; free ones whose cell is empty are left out
+    material = material_of(mesh)
+    volume = np.bincount(owner, volumes, total)
+    mass = np.bincount(owner, volumes * material.rho[tet], total)
+    log_E = np.bincount(owner, volumes * np.log(material.E[tet]), total)
+    full = np.where(volume > 0, volume, 1.0)
+    E = np.where(volume > 0, np.exp(log_E / full), np.median(material.E))
+    some = np.zeros(total, dtype=np.int64)
+    some[owner[::-1]] = tet[::-1]
+    body = body_of_points(mesh)[mesh.tets[some, 0]]
+    stays = (volume > 0) | (np.arange(total) < len(fixed_x))
+    x, part = np.concatenate(positions)[stays], np.concatenate(part)[stays]
+
+    # Thickness of every part, to 5 % that of a plate, to a fifth that of a rod
+    thickness, skin = np.full(parts, np.inf), np.zeros(len(x))
+    for k in np.unique(mesh.region):
+        tets = np.flatnonzero(mesh.region == k)
+        probes = rng.choice(tets, PROBED, p=mesh.volumes[tets] / mesh.volumes[tets].sum())
+        outside = Sight(mesh.points, boundary_faces(mesh.tets[tets]).faces)
+        depths = outside.depth(_random_points(mesh, probes, rng))
+        thickness[k] = 2 * float(np.quantile(depths, DEEPEST))
+        here = part == k
+        if here.any():
+            skin[here] = np.clip(1 - 2 * outside.depth(x[here]) / thickness[k], 0, 1) ** 2
+    rest = ((0, len(x) - len(fixed_x)), (0, 0))
+    return Anchors(
+        x=x, volume=volume[stays], mass=mass[stays], E=E[stays], part=part, body=body[stays],
+        fixed=np.pad(fixed, rest), values=np.pad(values, rest), spacing=spacing,
+        layers=thickness / spacing, skin=skin,
+    )  # fmt: skip
 
 
-class _Cells(NamedTuple):
-    """Centres ``x`` of cells, and the cell ``owner`` of every place."""
-
-    x: np.ndarray
-    owner: np.ndarray
-
-
-def _relaxed(
-    places: np.ndarray, held: np.ndarray, free: int, surface: Sight, rng: np.random.Generator
-) -> _Cells:
-    """Cells of ``held`` points, which stay, and of ``free`` ones, which move to their centres."""
+def _support_places(
+    mesh: TetMesh, supports: Supports, spacing: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fixed points and places on the faces between them, apart; their components and values."""
     from scipy.spatial import KDTree
 
-    x = np.concatenate([held, places[rng.choice(len(places), free, replace=False)]])
-    moving = np.arange(len(x)) >= len(held)
+    used, some = np.unique(mesh.tets), np.logical_or.reduce(supports.fixed, axis=1)
+    nodes = used[some[used]]
+    x, fixed, values = mesh.points[nodes], supports.fixed[nodes], supports.values[nodes]
+    faces = mesh.tets[:, FACES].reshape(-1, 3)
+    faces = faces[some[faces].all(axis=1)]
+    if len(faces):
+        faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
+        area = face_areas(mesh.points, faces)
+        count = min(int(4 * area.sum() / spacing**2) + 1, 100_000)
+        chosen = faces[rng.choice(len(faces), count, p=area / area.sum())]
+        weights = rng.dirichlet(np.ones(3), count)
+        x = np.concatenate([x, np.einsum("na,nai->ni", weights, mesh.points[chosen])])
+        both = np.logical_and.reduce(supports.fixed[chosen], axis=1)
+        fixed = np.concatenate([fixed, both])
+        between = np.einsum("na,nai->ni", weights, supports.values[chosen])
+        values = np.concatenate([values, between])
+    kept, free = [], np.ones(len(x), dtype=bool)  # no two of them too close, the first ones first
+    if len(x):
+        near = KDTree(x)
+        for k in range(len(x)):
+            if free[k]:
+                kept.append(k)
+                free[near.query_ball_point(x[k], APART * spacing)] = False
+    return x[kept], fixed[kept], values[kept]
+
+
+def _lloyd(
+    places: np.ndarray, fixed: np.ndarray, free: int, surface: Sight, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cells of ``fixed`` points and of ``free`` ones: their centres, and the cell of each place."""
+    from scipy.spatial import KDTree
+
+    x = np.concatenate([fixed, places[rng.choice(len(places), free, replace=False)]])
+    moving = np.arange(len(x)) >= len(fixed)
     for _ in range(ROUNDS):
         owner = KDTree(x).query(places)[1]
         size = np.bincount(owner, minlength=len(x))
@@ -373,72 +390,13 @@ def _relaxed(
     inside = places[KDTree(places).query(x)[1]]
     lost = moving & surface.crossed(inside, x)
     x[lost] = inside[lost]
-    return _Cells(x, np.asarray(KDTree(x).query(places)[1]))
+    return x, np.asarray(KDTree(x).query(places)[1])
 
 
-class _Matter(NamedTuple):
-    """What of the anchors follows from the places around them; those that ``stays`` are left."""
-
-    fields: dict[str, np.ndarray]
-    stays: np.ndarray
-
-
-def _matter(mesh: TetMesh, places: _Places, owner: np.ndarray, x: np.ndarray, held: int) -> _Matter:
-    """Matter in the cells of anchors at ``x``; free ones whose cell is empty are left out."""
-    count, material = len(x), material_of(mesh)
-    volume = np.bincount(owner, places.volume, count)
-    mass = np.bincount(owner, places.volume * material.rho[places.tet], count)
-    stiff = np.bincount(owner, places.volume * np.log(material.E[places.tet]), count)
-    full = np.where(volume > 0, volume, 1.0)
-    E = np.where(volume > 0, np.exp(stiff / full), np.median(material.E))
-    some = np.zeros(count, dtype=np.int64)
-    some[owner[::-1]] = places.tet[::-1]
-    body = body_of_points(mesh)[mesh.tets[some, 0]]
-    stays = (volume > 0) | (np.arange(count) < held)
-    found = {"x": x, "volume": volume, "mass": mass, "E": E, "body": body}
-    return _Matter({name: value[stays] for name, value in found.items()}, stays)
-
-
-class _Thickness(NamedTuple):
-    """``thickness`` (parts,) [m] of parts, and the ``skin`` (n,) [1] of anchors in them."""
-
-    thickness: np.ndarray
-    skin: np.ndarray
-
-
-def _thicknesses(
-    mesh: TetMesh, x: np.ndarray, part: np.ndarray, rng: np.random.Generator
-) -> _Thickness:
-    """Thickness of every part, to 5 % that of a plate, to a fifth that of a rod; skin of ``x``."""
-    found, skin = np.full(len(mesh.region_names), np.inf), np.zeros(len(x))
-    for k in np.unique(mesh.region):
-        own = np.flatnonzero(mesh.region == k)
-        tet = rng.choice(own, PROBED, p=mesh.volumes[own] / mesh.volumes[own].sum())
-        surface = Sight(mesh.points, boundary_faces(mesh.tets[own]).faces)
-        found[k] = 2 * float(np.quantile(surface.depth(_inside(mesh, tet, rng)), DEEPEST))
-        here = part == k
-        if here.any():
-            skin[here] = np.clip(1 - 2 * surface.depth(x[here]) / found[k], 0, 1) ** 2
-    return _Thickness(found, skin)
-
-
-def _sampled(mesh: TetMesh, count: int, rng: np.random.Generator) -> _Places:
-    """About ``count`` places, evenly over the volume, that hold the volume of every part."""
-    ends = np.cumsum(mesh.volumes)
-    steps = (np.arange(count) + rng.random()) / count * ends[-1]
-    tet = np.searchsorted(ends, steps).clip(max=len(ends) - 1)
-    lost = np.setdiff1d(np.unique(mesh.region), mesh.region[tet])
-    largest = [int(np.argmax(np.where(mesh.region == k, mesh.volumes, -1.0))) for k in lost]
-    tet = np.append(tet, np.array(largest, dtype=tet.dtype))
-    region, parts = mesh.region[tet], len(mesh.region_names)
-    each = mesh.region_volumes() / np.maximum(np.bincount(region, minlength=parts), 1)
-    return _Places(_inside(mesh, tet, rng), tet, each[region])
-
-
-def _inside(mesh: TetMesh, tet: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _random_points(mesh: TetMesh, tet: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return a random point [m] in every one of the tets, shape (n, 3)."""
-    share = rng.dirichlet(np.ones(4), len(tet))
-    return np.einsum("na,nai->ni", share, mesh.points[mesh.tets[tet]])
+    weights = rng.dirichlet(np.ones(4), len(tet))
+    return np.einsum("na,nai->ni", weights, mesh.points[mesh.tets[tet]])
 
 
 def body_of_points(mesh: TetMesh) -> Int[np.ndarray, "points"]:
@@ -452,48 +410,9 @@ def body_of_points(mesh: TetMesh) -> Int[np.ndarray, "points"]:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def _held_places(
-    mesh: TetMesh, supports: Supports, spacing: float, rng: np.random.Generator
-) -> _Held:
-    """Held points, and places on the faces between them, a spacing apart."""
-    used, held = np.unique(mesh.tets), np.logical_or.reduce(supports.fixed, axis=1)
-    nodes = used[held[used]]
-    x: list[np.ndarray] = [mesh.points[nodes]]
-    fixed: list[np.ndarray] = [supports.fixed[nodes]]
-    values: list[np.ndarray] = [supports.values[nodes]]
-    faces = mesh.tets[:, FACES].reshape(-1, 3)
-    faces = faces[held[faces].all(axis=1)]
-    if len(faces):
-        faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
-        area = face_areas(mesh.points, faces)
-        count = min(int(4 * area.sum() / spacing**2) + 1, 100_000)
-        chosen = faces[rng.choice(len(faces), count, p=area / area.sum())]
-        share = rng.dirichlet(np.ones(3), count)
-        x.append(np.einsum("na,nai->ni", share, mesh.points[chosen]))
-        fixed.append(np.logical_and.reduce(supports.fixed[chosen], axis=1))
-        values.append(np.einsum("na,nai->ni", share, supports.values[chosen]))
-    places = np.concatenate(x)
-    kept = _thinned(places, APART * spacing)
-    return _Held(places[kept], np.concatenate(fixed)[kept], np.concatenate(values)[kept])
-
-
-def _thinned(points: Float[np.ndarray, "n 3"], apart: float) -> Int[np.ndarray, "kept"]:
-    """Points no two of which are closer than ``apart`` [m], the first ones first."""
-    from scipy.spatial import KDTree
-
-    kept, free = [], np.ones(len(points), dtype=bool)
-    if len(points):
-        near = KDTree(points)
-        for k in range(len(points)):
-            if free[k]:
-                kept.append(k)
-                free[near.query_ball_point(points[k], apart)] = False
-    return np.array(kept, dtype=np.int64)
-
-
 # What of a body sees what: segments that leave its tets, and depths below its surface.
 
-# Ends of a segment may lie on the surface: this share [1] of its length is not looked at there.
+# Ends of a segment may lie on the surface: this fraction [1] of its length is not looked at there.
 TRIMMED = 2e-3
 
 
@@ -560,23 +479,16 @@ def eta_for_ratio(network: SpringNetwork, ratio: float) -> float:
     def log_stiffness(eta: float) -> float:
         return float(np.log(network.stiffness(eta, k=k) @ network.length**2))
 
-    wanted = np.log(ratio) + log_stiffness(SOFTEST)
+    target = np.log(ratio) + log_stiffness(SOFTEST)
     low, high = STIFFEST, SOFTEST
-    if wanted >= log_stiffness(low):
+    if target >= log_stiffness(low):
         return low
-    if wanted <= log_stiffness(high):
+    if target <= log_stiffness(high):
         return high
     while high - low > 1e-12 * SOFTEST:
         middle = (low + high) / 2
-        low, high = (middle, high) if log_stiffness(middle) > wanted else (low, middle)
+        low, high = (middle, high) if log_stiffness(middle) > target else (low, middle)
     return (low + high) / 2
-
-
-def eta_reach(network: SpringNetwork) -> float:
-    """How many times stiffer than its softest a network gets by eta alone [1]."""
-    k, square = network.calibrated(SOFTEST), network.length**2
-    ends = [network.stiffness(eta, k=k) @ square for eta in (STIFFEST, SOFTEST)]
-    return float(ends[0] / ends[1])
 
 
 def stiffened(

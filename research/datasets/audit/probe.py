@@ -20,7 +20,7 @@ from ....fem.material import ElementMaterial
 from ....fem.mpm.boundaries import ROOM, grid_around, support_walls
 from ....fem.mpm.materials import MaterialClass, Substance, plane_friction
 from ....fem.mpm.particles import Followers, Particles
-from ....fem.mpm.rigid import treated
+from ....fem.mpm.rigid import near_fixed, treated
 from ....fem.mpm.solver import MpmSolver
 from ....fem.mpm.time_step import Failure, largest_modulus
 from ....fem.scene.supports import find_supports
@@ -180,9 +180,9 @@ class Probe:
             )
         still = np.repeat(self.x[None], FRAMES + 1, axis=0)
         spacing, step = ALONG * self.side, load.duration / self.steps
-        held = self._mesh.points[self._supports.fixed.any(axis=1)]
         given = treated(
-            self._particles(proposal, end), spacing, held=_near(self.x, held, spacing),
+            self._particles(proposal, end), spacing,
+            held=near_fixed(self._mesh.points, self._supports, self.x, spacing),
             budget=1 / step, reach=JOINED,
         ).particles  # fmt: skip
         if given.held.all():
@@ -254,14 +254,6 @@ def substance_of(kind: MaterialClass) -> Substance:
     if kind == MaterialClass.SAND:
         return Substance(kind=kind, friction=plane_friction(FRICTION))
     return Substance(kind=kind) if kind == MaterialClass.SNOW else Substance()
-
-
-def _near(
-    x: Float[np.ndarray, "n 3"], places: Float[np.ndarray, "m 3"], reach: float
-) -> np.ndarray:
-    from scipy.spatial import KDTree
-
-    return KDTree(places).query(x)[0] < reach
 
 
 def difference(a: EndMotion, b: EndMotion, part: Int[np.ndarray, "n"], length: float) -> float:

@@ -32,7 +32,7 @@ def cross_matrix(w):
 def momenta(solver: MpmSolver):
     """Momentum, angular momentum with the affine part about the origin, and kinetic energy."""
     x, v, C = (solver.cloud.read(name) for name in ("x", "v", "C"))
-    m, D = solver.cloud.particles.mass, solver.lattice.spacing**2 / 4
+    m, D = solver.cloud.particles.mass, solver.grid.spacing**2 / 4
     axial = np.stack(
         [C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], axis=1
     )

@@ -7,10 +7,10 @@ from autophyx_tet.fem.mpm.materials import (
     SNOW_COMPRESSION,
     MaterialClass,
     Substance,
-    elastic_density,
     plane_friction,
     triaxial_friction,
 )
+from autophyx_tet.fem.mpm.solver import elastic_density
 
 from ..bodies import random_rotation
 from .points import EYE, deviator, driven, shear

@@ -68,6 +68,20 @@ def moved(scene, grid, **given):
     return MpmMethod(grid=grid, **given).solve(scene)
 
 
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [
+        (MpmMethod(grid=8), {"order": 1}),
+        (MpmMethod(grid=8), {"law": "linear"}),
+        (PRESETS["physgaussian"], {"law": "neohookean"}),  # its jelly is corotated
+    ],
+)
+def test_a_law_that_jelly_does_not_have_is_refused(method, options):
+    """As springs do: ``law`` and ``order`` are for elements."""
+    with pytest.raises(UsageError, match="leave law and order out"):
+        method.solve(SCENARIOS["fall"]().scene(post()), **options)
+
+
 @pytest.mark.slow
 def test_a_gust_bends_a_post_twice_as_far_as_the_steady_wind():
     """A load put on at once swings to twice the deflection at rest, of quadratic tets."""

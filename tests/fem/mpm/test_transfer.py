@@ -118,3 +118,17 @@ def test_particles_that_no_body_has_are_refused(wrong):
     given = {"x": np.zeros((2, 3)), "volume": 1.0, "E": 1e5, "nu": 0.3, "rho": 1.0} | wrong
     with pytest.raises(InputError):
         Particles.of(given.pop("x"), given.pop("volume"), **given)
+
+
+def test_there_is_one_rule_of_the_step():
+    """What is just stiff enough for a step of ``dt`` has waves whose stable step is ``dt``."""
+    from autophyx_tet.fem.material import wave_speed
+    from autophyx_tet.fem.mpm.time_step import MOST_STRAIN, largest_modulus, stable_step
+
+    nu, rho = np.array([0.3]), np.array([1000.0])
+    waves = float(wave_speed(largest_modulus(nu, rho, DX, 1e-3), nu, rho)[0])
+    assert stable_step(waves, 0.0, DX) == pytest.approx(1e-3, rel=1e-12)
+    # From rest under an acceleration g: dt g is the speed, so that dt^2 g is what it crosses.
+    assert stable_step(0.0, 0.0, DX, pull=9.81) == pytest.approx(np.sqrt(0.4 * DX / 9.81))
+    assert stable_step(0.0, 0.0, DX, spread=5.0) == MOST_STRAIN / 5.0
+    assert stable_step(0.0, 0.0, DX) == np.inf

@@ -19,7 +19,7 @@ from autophyx_tet.fem.springs.fit import (
 )
 from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.springs.motion import network_frequencies
-from autophyx_tet.fem.springs.network import SOFTEST, eta_for_ratio, eta_reach, stiffened
+from autophyx_tet.fem.springs.network import SOFTEST, STIFFEST, eta_for_ratio, stiffened
 
 
 def post(nu=0.25, E=1e5, cells=(2, 2, 8), **given):
@@ -233,6 +233,13 @@ def test_frequencies_scale_with_the_root_of_stiffness():
         scale_to_frequency(net, 0.0)
     with pytest.raises(InputError, match="turn freely"):
         scale_to_frequency(net, 1e6)
+
+
+def eta_reach(net):
+    """How many times stiffer than its softest a network gets by eta alone [1]."""
+    k, square = net.calibrated(SOFTEST), net.length**2
+    stiff, soft = (net.stiffness(eta, k=k) @ square for eta in (STIFFEST, SOFTEST))
+    return float(stiff / soft)
 
 
 def test_eta_is_found_for_a_ratio():
