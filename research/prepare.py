@@ -125,9 +125,9 @@ def _looked_at(
 
 def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, Any]:
     """Draw procedural objects, each part in a colour of its own; return what was said of them."""
-    from ..predictors.text.hearing import spoken
     from .datasets.grammar import Grammar
     from .datasets.objects import category_names, make_objects
+    from .datasets.parts import spoken
     from .training.stores import procedural_store
 
     check_file(output, (".png",))

@@ -15,11 +15,11 @@ from ...predictors.field import DEFAULT, MaterialField
 from ...predictors.film.inference import with_names
 from ...predictors.film.predictor import FilmPredictor
 from ...predictors.lookup.lookup import RetrievalPredictor
-from ...predictors.text.parser import listen
 from ...predictors.text.reader import parse
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors
 from .metrics import Row, Score, boundary_voxels, summary
+from .parser import listen
 
 FOLDER_ROWS = ("film", "film-names", "retrieval", "retrieval-names")
 

@@ -14,7 +14,7 @@ from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import FilmUNet
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.text.hearing import CHANNELS
-from autophyx_tet.predictors.text.parser import listen
+from autophyx_tet.research.evaluation.parser import listen
 from safetensors import safe_open
 from safetensors.torch import save_file
 

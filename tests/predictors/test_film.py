@@ -13,9 +13,7 @@ from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modu
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import USELESS, FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, part_kinds, with_lexicon
-from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
-from autophyx_tet.predictors.text.parser import listen
+from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.research.datasets.constraints import holds
 from autophyx_tet.research.datasets.grammar import (
     Grammar,
@@ -25,8 +23,10 @@ from autophyx_tet.research.datasets.grammar import (
     write_phrases,
 )
 from autophyx_tet.research.datasets.objects import CATEGORIES, HELD_OUT, make_objects
+from autophyx_tet.research.datasets.parts import LEVELS, part_kinds
 from autophyx_tet.research.datasets.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.research.datasets.wordings import wordings
+from autophyx_tet.research.evaluation.parser import listen
 
 SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 
