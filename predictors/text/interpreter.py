@@ -93,7 +93,21 @@ def interpret(
     if not clauses:
         notes.append("the interpreter's clauses were all left out: the built-in reader was used")
         return replace(own, notes=(*own.notes, *notes))
-    notes += _differences(own, clauses)
+    # What the built-in reader found in the text and the model did not give
+    texts = {clause.material: clause.text for clause in own.clauses if clause.material}
+    materials = {clause.material for clause in clauses}
+    notes += [
+        f"the interpreter does not give {material!r}, which the built-in reader reads in {words!r}"
+        for material, words in texts.items()
+        if material not in materials
+    ]
+    measures = {number.measure for clause in clauses for number in clause.numbers}
+    notes += [
+        f"the interpreter does not give the number {number.text!r}"
+        for clause in own.clauses
+        for number in clause.numbers
+        if number.measure not in measures
+    ]
     return Sentence(text, tuple(clauses), (), tuple(notes), own.thing)
 
 
@@ -110,6 +124,12 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
     subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
     phrase = _words(item.get("material"))
     row = table.phrases.get(key(phrase)) if phrase else None
+    excluded = []
+    for word in _strings(item.get("excluded")):
+        other = table.phrases.get(key(word))
+        if other is None and word not in CATEGORIES:
+            raise InputError(f"it rules out {word!r}, which the table does not have")
+        excluded.append(other.name if other else word)
     return Clause(
         text=said,
         span=(start, start + len(said)),
@@ -118,7 +138,7 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
         phrase=phrase if row else "",
         unknown=phrase if phrase and not row else "",
         nearest=tuple(table.near(phrase)) if phrase and not row else (),
-        excluded=tuple(_ruled_out(word, table) for word in _strings(item.get("excluded"))),
+        excluded=tuple(excluded),
         stiffness=_degree(item.get("stiffness")),
         density=_degree(item.get("density")),
         numbers=tuple(_quantity(number, text) for number in _list(item.get("numbers"))),
@@ -152,13 +172,6 @@ def _degree(value: Any) -> Degree | None:
     raise InputError(f"{value!r} is no degree from 1 to 5")
 
 
-def _ruled_out(word: str, table: MaterialTable) -> str:
-    row = table.phrases.get(key(word))
-    if row is None and word not in CATEGORIES:
-        raise InputError(f"it rules out {word!r}, which the table does not have")
-    return row.name if row else word
-
-
 def _words(value: Any) -> str:
     return " ".join(value.split()) if isinstance(value, str) else ""
 
@@ -174,25 +187,6 @@ def _strings(value: Any) -> list[str]:
 def _names(value: Any) -> tuple[tuple[str, ...], ...]:
     named = (tuple(w.lower() for w in _strings(words)) for words in _list(value))
     return tuple(words for words in named if words)
-
-
-def _differences(own: Sentence, clauses: Sequence[Clause]) -> list[str]:
-    """What the built-in reader found in the text and the model did not give."""
-    mine = {m: c.text for c in own.clauses for m in [c.material] if m}
-    theirs = {clause.material for clause in clauses}
-    notes = [
-        f"the interpreter does not give {material!r}, which the built-in reader reads in {said!r}"
-        for material, said in mine.items()
-        if material not in theirs
-    ]
-    numbers = {number.measure for clause in clauses for number in clause.numbers}
-    notes += [
-        f"the interpreter does not give the number {number.text!r}"
-        for clause in own.clauses
-        for number in clause.numbers
-        if number.measure not in numbers
-    ]
-    return notes
 
 
 # A language model behind an OpenAI-compatible endpoint, here or elsewhere: text in, JSON out.
@@ -230,18 +224,6 @@ class ChatEndpoint:
         InputError
             Where the endpoint cannot be reached or answers no JSON object.
         """
-        answer = self._content(self._post(prompt))
-        try:
-            document = json.loads(answer)
-        except (json.JSONDecodeError, RecursionError) as error:
-            raise InputError(
-                f"{self.model} answered no JSON ({error}): ask another model"
-            ) from error
-        if not isinstance(document, dict):
-            raise InputError(f"{self.model} answered no JSON object: ask another model")
-        return document
-
-    def _post(self, prompt: str) -> bytes:
         body = {
             "model": self.model,
             "messages": [{"role": "user", "content": prompt}],
@@ -259,10 +241,16 @@ class ChatEndpoint:
             raise InputError(f"cannot reach {self.url}: {error}") from error
         if len(data) > MAX_ANSWER:
             raise InputError(f"{self.url} answered more than {MAX_ANSWER} bytes")
-        return data
-
-    def _content(self, data: bytes) -> str:
         try:
-            return str(json.loads(data)["choices"][0]["message"]["content"])
+            answer = str(json.loads(data)["choices"][0]["message"]["content"])
         except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
             raise InputError(f"{self.url} does not answer as a chat endpoint: {error}") from error
+        try:
+            document = json.loads(answer)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise InputError(
+                f"{self.model} answered no JSON ({error}): ask another model"
+            ) from error
+        if not isinstance(document, dict):
+            raise InputError(f"{self.model} answered no JSON object: ask another model")
+        return document

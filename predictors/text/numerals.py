@@ -41,31 +41,24 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
     """
     found = [match.span() for pattern in (_WORDS, _MULTIPLE) for match in pattern.finditer(text)]
     starts = {at: start for start, end in found for at in range(start, end)}
-    text = _FRACTION.sub(_divided, _MULTIPLE.sub(_multiplied, text))
-    return _WORDS.sub(_digits, text), starts
 
+    def power(match: re.Match) -> str:  # "10 million" -> "      10e6"
+        of_ten = round(math.log10(_COUNTS[match[2].lower()]))
+        return f"{match[1]}e{of_ten}".rjust(len(match[0]))
 
-def _digits(match: re.Match) -> str:
-    """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
-    whole = _counted(re.findall(_WORD, match[1]))
-    after = [_COUNTS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
-    after = [5] if match[3] else after
-    if whole is None or any(digit > 9 for digit in after):
-        return match[0]
-    return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
+    def decimals(match: re.Match) -> str:  # as many as fit: "one third" -> "0.3333333"
+        value = 1 / (3 if match[2].lower() == "third" else 4)
+        return match[1] + f"{value:.{len(match[0]) - len(match[1]) - 2}f}"
 
+    def digits(match: re.Match) -> str:  # "one point two" -> "          1.2"
+        whole = _counted(re.findall(_WORD, match[1]))
+        after = [_COUNTS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
+        after = [5] if match[3] else after
+        if whole is None or any(digit > 9 for digit in after):
+            return match[0]
+        return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
 
-def _divided(match: re.Match) -> str:
-    """A fraction in words with the decimals that fit: "one third" -> "0.3333333"."""
-    share = 1 / (3 if match[2].lower() == "third" else 4)
-    room = len(match[0]) - len(match[1])
-    return match[1] + f"{share:.{room - 2}f}"
-
-
-def _multiplied(match: re.Match) -> str:
-    """A multiple of a number in words, as long as it was: "10 million" -> "      10e6"."""
-    power = round(math.log10(_COUNTS[match[2].lower()]))
-    return f"{match[1]}e{power}".rjust(len(match[0]))
+    return _WORDS.sub(digits, _FRACTION.sub(decimals, _MULTIPLE.sub(power, text))), starts
 
 
 def _counted(said: list[str]) -> int | None:
@@ -239,7 +232,12 @@ def _measures(text: str) -> Iterator[Numeral]:
     """Numbers with the word that says what they measure before them, after them, or with a unit."""
     taken: list[tuple[int, int]] = []
     for pattern in (_BEFORE, _AFTER, _ALONE):
-        for match in _matches(pattern, text):
+        at = 0
+        while match := pattern.search(text, at):
+            at = max(match.end(), at + 1)
+            if match["also"] and number(match["also"]) > 100 * number(match["low"]):
+                at = match.start("also")  # too far apart for one measure: "0.3 / 900"
+                continue
             if any(match.start() < end and start < match.end() for start, end in taken):
                 continue
             read = _read(match, cued=pattern is not _ALONE)
@@ -249,17 +247,6 @@ def _measures(text: str) -> Iterator[Numeral]:
             if read:
                 taken.append(match.span())
                 yield read
-
-
-def _matches(pattern: re.Pattern, text: str) -> Iterator[re.Match]:
-    """Matches from left to right; numbers too far apart for one measure are two: "0.3 / 900"."""
-    at = 0
-    while match := pattern.search(text, at):
-        at = max(match.end(), at + 1)
-        if match["also"] and number(match["also"]) > 100 * number(match["low"]):
-            at = match.start("also")
-        else:
-            yield match
 
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:
