@@ -141,37 +141,11 @@ class Regression:
     bias: Float[np.ndarray, "kinds"]
     frequency: Float[np.ndarray, "kinds"]
 
-    @classmethod
-    def fit(
-        cls,
-        features: Float[np.ndarray, "n features"],
-        kind: Int[np.ndarray, "n"],
-        *,
-        penalty: float,
-    ) -> Regression:
-        """Return the likeliest one, ``penalty`` / 2 of the weights' square taken off."""
-        from scipy.optimize import minimize
-
-        mean, deviation = features.mean(axis=0), features.std(axis=0) + 1e-9
-        x = np.c_[(features - mean) / deviation, np.ones(len(features))]
-        wanted = np.eye(len(KINDS))[kind]
-
-        def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
-            w = flat.reshape(x.shape[1], -1)
-            log = _log_softmax(x @ w)
-            slope = x.T @ (np.exp(log) - wanted)
-            slope[:-1] += penalty * w[:-1]
-            return penalty / 2 * float(np.square(w[:-1]).sum()) - float(
-                (wanted * log).sum()
-            ), slope.ravel()
-
-        found = minimize(cost, np.zeros(x.shape[1] * len(KINDS)), jac=True, method="L-BFGS-B").x
-        w = found.reshape(x.shape[1], -1)
-        return cls(mean, deviation, w[:-1], w[-1], wanted.mean(axis=0))
-
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
         """Log of how much likelier each kind is by these looks than it was without them."""
-        log = _log_softmax((features - self.mean) / self.deviation @ self.weight + self.bias)
+        from scipy.special import log_softmax
+
+        log = log_softmax((features - self.mean) / self.deviation @ self.weight + self.bias, axis=1)
         return np.log(np.exp(log) + _MISLED) - np.log(self.frequency + _MISLED)
 
 
@@ -183,15 +157,9 @@ class KindsByLooks:
     plain: Regression
 
     @classmethod
-    def fit(cls, features: np.ndarray, kind: np.ndarray, *, penalty: float) -> KindsByLooks:
-        """Fit both to ``FEATURES`` (n, F) of pieces of known ``kind`` (n,)."""
-        plain = Regression.fit(features[:, :PLAIN], kind, penalty=penalty)
-        return cls(Regression.fit(features, kind, penalty=penalty), plain)
-
-    @classmethod
     @lru_cache(maxsize=2)
     def load(cls, path: Path = SHIPPED) -> KindsByLooks:
-        """Return the shipped ones, or those of a file that ``save`` wrote."""
+        """Return the shipped ones, or those of a file."""
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             if found["features"] != list(FEATURES) or found["kinds"] != list(KINDS):
@@ -203,27 +171,11 @@ class KindsByLooks:
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path} does not hold kinds by looks: {error}") from error
 
-    def save(self, path: Path) -> None:
-        """Write both as JSON, five digits each."""
-        found = {"features": FEATURES, "kinds": KINDS}
-        for name in ("finished", "plain"):
-            found[name] = {
-                k: np.array([float(f"{x:.5g}") for x in v.ravel()]).reshape(v.shape).tolist()
-                for k, v in vars(getattr(self, name)).items()
-            }
-        path.write_text(json.dumps(found) + "\n", encoding="utf-8")
-
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
         """As ``Regression.log_ratio``; all of one opacity and finish say nothing by them."""
         if np.ptp(features[:, PLAIN:], axis=0).max() > _EQUAL or features[0, PLAIN] < 1 - _EQUAL:
             return self.finished.log_ratio(features)
         return self.plain.log_ratio(features[:, :PLAIN])
-
-
-def _log_softmax(x: np.ndarray) -> np.ndarray:
-    from scipy.special import logsumexp
-
-    return x - logsumexp(x, axis=1, keepdims=True)
 
 
 # What is measured of a piece's cells: colour, opacity, finish, and its form in the whole.

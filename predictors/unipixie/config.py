@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-THETA = 650  # numbers of a skinning body: ten weights of 64 features and a constant each
-ANCHORS = 2048  # of a spring network
 CLASSES = 8  # logits; seven are named in ``fem.mpm.classes``
 MATTER = 3  # log E, nu, log rho
-ELASTIC = 2  # log E, nu
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from pathlib import Path
@@ -17,10 +17,10 @@ from jaxtyping import Bool, Float, Int
 from ...fem.errors import InputError
 from ..appearance.features import Appearance
 from ..asset import UpAxis, upright
-from ..field import DEFAULT, Normalisation
+from ..field import Normalisation
 from ..grid import PartVoxels
 from .config import UniPixieConfig
-from .network import SKINNING, UniPixie
+from .network import UniPixie
 
 if TYPE_CHECKING:
     import torch
@@ -300,8 +300,6 @@ class Cube:
 
 # Files of trained weights: float16 safetensors with the network's sizes and normalisation.
 
-_HEAD_OF = {"matter": "mpm", "body": SKINNING, "elastic": "lbs", "springs": "spring"}
-
 
 class RangeCalibration(NamedTuple):
     """What was measured of a network's ranges and samples, and mends them.
@@ -323,29 +321,8 @@ class Loaded(NamedTuple):
     calibration: RangeCalibration
 
 
-def save_unipixie(
-    path: Path,
-    network: UniPixie,
-    *,
-    normalisation: Normalisation = DEFAULT,
-    calibration: RangeCalibration | None = None,
-    facts: dict | None = None,
-) -> None:
-    """Write the network as float16 safetensors, with its config and what its numbers mean."""
-    from safetensors.torch import save_file
-
-    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
-    metadata = {
-        "network": json.dumps(asdict(network.config)),
-        "normalisation": json.dumps(normalisation.to_dict()),
-        "calibration": json.dumps((calibration or RangeCalibration())._asdict()),
-        "facts": json.dumps(facts or {}),
-    }
-    save_file(tensors, path, metadata=metadata)
-
-
 def load_unipixie(path: Path) -> Loaded:
-    """Read what ``save_unipixie`` wrote, in float32 on the CPU, with the heads that it has.
+    """Read a network, in float32 on the CPU.
 
     Raises
     ------
@@ -363,7 +340,6 @@ def load_unipixie(path: Path) -> Loaded:
             tensors = {key: file.get_tensor(key).float() for key in file.keys()}
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a checkpoint of a UniPixie network: {error}") from error
-    modules = {key.split(".")[0] for key in tensors}
-    network = UniPixie(config, tuple(h for module, h in _HEAD_OF.items() if module in modules))
+    network = UniPixie(config)
     network.load_state_dict(tensors)
     return Loaded(network.eval(), normalisation, calibration)

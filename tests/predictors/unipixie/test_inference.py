@@ -15,16 +15,16 @@ from autophyx_tet.predictors.unipixie.inference import (
     Loaded,
     RangeCalibration,
     load_unipixie,
-    save_unipixie,
     voxels_on,
 )
 from autophyx_tet.predictors.unipixie.network import UniPixie
+from autophyx_tet.research.training.unipixie.recipe import save_unipixie
 
 
 @pytest.fixture(scope="module")
 def network():
     torch.manual_seed(0)
-    made = UniPixie(CPU, ("mpm",))
+    made = UniPixie(CPU)
     for parameter in made.parameters():
         if not parameter.any():
             torch.nn.init.normal_(parameter, std=0.1)
