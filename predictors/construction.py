@@ -82,7 +82,8 @@ class Construction:
         full = "full of" if self.inside.min else "half full, maybe, of"
         held = f" {full} {self.filling}" if self.filling else ""
         held = held or (f" around {middle(self.inside):.3g} kg/m3" if self.inside.max else "")
-        return f"taken as a wall of {_millimetres(self.wall)}{held}: {self.why}"
+        ends = " to ".join(dict.fromkeys(f"{1e3 * end:.2g}" for end in self.wall))
+        return f"taken as a wall of {ends} mm{held}: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,9 @@ def construction_of(
     """
     if solid or in_mesh:
         return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
-    inside = _filled(filling)
+    inside = EMPTY
+    if filling:
+        inside = Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
     name = filling.name if filling else ""
     if wall is not None:
         return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
@@ -167,7 +170,10 @@ def construction_of(
         return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
     if words.said & _SOLID:
         return Construction(part, "solid", "the text says so")
-    kind = _of_material(words.kinds, material)
+    # The kind for things of this material, else one for any, else the nearest there is
+    kinds = words.kinds
+    exact = [kind for kind in kinds if kind.category == material.category]
+    kind = next(iter([*exact, *(kind for kind in kinds if not kind.category), *kinds]), None)
     empty = kind is not None and kind.holds and "empty" in words.said
     hollow = empty or bool(words.said & _HOLLOW)
     if kind and kind.hollow == "always" and not filling and kind.holds:
@@ -190,16 +196,6 @@ def construction_of(
         why = "it is said to be full" if filling else "it is said to be hollow"
         guess = "judgement: 1 to 10 % of the smallest side"
         return Construction(part, "shell", why, any_wall, inside, name, guess)
-    return _undecided(part, kind, material, any_wall)
-
-
-def _shell(part: str, kind: Kind) -> Construction:
-    why = f"the kind {kind.name!r}"
-    return Construction(part, "shell", why, kind.wall, kind.inside, source=kind.source)
-
-
-def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span) -> Construction:
-    """What nothing says to be hollow: solid by its kind or its material, or nobody knows."""
     if kind and kind.hollow == "never":
         return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
     if kind:
@@ -210,23 +206,9 @@ def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span)
     return Construction(part, "solid", f"{material.name} is taken as it looks")
 
 
-def _of_material(kinds: Sequence[Kind], material: Material) -> Kind | None:
-    """The kind for things of this material, else one for any, else the nearest there is."""
-    if not kinds:
-        return None
-    exact = [kind for kind in kinds if kind.category == material.category]
-    return next(iter([*exact, *(kind for kind in kinds if not kind.category), *kinds]))
-
-
-def _filled(filling: Material | None) -> Span:
-    if filling is None:
-        return EMPTY
-    return Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
-
-
-def _millimetres(wall: Span) -> str:
-    ends = dict.fromkeys(f"{1e3 * end:.2g}" for end in wall)
-    return f"{' to '.join(ends)} mm"
+def _shell(part: str, kind: Kind) -> Construction:
+    why = f"the kind {kind.name!r}"
+    return Construction(part, "shell", why, kind.wall, kind.inside, source=kind.source)
 
 
 # Masses as intervals: between the thinnest wall that is likely and a solid, where nobody knows.

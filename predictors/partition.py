@@ -135,7 +135,18 @@ def alike(
     """
     first = list(range(len(parts.part_names)))
     seen: list[int] = []
-    names = [_kind(labels) for labels in parts.part_labels]
+    # Words of a name, and of the other labels, that tell more than a number, a letter, a place or
+    # what a program wrote
+    names = []
+    for labels in parts.part_labels:
+        name, *others = (
+            tuple(
+                word for word in part_name_words(label)
+                if len(word) > 1 and word.isalpha() and word not in places() | NAMELESS
+            )
+            for label in labels
+        )  # fmt: skip
+        names.append((name, frozenset(word for label in others for word in label)))
     kinds = list(zip(names, said or [None] * len(names), strict=True))
     for i in among:
         others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, names[i][0]))
@@ -150,17 +161,6 @@ def merged(parts: PartVoxels, first: Sequence[int]) -> PartVoxels:
         return parts
     label = np.append(first, -1)[parts.part]  # -1, outside, is the last
     return replace(parts, part=label)
-
-
-def _kind(labels: Sequence[str]) -> tuple[tuple[str, ...], frozenset[str]]:
-    """Words of a part's name, and of its other labels, that do not tell it from its like."""
-    name, *others = (tuple(filter(_telling, part_name_words(label))) for label in labels)
-    return name, frozenset(word for label in others for word in label)
-
-
-def _telling(word: str) -> bool:
-    """Whether a word is more than a number, a letter, a place or what a program wrote."""
-    return len(word) > 1 and word.isalpha() and word not in places() | NAMELESS
 
 
 def _one_thing(parts: PartVoxels, one: int, other: int, name: Sequence[str]) -> bool:

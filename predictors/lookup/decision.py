@@ -125,7 +125,18 @@ class Decider:
         choice = self._row_of(part, said)
         if said.override:
             choice = replace(choice, why=f"override: {said.override!r}", settled=True)
-        choice = self._placed(choice, said, alpha)
+        # E and rho where they are said to be: in the row's range, or absolutely
+        stiffness, density = said.first("stiffness"), said.first("density")
+        if said.naming and choice.row.name != self.table.exact(said.naming.material or "").name:
+            stiffness = None  # "soft foam" is a row of its own
+        value = value_at(
+            choice.row, stiffness=stiffness, density=density, character=said.all("character"),
+            absolute=said.naming is None and choice.guessed,
+        )  # fmt: skip
+        place = PLACE[stiffness] if stiffness else 0.5
+        if alpha is not None:
+            place, value = alpha, value._replace(E=choice.row.value(alpha).E)
+        choice = replace(choice, value=value, alpha=place)
         value, derivation, warnings, exact = with_numbers(
             part.name, choice.row, choice.value, said.numbers,
             blend=said.first("blend"), volume=volume, named=said.naming is not None,
@@ -171,10 +182,20 @@ class Decider:
             of_object = said.whole and not said.spoken and names_object(naming)
             doubts = _kind_taken(part, said, row)
             return replace(choice, borrowed=said.borrowed and not of_object, doubts=doubts)
-        if label and is_held(part, label):
+        # Called after what it holds: a butter dish is not of butter.
+        containers, own = words()["containers"], part.name_words
+        if (
+            label and part.material_label == part.name and len(own) > 1
+            and label.category in containers["matter"] and own[-1] in containers["words"]
+        ):  # fmt: skip
             bare = " ".join(part.name_words[-1:])
             part, label = replace(part, name_words=(bare,), material=None), None
-        if label and not _ruled_out(label, said):
+        ruled_out = label and (
+            {label.name, label.category} & set(said.all("excluded"))
+            or said.kind not in (None, label.category)
+            or not behaves(label, said.all("character"))
+        )
+        if label and not ruled_out:
             why = f"name: {part.material_label!r}"
             doubts = _kind_taken(part, said, label)
             if said.whole and naming and naming.material != label.name:
@@ -244,22 +265,6 @@ class Decider:
             doubts=() if fitting else (doubt,),
         )  # fmt: skip
 
-    def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
-        """Move E and rho to where they are said to be: in the row's range, or absolutely."""
-        stiffness, density = said.first("stiffness"), said.first("density")
-        naming = said.naming
-        if naming and choice.row.name != self.table.exact(naming.material or "").name:
-            stiffness = None  # "soft foam" is a row of its own
-        absolute = naming is None and choice.guessed
-        value = value_at(
-            choice.row, stiffness=stiffness, density=density, character=said.all("character"),
-            absolute=absolute,
-        )  # fmt: skip
-        place = PLACE[stiffness] if stiffness else 0.5
-        if alpha is not None:
-            place, value = alpha, value._replace(E=choice.row.value(alpha).E)
-        return replace(choice, value=value, alpha=place)
-
 
 def _query(part: NamedPart, said: PartStatement) -> str:
     """Words to compare with the table's: what a part is called, and what is said of it."""
@@ -294,26 +299,6 @@ def _kind_taken(part: NamedPart, said: PartStatement, row: Material) -> tuple[st
         kind = f"{naming.phrase!r} is a kind of matter"
         return (f"part {part.name!r}: {kind}, taken as {row.name}",)
     return ()
-
-
-def _ruled_out(row: Material, said: PartStatement) -> bool:
-    """Whether what is said of a part cannot be of this row."""
-    kind = said.kind
-    return (
-        bool({row.name, row.category} & set(said.all("excluded")))
-        or (kind is not None and row.category != kind)
-        or not behaves(row, said.all("character"))
-    )
-
-
-# What a part is called after without being made of it: what it holds.
-
-
-def is_held(part: NamedPart, row: Material) -> bool:
-    """Whether a part is called after what it holds: a butter dish is not of butter."""
-    containers, own = words()["containers"], part.name_words
-    held = part.material_label == part.name and row.category in containers["matter"]
-    return held and len(own) > 1 and own[-1] in containers["words"]
 
 
 # What "soft" or "heavy" mean where no material is named: bands of E and rho, and rows in them.
@@ -352,12 +337,6 @@ BEHAVING: dict[str, frozenset[str]] = {
 }
 
 
-def shared_span(a: Span, b: Span) -> Span | None:
-    """Return what two ranges share, None for nothing."""
-    low, high = max(a.min, b.min), min(a.max, b.max)
-    return Span(low, high) if low <= high else None
-
-
 def behaves(row: Material, character: Iterable[str]) -> bool:
     """Whether a row is known to behave as all these words say; unknown words hold for all."""
     for word in character:
@@ -388,7 +367,10 @@ def rows_at(
         if not {row.name, row.category} & set(excluded) and behaves(row, character)
     ]
     E, rho = stiffness_band(stiffness, character), DENSITY.get(density) if density else None
-    stiff = [row for row in left if E is None or shared_span(row.E, _core(E))]
+    if E is not None:  # the middle half, in logarithms: what is meant, not what is just possible
+        quarter = (E.max / E.min) ** 0.25
+        E = Span(E.min * quarter, E.max / quarter)
+    stiff = [row for row in left if E is None or max(row.E.min, E.min) <= min(row.E.max, E.max)]
     if rho is None or not stiff:
         return stiff
     apart = {
@@ -428,12 +410,6 @@ def value_at(
 def _near(span: Span, band: Span) -> float:
     """Return what of a range lies nearest to the middle of a band."""
     return min(span.max, max(span.min, math.sqrt(band.min * band.max)))
-
-
-def _core(band: Span) -> Span:
-    """Return the middle half of a band, in logarithms: what is meant, not what is just possible."""
-    quarter = (band.max / band.min) ** 0.25
-    return Span(band.min * quarter, band.max / quarter)
 
 
 def _placed(span: Span, degree: Degree) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from ...fem.errors import UsageError
 from ...predictors.appearance.features import Appearance
 from ...predictors.field import DEFAULT, MaterialField
 from ...predictors.film.predictor import FilmPredictor
+from ...predictors.grid import PartVoxels
 from ...predictors.lookup.lookup import RetrievalPredictor
 from ...predictors.text.reader import parse
 from .examples import Example, load_examples
