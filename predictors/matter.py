@@ -27,14 +27,13 @@ _ALIKE = 1e-3  # looks that differ by less are one: a quarter of a step of eight
 
 def matters(clauses: Sequence[HeardClause]) -> Int[np.ndarray, "clauses"]:
     """For each clause that speaks of matter alone its kind, as an index into ``KINDS``, else -1."""
-    return np.array([_matter(clause) for clause in clauses], dtype=int)
-
-
-def _matter(clause: HeardClause) -> int:
-    if any(kind_of(part) is None for part in clause.parts):
-        return -1
-    kind = kind_of(clause.phrase) or kind_of(clause.written)
-    return -1 if kind is None else KINDS.index(kind)
+    kinds = [
+        None
+        if any(kind_of(part) is None for part in clause.parts)
+        else kind_of(clause.phrase) or kind_of(clause.written)
+        for clause in clauses
+    ]
+    return np.array([-1 if kind is None else KINDS.index(kind) for kind in kinds], dtype=int)
 
 
 def by_looks(
@@ -232,15 +231,13 @@ def measure(
         mine = piece == k
         seen = looks[mine, 3:].astype(np.float64)
         form = _form(cells[mine], len(cells), low, sides)
-        rows.append([*_colour(colours[mine]), *form, seen[:, 0].mean(), seen[:, 0].std(),
+        mean = colours[mine].mean(axis=0)
+        chroma = float(np.hypot(*mean[1:]))
+        hue = mean[1:] / max(chroma, _GREY)
+        colour = [*mean, chroma, *hue, *colours[mine].std(axis=0)]
+        rows.append([*colour, *form, seen[:, 0].mean(), seen[:, 0].std(),
                      *seen[:, 1:].mean(axis=0)])  # fmt: skip
     return np.array(rows)
-
-
-def _colour(colours: Float[np.ndarray, "n 3"]) -> list[float]:
-    mean = colours.mean(axis=0)
-    chroma = float(np.hypot(*mean[1:]))
-    return [*mean, chroma, *(mean[1:] / max(chroma, _GREY)), *colours.std(axis=0)]
 
 
 def _form(
@@ -293,7 +290,16 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     of_bin = of_bin.ravel()
     means = np.stack([np.bincount(of_bin, column) / count for column in seen.T], axis=1)
     full = np.argsort(-count, kind="stable")[:_BINS]
-    root = _roots(means[full], count[full])
+    places, number = means[full], count[full]
+    square = _square(places, places)
+    density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ number
+    order = np.argsort(-density, kind="stable")
+    root = np.arange(len(places))  # for each bin the one of greatest density that it climbs to
+    for i, at in enumerate(order[1:], start=1):
+        denser = order[:i]
+        nearest = denser[square[at, denser].argmin()]
+        if square[at, nearest] <= NEAR**2:
+            root[at] = root[nearest]
     size = np.bincount(root, count[full], minlength=len(full))
     large = np.argsort(-size, kind="stable")[:MOST]
     large = large[(size[large] >= SPECK * len(looks)) | (np.arange(len(large)) == 0)]
@@ -301,20 +307,6 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     for i, at in enumerate(large):
         piece[full[root == at]] = i
     return np.unique(piece[of_bin], return_inverse=True)[1].ravel()
-
-
-def _roots(places: Float[np.ndarray, "n d"], count: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
-    """For each bin the one of greatest density that it climbs to."""
-    square = _square(places, places)
-    density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ count
-    order = np.argsort(-density, kind="stable")
-    root = np.arange(len(places))
-    for i, at in enumerate(order[1:], start=1):
-        denser = order[:i]
-        nearest = denser[square[at, denser].argmin()]
-        if square[at, nearest] <= NEAR**2:
-            root[at] = root[nearest]
-    return root
 
 
 def _square(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "m d"]) -> Float[np.ndarray, "n m"]:

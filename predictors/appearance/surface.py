@@ -106,7 +106,11 @@ def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
     """Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour."""
     material = visual.material
     simple = not hasattr(material, "baseColorFactor")
-    factor = _obj_factor(material) if simple else _gltf_factor(material)
+    if simple:
+        factor = _obj_factor(material)
+    else:  # linear; trimesh keeps it as bytes
+        base = material.baseColorFactor
+        factor = np.ones(4) if base is None else _unit(np.asarray(base)).astype(np.float64)
     image = material.image if simple else material.baseColorTexture
     texture = (
         None if image is None or visual.uv is None else _unit(np.asarray(image.convert("RGBA")))
@@ -115,7 +119,9 @@ def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
         factor[:3] = 1.0
     tint = visual.vertex_attributes.get("color")
     corners = None if tint is None else _unit(np.asarray(tint))[mesh.faces]
-    opacity = _opacity_rule(material)
+    mode = getattr(material, "alphaMode", "BLEND") or "OPAQUE"  # of glTF; other formats blend
+    cutoff = getattr(material, "alphaCutoff", None)
+    cutoff = 0.5 if cutoff is None else cutoff
 
     def colour(faces: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n 3"]) -> np.ndarray:
         result = np.tile(factor, (len(faces), 1))
@@ -127,16 +133,13 @@ def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
             vertex = np.einsum("nc,nck->nk", weights, corners[faces])
             result[:, : vertex.shape[1]] *= vertex
         result[:, :3] = to_srgb(result[:, :3])
-        result[:, 3] = opacity(result[:, 3])
+        if mode == "MASK":
+            result[:, 3] = result[:, 3] >= cutoff
+        elif mode == "OPAQUE":
+            result[:, 3] = 1.0
         return result.astype(np.float32)
 
     return colour
-
-
-def _gltf_factor(material: Any) -> Float[np.ndarray, "4"]:
-    """Linear base-colour factor; trimesh keeps it as bytes."""
-    factor = material.baseColorFactor
-    return np.ones(4) if factor is None else _unit(np.asarray(factor)).astype(np.float64)
 
 
 def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
@@ -155,15 +158,6 @@ def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
             factor[3] = value if 0 < value <= 1 else 1.0
             break
     return factor
-
-
-def _opacity_rule(material: Any) -> Callable[[np.ndarray], np.ndarray]:
-    """How glTF's ``alphaMode`` reads alpha; other formats blend."""
-    mode = getattr(material, "alphaMode", "BLEND") or "OPAQUE"
-    if mode == "MASK":
-        cutoff = material.alphaCutoff if material.alphaCutoff is not None else 0.5
-        return lambda alpha: (alpha >= cutoff).astype(np.float64)
-    return np.ones_like if mode == "OPAQUE" else lambda alpha: alpha
 
 
 def _bilinear(

@@ -287,8 +287,10 @@ class Binder(nn.Module):
         words = self._words(scene, features)
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
         closed = (~present.bool())[..., None, None, None]
-        if self.graded:
-            scene = _without_useless(scene)
+        if self.graded:  # the evidence of useless sources taken away
+            useful = (scene.reliability > USELESS).to(scene.reliability.dtype)
+            kept = scene.evidence * useful[..., None, None, None, None].to(scene.evidence.dtype)
+            scene = scene._replace(evidence=kept, reliability=scene.reliability * useful)
         # Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)
         mask = masks[0]
         b, s, k = scene.evidence.shape[:3]
@@ -346,13 +348,6 @@ class Binder(nn.Module):
             agree = masked_mean((index[:, :, 1:] == index[:, :, :-1]).float(), both)
             stats += [margin, top, agree, scene.reliability[:, source : source + 1]]
         return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
-
-
-def _without_useless(scene: VoxelScene) -> VoxelScene:
-    """Return the scene with the evidence of useless sources taken away."""
-    heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
-    evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
-    return scene._replace(evidence=evidence, reliability=scene.reliability * heard)
 
 
 def slot_weights(scene: VoxelScene, logits: Tensor) -> Tensor:

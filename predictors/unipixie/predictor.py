@@ -15,7 +15,7 @@ from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
-from ..field import MaterialField, Ranges
+from ..field import Ranges
 from ..grid import PartVoxels
 from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
@@ -91,7 +91,15 @@ class UniPixiePredictor:
             )
             decided[i] = replace(self._choose(choices[i], found, i, alpha), draws=draws)
         made = Prediction.of(parts, decided, sentence, alpha=alpha)
-        return replace(made, field=_with_ranges(made.field, found, left_open))
+        field = made.field
+        if field.ranges is None or field.part is None:
+            return made
+        ranges = [np.array(values) for values in field.ranges]
+        for part in left_open:
+            ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
+            for axis in range(len(FIELDS)):
+                ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
+        return replace(made, field=replace(field, ranges=Ranges(*ranges)))
 
     def find(self, parts: PartVoxels, appearance: Appearance, *, up: UpAxis = "z") -> Found:
         """Return all that the network finds of an asset: likeliest, range, samples, classes."""
@@ -124,15 +132,3 @@ class UniPixiePredictor:
 def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
     """Mean (3,) of values of tokens over the tokens of a part."""
     return values[found.cube.part == part].mean(axis=0)
-
-
-def _with_ranges(field: MaterialField, found: Found, left_open: Sequence[int]) -> MaterialField:
-    """Return the field with the network's ranges in the parts where it decided."""
-    if field.ranges is None or field.part is None:
-        return field
-    ranges = [np.array(values) for values in field.ranges]
-    for part in left_open:
-        ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
-        for axis in range(len(FIELDS)):
-            ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
-    return replace(field, ranges=Ranges(*ranges))
