@@ -334,20 +334,17 @@ def kinds_named(stems: tuple[str, ...]) -> tuple[Kind, ...]:
     best = 0
     found: list[Kind] = []
     for kind in load_kinds():
-        length = max((_ending(words, stems) for words in kind.words), default=0)
+        length = 0  # of the words that end ``stems``, also where a name writes two as one
+        for words in kind.words:
+            joined = len(words) > 1 and stems[-1:] == ["".join(words)]
+            split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
+            if stems[-len(words) :] == words or joined or split:
+                length = max(length, len(words))
         if length > best:
             best, found = length, []
         if length and length == best:
             found.append(kind)
     return tuple(found)
-
-
-def _ending(words: Sequence[str], stems: Sequence[str]) -> int:
-    """Number of ``words`` if ``stems`` end with them, also where a name writes two as one."""
-    tail = tuple(stems[-len(words) :])
-    joined = len(words) > 1 and stems[-1:] == ["".join(words)]
-    split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
-    return len(words) if tail == tuple(words) or joined or split else 0
 
 
 def head_of_name(name: str) -> tuple[str, ...]:

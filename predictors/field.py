@@ -244,11 +244,7 @@ def _voxels(field: MaterialField) -> _Voxels:
 
 
 def _interpolate(
-    field: MaterialField,
-    voxels: _Voxels,
-    points: np.ndarray,
-    wanted: np.ndarray,
-    out: np.ndarray,
+    field: MaterialField, voxels: _Voxels, points: np.ndarray, wanted: np.ndarray, out: np.ndarray
 ) -> np.ndarray:
     """Fill ``out`` (n, 3) and return the row of the nearest voxel around each point, 0 for none."""
     shape = np.array(field.grid.shape)

@@ -133,8 +133,7 @@ def alike(
     Two are the same where all words for them are, but for numbers and places ("leg_fl", "leg_br"),
     and their sizes are near; where no word names them, where they are of one shape.
     """
-    first = list(range(len(parts.part_names)))
-    seen: list[int] = []
+    first, seen, volumes = list(range(len(parts.part_names))), list[int](), parts.volumes
     # Words of a name, and of the other labels, that tell more than a number, a letter, a place or
     # what a program wrote
     names = []
@@ -149,8 +148,12 @@ def alike(
         names.append((name, frozenset(word for label in others for word in label)))
     kinds = list(zip(names, said or [None] * len(names), strict=True))
     for i in among:
-        others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, names[i][0]))
-        first[i] = next(others, i)
+        for k in seen:
+            small, large = sorted((volumes[k], volumes[i]))
+            near = bool(names[i][0]) and large <= SIZES * small
+            if kinds[k] == kinds[i] and (parts.shapes[k] == parts.shapes[i] or near):
+                first[i] = k
+                break
         seen += [i] * (first[i] == i)
     return tuple(first)
 
@@ -161,10 +164,3 @@ def merged(parts: PartVoxels, first: Sequence[int]) -> PartVoxels:
         return parts
     label = np.append(first, -1)[parts.part]  # -1, outside, is the last
     return replace(parts, part=label)
-
-
-def _one_thing(parts: PartVoxels, one: int, other: int, name: Sequence[str]) -> bool:
-    if parts.shapes[one] == parts.shapes[other]:
-        return True
-    small, large = sorted((parts.volumes[one], parts.volumes[other]))
-    return bool(name) and large <= SIZES * small

@@ -68,11 +68,7 @@ class _Pixels(NamedTuple):
 
 
 def fit_radiance(
-    views: Views,
-    grid: Grid | None = None,
-    *,
-    cells: int = 48,
-    options: FitOptions | None = None,
+    views: Views, grid: Grid | None = None, *, cells: int = 48, options: FitOptions | None = None
 ) -> Radiance:
     """Fit density and colour of every cell to posed photographs.
 

@@ -229,11 +229,7 @@ def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views
     pictures = [caster.view(camera) for camera in cameras]
     pixels = {key: np.stack([picture[key] for picture in pictures]) for key in pictures[0]}
     return Views(
-        cameras,
-        part_names=caster.part_names,
-        slot_names=caster.slot_names,
-        up=asset.up,
-        **pixels,
+        cameras, part_names=caster.part_names, slot_names=caster.slot_names, up=asset.up, **pixels
     )
 
 

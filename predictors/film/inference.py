@@ -157,12 +157,7 @@ class FilmModel:
         return found.seen(parts, frame, appearance or Appearance(), self.table)
 
     def _scene(
-        self,
-        parts: PartVoxels,
-        frame: Frame,
-        heard: Heard,
-        appearance: Appearance,
-        names: bool,
+        self, parts: PartVoxels, frame: Frame, heard: Heard, appearance: Appearance, names: bool
     ) -> VoxelScene:
         """Put everything that is known into the tensors of the network."""
         import torch

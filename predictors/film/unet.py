@@ -100,7 +100,12 @@ class FilmUNet(nn.Module):
         fields = ("clauses", "object_name", "names")
         heard = {name: getattr(scene, name)[..., :dim] for name in fields}
         scene = scene._replace(**heard, features=features)
-        slots = self._all_slots(scene)
+        # Hidden vectors of the clauses, of what is known of the object, and of the part names
+        named = scene.has_object.to(scene.clauses.dtype)[:, None, None]
+        null = self.slots(torch.zeros_like(scene.object_name)[:, None], 1) * (1 - named)
+        null = self.slots(scene.object_name[:, None], 2) * named + null
+        slots = [self.slots(scene.clauses, 0), null, self.slots(scene.names, 3)]
+        slots = torch.cat(slots, dim=1)
         half = scene if self.fine is None else halve(scene)
         masks = [half.inputs[:, :1]]
         for _ in self.down:
@@ -148,23 +153,6 @@ class FilmUNet(nn.Module):
         if self.fine is not None:
             return self.fine(scene, coarse, slots, says)
         return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
-
-    def text_values(self, embedding: Tensor, kind: Tensor) -> Tensor:
-        """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
-        heard = embedding[:, None, : self.config.text_dim]
-        hidden = [self.slots(heard, k)[:, 0] for k in (0, 3)]
-        chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
-        says = self.sayings(chosen, heard[:, 0])
-        alone = torch.ones_like(says[:, None, None, None, :1])
-        nothing = torch.zeros_like(says[:, :3, None, None, None])
-        return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]
-
-    def _all_slots(self, scene: VoxelScene) -> Tensor:
-        """Hidden vectors of the clauses, of what is known of the object, and of the part names."""
-        known = scene.has_object.to(scene.clauses.dtype)[:, None, None]
-        named = self.slots(scene.object_name[:, None], 2) * known
-        null = named + self.slots(torch.zeros_like(scene.object_name)[:, None], 1) * (1 - known)
-        return torch.cat([self.slots(scene.clauses, 0), null, self.slots(scene.names, 3)], dim=1)
 
     def _encoder(self, scene: VoxelScene, masks: list[Tensor], films) -> list[Tensor]:
         x = self.stem(scene.inputs)

@@ -45,9 +45,9 @@ class WordChoices(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def lookup_of(table: MaterialTable) -> Lookup:
+def lookup_of(table: MaterialTable, encoder: TextEncoder | None = None) -> Lookup:
     """Return the lookup of a table, with all that it has embedded before."""
-    return Lookup(table=table)
+    return Lookup(table=table, encoder=encoder)
 
 
 class Lookup:
@@ -140,10 +140,7 @@ class Lookup:
         return self._decider.of_clause(part, clause, why)
 
     def _statements(
-        self,
-        parts: Sequence[NamedPart],
-        bound: Bound,
-        overrides: Mapping[str, str],
+        self, parts: Sequence[NamedPart], bound: Bound, overrides: Mapping[str, str]
     ) -> tuple[list[PartStatement], list[str]]:
         """What is said of each part: by name, of all of them, by an option, or by elimination."""
         sentence = bound.sentence
@@ -359,8 +356,7 @@ class RetrievalPredictor:
     def __init__(
         self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None
     ) -> None:
-        table = table or load_table()
-        self.lookup = Lookup(table=table, encoder=encoder) if encoder else lookup_of(table)
+        self.lookup = lookup_of(table or load_table(), encoder)
 
     def predict(
         self,

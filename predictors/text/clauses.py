@@ -190,7 +190,10 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     matches: list[dict[int, PartMatch]] = [{} for _ in parts]
     for other in (False, True):  # "the other legs" are those that nothing else names
         for k, clause in enumerate(clauses):
-            if clause.subject.scope == "parts" and _is_other(clause) == other:
+            if (
+                clause.subject.scope == "parts"
+                and (clause.subject.names[0][:1] == ("other",)) == other
+            ):
                 names = [name[1:] if other else name for name in clause.subject.names]
                 for name in names[:1] if other else names:
                     for i, match in parts_named(name, parts).items():
@@ -235,10 +238,6 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
             clause = replace(clause, doubts=(*clause.doubts, doubt))
         counted.append(clause)
     return Bound(replace(sentence, clauses=tuple(counted)), tuple(bound), tuple(left))
-
-
-def _is_other(clause: Clause) -> bool:
-    return clause.subject.names[0][:1] == ("other",)
 
 
 def _general(

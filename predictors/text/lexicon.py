@@ -85,25 +85,22 @@ class ReaderLexicon:
         for row in table:
             # A name may carry what tells it from its kin: "oak, willow (along grain)".
             for name in (re.sub(r"\s*\(.*?\)", "", row.name), row.name, *row.aliases):
-                self._add(name, row)
+                phrase = self.phrase(name)
+                if not phrase or "(contents)" in name:
+                    continue
+                self.rows.setdefault(phrase, row)
+                if "," in name:
+                    self.listed.add(phrase)
+                if len(phrase) == 1 and len(phrase[0]) <= SHORT:
+                    parts = re.split(r"[\s,]+", row.name)
+                    upper = any(name.upper() in {part, part.strip("()")} for part in parts)
+                    spoken = re.search(r"[aeiouy]", name.lower())
+                    if upper or not spoken or not self.model.is_word(name):
+                        self._acronyms.add(phrase)
 
         for means, names in designations()["trade"].items():
             if row := self.rows.get(self.phrase(means)):
                 self.rows = {**{self.phrase(name): row for name in names}, **self.rows}
-
-    def _add(self, name: str, row: Material) -> None:
-        phrase = self.phrase(name)
-        if not phrase or "(contents)" in name:
-            return
-        self.rows.setdefault(phrase, row)
-        if "," in name:
-            self.listed.add(phrase)
-        if len(phrase) == 1 and len(phrase[0]) <= SHORT and self._is_acronym(name, row):
-            self._acronyms.add(phrase)
-
-    def _is_acronym(self, name: str, row: Material) -> bool:
-        upper = any(name.upper() in {n, n.strip("()")} for n in re.split(r"[\s,]+", row.name))
-        return upper or not re.search(r"[aeiouy]", name.lower()) or not self.model.is_word(name)
 
     def phrase(self, name: str) -> Phrase:
         """Stems of a name without signs: "Ti-6Al-4V" -> ti 6 al 4 v."""

@@ -179,7 +179,7 @@ def numerals(text: str) -> list[Numeral]:
     text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
-    for finder in (_temperatures, _triples, _blends, _shores, _measures):
+    for finder in (_special, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
@@ -187,26 +187,14 @@ def numerals(text: str) -> list[Numeral]:
     return sorted(f._replace(start=starts.get(f.start, f.start)) for f in found)
 
 
-def _temperatures(text: str) -> Iterator[Numeral]:
+def _special(text: str) -> Iterator[Numeral]:
+    """Temperatures, triples as programs write them, shares of fibres, hardnesses."""
     for match in _TEMPERATURE.finditer(text):
         degrees = number(match["n"]) * (-1 if match["sign"] else 1)
         celsius = degrees if match["scale"] in "Cc" else (degrees - 32) / 1.8
         odd = not ROOM[0] <= celsius <= ROOM[1]
         note = f"{match[0]!r} is not used: the values are those of room temperature" if odd else ""
         yield Numeral(*match.span(), None, note)
-
-
-def _blends(text: str) -> Iterator[Numeral]:
-    for match in _BLEND.finditer(text):
-        group = match.groupdict()
-        fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
-        share = group["share"] or group["share2"] or group["share3"]
-        note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
-        blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
-        yield Numeral(*match.span(), blend, note)
-
-
-def _triples(text: str) -> Iterator[Numeral]:
     for match in _TRIPLE.finditer(text):
         E, nu, rho = map(number, match.groups())
         if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
@@ -214,16 +202,20 @@ def _triples(text: str) -> Iterator[Numeral]:
             for k, (measure, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
                 said = Quantity(cast(Measure, measure), value, match[k])
                 yield Numeral(*match.span(k), said, note if k == 1 else "")
-
-
-def _shores(text: str) -> Iterator[Numeral]:
+    for match in _BLEND.finditer(text):
+        group = match.groupdict()
+        fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
+        share = group["share"] or group["share2"] or group["share3"]
+        note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
+        blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
+        yield Numeral(*match.span(), blend, note)
     for match in _SHORE_OTHER.finditer(text):
         yield Numeral(*match.span(), None, f"{match[0]!r}: only Shore A and D have a relation to E")
     for match in _SHORE.finditer(text):
-        number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
+        degree = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
-        value = Quantity(measure, float(number), match[0]) if 0 < int(number) <= 100 else None
+        value = Quantity(measure, float(degree), match[0]) if 0 < int(degree) <= 100 else None
         note = "" if value else f"{match[0]!r}: the scale is from 1 to 100"
         yield Numeral(*match.span(), value, note)
 

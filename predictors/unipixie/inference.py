@@ -94,7 +94,11 @@ class Found:
         """
         part, states = self.cube.part, np.random.SeedSequence(seed).generate_state(count)
         parts = range(int(part.max()) + 1)
-        few = [_evenly(np.flatnonzero(part == p), MEANT) for p in parts]
+        few = [np.flatnonzero(part == p) for p in parts]
+        few = [
+            some[np.linspace(0, len(some) - 1, MEANT).astype(int)] if len(some) > MEANT else some
+            for some in few
+        ]
         tokens = np.concatenate(few)
         mean = np.array([_mean(self.likeliest[0][part == p]) for p in parts])
         drawn = np.empty((count, len(few), 3))
@@ -119,12 +123,7 @@ class Found:
         return coherent_noise(shared[self.cube.part], own)[None]
 
     def _decode(
-        self,
-        alpha: float,
-        noise: torch.Tensor,
-        *,
-        steps: int = 0,
-        tokens: slice | np.ndarray = ALL,
+        self, alpha: float, noise: torch.Tensor, *, steps: int = 0, tokens: slice | np.ndarray = ALL
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
         """Values and classes of tokens, some at a time: each sees the latents alone."""
         import torch
@@ -160,13 +159,6 @@ def one_torch_thread() -> Iterator[None]:
 def _mean(values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
     """Mean over tokens, NaN of none: a part without a cell."""
     return values.mean(axis=0) if len(values) else np.full(3, np.nan)
-
-
-def _evenly(tokens: Int[np.ndarray, "n"], most: int) -> Int[np.ndarray, "m"]:
-    """At most so many of the tokens, evenly."""
-    if len(tokens) <= most:
-        return tokens
-    return tokens[np.linspace(0, len(tokens) - 1, most).astype(int)]
 
 
 def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known) -> Voxels:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -17,7 +16,7 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import Ranges
 from ..grid import PartVoxels
-from ..lookup.lookup import Lookup, lookup_of, nearest_row
+from ..lookup.lookup import lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import Sentence, bind
 from ..text.hearing import NamedPart, own_name, vocabulary_of
@@ -46,17 +45,7 @@ class UniPixiePredictor:
         self.table = table or load_table()
         self.model = UniPixieModel(weights=weights)
         self.samples, self.seed = samples, seed
-        self._encoder = encoder
-        self.lookup = (
-            Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
-        )
-
-    @cached_property
-    def encoder(self) -> TextEncoder:
-        """The text encoder that the network was trained with."""
-        from ..encoders.minilm import MiniLM
-
-        return self._encoder or MiniLM()
+        self.lookup = lookup_of(self.table, encoder)
 
     @one_torch_thread()
     def predict(
@@ -105,7 +94,7 @@ class UniPixiePredictor:
         """Return all that the network finds of an asset: likeliest, range, samples, classes."""
         vocabulary = vocabulary_of(self.table)
         said = [own_name(NamedPart.of(words, vocabulary, 0.0)) for words in parts.part_labels]
-        names = self.encoder.text([words or "object" for words in said])
+        names = self.lookup.kernel.encoder.text([words or "object" for words in said])
         evidence = Known(names, np.array([bool(words) for words in said]), appearance)
         return self.model.find(parts, evidence, up=up)
 

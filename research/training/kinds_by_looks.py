@@ -40,10 +40,7 @@ def fit_kinds(features: np.ndarray, kind: np.ndarray, *, penalty: float) -> Kind
 
 
 def fit_regression(
-    features: Float[np.ndarray, "n features"],
-    kind: Int[np.ndarray, "n"],
-    *,
-    penalty: float,
+    features: Float[np.ndarray, "n features"], kind: Int[np.ndarray, "n"], *, penalty: float
 ) -> Regression:
     """Return the likeliest one, ``penalty`` / 2 of the weights' square taken off."""
     from scipy.optimize import minimize

@@ -99,11 +99,7 @@ PRESETS = {
 
 
 def device_text_table(
-    *,
-    per_part: int = 2400,
-    seed: int = 0,
-    device: str = "cuda",
-    real: Sequence[RealObject] = (),
+    *, per_part: int = 2400, seed: int = 0, device: str = "cuda", real: Sequence[RealObject] = ()
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device."""
     encoder = HintedEncoder(MiniLM(device=device), plain=1)

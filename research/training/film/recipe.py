@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ....predictors.field import Normalisation
-from ....predictors.film.unet import FilmUNet
+from ....predictors.film.unet import FilmUNet, composed
 from ...datasets.objects import make_composites, make_objects
 from ...datasets.real import RealObject, load_real
 from ...datasets.text_table import load_text_table
@@ -84,7 +85,7 @@ def forward(network: FilmUNet, batch: TrainingBatch) -> FilmOutput:
     output, alone = network(batch.scene), batch.alone
     if alone is None:
         return FilmOutput(output, None)
-    return FilmOutput(output, network.text_values(alone.embedding, alone.kind))
+    return FilmOutput(output, text_values(network, alone.embedding, alone.kind))
 
 
 def new_network(config: TrainingConfig, start: Path | None) -> FilmUNet:
@@ -167,3 +168,14 @@ def save_checkpoint(
         "facts": json.dumps(facts or {}),
     }
     save_file(tensors, path, metadata=metadata)
+
+
+def text_values(network: FilmUNet, embedding: Tensor, kind: Tensor) -> Tensor:
+    """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
+    heard = embedding[:, None, : network.config.text_dim]
+    hidden = [network.slots(heard, k)[:, 0] for k in (0, 3)]
+    chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
+    says = network.sayings(chosen, heard[:, 0])
+    alone = torch.ones_like(says[:, None, None, None, :1])
+    nothing = torch.zeros_like(says[:, :3, None, None, None])
+    return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]

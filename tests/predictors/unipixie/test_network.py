@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.config import CPU, PAPER
 from autophyx_tet.predictors.unipixie.network import (
     Attention,
     SteeredBlock,
@@ -11,6 +10,8 @@ from autophyx_tet.predictors.unipixie.network import (
     integrate,
     velocity_towards,
 )
+from autophyx_tet.research.training.unipixie.config import CPU_NETWORK as CPU
+from autophyx_tet.research.training.unipixie.config import PAPER
 from autophyx_tet.research.training.unipixie.heads import HEADS, JointUniPixie
 from autophyx_tet.research.training.unipixie.loss import on_the_way
 
