@@ -305,27 +305,28 @@ class Kind:
 @lru_cache(maxsize=1)
 def load_kinds() -> tuple[Kind, ...]:
     """Return the rows of ``walls.csv``."""
-    with PATH.open(encoding="utf-8", newline="") as file:
-        return tuple(_read(row, line) for line, row in enumerate(csv.DictReader(file), 2))
-
-
-def _read(row: dict[str, Any], line: int) -> Kind:
-    wall = Span(float(row["wall_min_m"] or 0), float(row["wall_max_m"] or 0))
-    inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
-    walled = row["hollow"] != "never"
-    if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
-        raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
-    return Kind(
-        name=row["name"],
-        words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
-        wall=wall,
-        inside=inside,
-        hollow=row["hollow"],
-        category=row["category"],
-        material=row["material"],
-        source=row["source"],
-        holds=row["holds"] == "yes",
-    )
+    kinds = []
+    rows: list[dict[str, Any]] = list(csv.DictReader(PATH.read_text("utf-8").splitlines()))
+    for line, row in enumerate(rows, 2):
+        wall = Span(float(row["wall_min_m"] or 0), float(row["wall_max_m"] or 0))
+        inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
+        walled = row["hollow"] != "never"
+        if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
+            raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
+        kinds.append(
+            Kind(
+                name=row["name"],
+                words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
+                wall=wall,
+                inside=inside,
+                hollow=row["hollow"],
+                category=row["category"],
+                material=row["material"],
+                source=row["source"],
+                holds=row["holds"] == "yes",
+            )
+        )
+    return tuple(kinds)
 
 
 @lru_cache(maxsize=4096)  # parts often share their words

@@ -223,14 +223,33 @@ def measure(
     piece
         The piece of each, from 0, none empty.
     """
+    from scipy.ndimage import distance_transform_edt, label
+
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     sides = high - low
+    longest = sides.max()
     colours = lab(looks[:, :3])
     rows = []
     for k in range(int(piece.max()) + 1):
         mine = piece == k
         seen = looks[mine, 3:].astype(np.float64)
-        form = _form(cells[mine], len(cells), low, sides)
+        # Fraction, thickness, pieces, extents and place of the piece in its whole
+        own = cells[mine]
+        first, last = own.min(axis=0), own.max(axis=0) + 1
+        box = np.pad(np.zeros(last - first, dtype=bool), 1)
+        box[tuple((own - first + 1).T)] = True
+        depth = np.asarray(distance_transform_edt(box))[box]
+        _, pieces = label(box, structure=_CONNECTED)  # type: ignore
+        spread = (own - own.mean(axis=0)) / longest
+        # 1e-5: of a sheet one cell thick a variance is nothing; (1/64)^2 / 12 is 2e-5.
+        variance = np.linalg.eigvalsh(spread.T @ spread / len(own) + 1e-5 * np.eye(3))[::-1]
+        fraction = len(own) / len(cells)
+        heights = (np.array([own[:, 2].mean(), first[2], last[2]]) - low[2]) / sides[2]
+        form = [
+            fraction, np.log(fraction), np.log(depth.mean() / longest),
+            np.log(depth.max() / longest), np.log(pieces), *np.log(variance), *heights,
+            *(sides / longest), np.log(len(own) / np.prod(last - first)),
+        ]  # fmt: skip
         mean = colours[mine].mean(axis=0)
         chroma = float(np.hypot(*mean[1:]))
         hue = mean[1:] / max(chroma, _GREY)
@@ -238,30 +257,6 @@ def measure(
         rows.append([*colour, *form, seen[:, 0].mean(), seen[:, 0].std(),
                      *seen[:, 1:].mean(axis=0)])  # fmt: skip
     return np.array(rows)
-
-
-def _form(
-    cells: Int[np.ndarray, "n 3"], total: int, low: np.ndarray, sides: np.ndarray
-) -> list[float]:
-    """Share, thickness, pieces, extents and place of a piece in its whole."""
-    from scipy.ndimage import distance_transform_edt, label
-
-    longest = sides.max()
-    first, last = cells.min(axis=0), cells.max(axis=0) + 1
-    box = np.pad(np.zeros(last - first, dtype=bool), 1)
-    box[tuple((cells - first + 1).T)] = True
-    depth = np.asarray(distance_transform_edt(box))[box]
-    _, pieces = label(box, structure=_CONNECTED)  # type: ignore
-    spread = (cells - cells.mean(axis=0)) / longest
-    # 1e-5: of a sheet one cell thick a variance is nothing; (1/64)^2 / 12 is 2e-5.
-    variance = np.linalg.eigvalsh(spread.T @ spread / len(cells) + 1e-5 * np.eye(3))[::-1]
-    share = len(cells) / total
-    heights = (np.array([cells[:, 2].mean(), first[2], last[2]]) - low[2]) / sides[2]
-    return [
-        share, np.log(share), np.log(depth.mean() / longest), np.log(depth.max() / longest),
-        np.log(pieces), *np.log(variance), *heights, *(sides / longest),
-        np.log(len(cells) / np.prod(last - first)),
-    ]  # fmt: skip
 
 
 # Pieces of one look: the cells of a thing in one piece, grouped by colour, opacity and finish.

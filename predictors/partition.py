@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .grid import PartVoxels
 from .text import hearing as words
@@ -70,15 +70,31 @@ def partition(
     clauses: Sequence[HeardClause],
 ) -> Partition:
     """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
+    from scipy.ndimage import distance_transform_edt, uniform_filter
+    from scipy.ndimage import label as connect
+
     none = len(clauses)
     label, names, labels = parts.part.copy(), list(parts.part_names), list(parts.labels)
     parents = list(range(len(names)))
     owners: list[int | None] = [None] * len(names)
     for i in left_open:
         cells = parts.part == i
-        owner = _owners(shares, cells)
-        if not len(owner):
+        if not cells.any():
             continue
+        # The clause of each of the part's cells, without noise: specks go to their surroundings.
+        smooth = np.where(cells[..., None], shares, 0.0)
+        smooth = uniform_filter(smooth, SMOOTH, mode="constant", axes=(0, 1, 2))
+        owner = np.where(cells, smooth.argmax(axis=-1), -1)
+        speck = np.zeros_like(cells)
+        for k in np.unique(owner[cells]):
+            piece, _ = connect(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
+            speck |= (piece > 0) & (np.bincount(piece.ravel()) < SPECK * cells.sum())[piece]
+        if speck.any() and not speck[cells].all():
+            nearest = distance_transform_edt(
+                ~(cells & ~speck), return_distances=False, return_indices=True
+            )
+            owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
+        owner = owner[cells]
         # What nothing speaks of keeps the name; without it every piece is named by its clause.
         kept, *others = sorted(np.unique(owner), key=lambda k: (k != none, -(owner == k).sum()))
         if kept != none:
@@ -93,26 +109,6 @@ def partition(
             owners.append(int(k))
     pieces = PartVoxels(parts.grid, label, tuple(names), tuple(labels))
     return Partition(pieces, tuple(parents), tuple(owners))
-
-
-def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.ndarray, "n"]:
-    """HeardClause of each of a part's cells, without noise."""
-    from scipy.ndimage import distance_transform_edt, label, uniform_filter
-
-    within = cells[..., None]
-    smooth = uniform_filter(np.where(within, shares, 0.0), SMOOTH, mode="constant", axes=(0, 1, 2))
-    owner = np.where(cells, smooth.argmax(axis=-1), -1)
-    fewest = SPECK * cells.sum()
-    speck = np.zeros_like(cells)
-    for k in np.unique(owner[cells]):
-        piece, _ = label(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
-        speck |= (piece > 0) & (np.bincount(piece.ravel()) < fewest)[piece]
-    if speck.any() and not speck[cells].all():
-        nearest = distance_transform_edt(
-            ~(cells & ~speck), return_distances=False, return_indices=True
-        )
-        owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
-    return owner[cells]
 
 
 def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:

@@ -84,10 +84,25 @@ def fit_radiance(
         How long and how it is fitted.
     """
     import torch
+    import torch.nn.functional as F
 
     options = options or FitOptions()
     grid = grid or Grid.around(silhouette_bounds(views), cells=cells)
-    pixels = _pixels(views, options.pixels)
+    # Every pixel of the reduced photographs as a ray; colours are premultiplied.
+    shrink = min(options.pixels / max(views.opacity.shape[1:]), 1.0)
+    height, width = (max(round(n * shrink), 1) for n in views.opacity.shape[1:])
+    layers = np.concatenate(
+        [views.colour * views.opacity[..., None], views.opacity[..., None]], axis=-1
+    ).transpose(0, 3, 1, 2)
+    layers = F.interpolate(torch.from_numpy(layers).float(), size=(height, width), mode="area")
+    layers = layers.permute(0, 2, 3, 1).reshape(-1, 4)
+    small = [camera.resized(height, width) for camera in views.cameras]
+    directions = np.concatenate([camera.directions().reshape(-1, 3) for camera in small])
+    origins = np.repeat([camera.position for camera in small], height * width, axis=0)
+    pixels = _Pixels(
+        torch.from_numpy(origins).float(), torch.from_numpy(directions).float(), layers[:, :3],
+        layers[:, 3], torch.from_numpy(np.repeat(np.arange(len(small)), height * width)),
+    )  # fmt: skip
     masked = bool((views.opacity < COVERED).any())
     allowed = torch.from_numpy(silhouette_hull(views, grid).T.copy())[None, None]
     # Logarithms of the optical depth (1, 1, nz, ny, nx), logits of colour and of backgrounds
@@ -176,30 +191,6 @@ def focus(cameras: Sequence[Camera]) -> Float[np.ndarray, "3"]:
     right = sum(a @ c.position for a, c in zip(across, cameras, strict=True))
     # Parallel axes leave the point free along them: the smallest solution is as good as any.
     return np.linalg.lstsq(np.sum(across, axis=0), np.asarray(right), rcond=None)[0]
-
-
-def _pixels(views: Views, longest: int) -> _Pixels:
-    """Every pixel of the reduced photographs as a ray; colours are premultiplied."""
-    import torch
-    import torch.nn.functional as F
-
-    shrink = min(longest / max(views.opacity.shape[1:]), 1.0)
-    height, width = (max(round(n * shrink), 1) for n in views.opacity.shape[1:])
-    colour = views.colour * views.opacity[..., None]
-    layers = np.concatenate([colour, views.opacity[..., None]], axis=-1).transpose(0, 3, 1, 2)
-    layers = F.interpolate(torch.from_numpy(layers).float(), size=(height, width), mode="area")
-    layers = layers.permute(0, 2, 3, 1).reshape(-1, 4)
-    small = [camera.resized(height, width) for camera in views.cameras]
-    directions = np.concatenate([camera.directions().reshape(-1, 3) for camera in small])
-    origins = np.repeat([camera.position for camera in small], height * width, axis=0)
-    view = np.repeat(np.arange(len(small)), height * width)
-    return _Pixels(
-        torch.from_numpy(origins).float(),
-        torch.from_numpy(directions).float(),
-        layers[:, :3],
-        layers[:, 3],
-        torch.from_numpy(view),
-    )
 
 
 def _render(

@@ -435,7 +435,14 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
     for number, own in enumerate(frames):
         try:
             frame = {**document, **own}
-            photo = _photograph(path.parent, str(frame["file_path"]))
+            name, folder = str(frame["file_path"]), path.parent
+            # NeRF's own data sets name photographs without a suffix.
+            files = (folder / name, folder / f"{name}.png", folder / f"{name}.jpg")
+            photo = next(filter(Path.is_file, files), None)
+            if photo is None:
+                raise InputError(f"photograph {name} is missing in {folder}")
+            if not photo.resolve().is_relative_to(folder.resolve()):
+                raise InputError(f"{name} lies outside {folder}: move the photographs beside it")
             pose = np.array(frame["transform_matrix"], dtype=np.float64)
             with Image.open(photo) as image:
                 width, height = image.size
@@ -454,13 +461,3 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
         focal, center = (x * across, y * down), (center[0] * across, center[1] * down)
         shots.append(Shot(photo, Camera(pose, focal, center, (height, width))))
     return tuple(shots)
-
-
-def _photograph(folder: Path, name: str) -> Path:
-    """The file of a frame, which NeRF's own data sets name without a suffix."""
-    for candidate in (folder / name, folder / f"{name}.png", folder / f"{name}.jpg"):
-        if candidate.is_file():
-            if not candidate.resolve().is_relative_to(folder.resolve()):
-                raise InputError(f"{name} lies outside {folder}: move the photographs beside it")
-            return candidate
-    raise InputError(f"photograph {name} is missing in {folder}")

@@ -272,7 +272,17 @@ class Binder(nn.Module):
 
     def forward(self, scene: VoxelScene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
         """Logits (batch, K + 1, x, y, z), float32; ``features`` fine to coarse."""
-        words = self._words(scene, features)
+        # Scaled dot products of clause keys with the queries of all scales, summed
+        keys = self.keys(self.listen(scene.clauses))
+        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
+        words = torch.zeros((), device=keys.device)
+        split = keys.chunk(len(self.queries), dim=-1)
+        for query, key, x in zip(self.queries, split, features, strict=True):
+            scaled = (key / key.shape[-1] ** 0.5).transpose(1, 2)
+            alike = mix(query(x).permute(0, 2, 3, 4, 1), scaled).float()
+            if alike.shape[2:] != scene.inputs.shape[2:]:
+                alike = F.interpolate(alike, size=scene.inputs.shape[2:], mode="nearest")
+            words = words + alike
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
         closed = (~present.bool())[..., None, None, None]
         if self.graded:  # the evidence of useless sources taken away
@@ -302,22 +312,6 @@ class Binder(nn.Module):
             full = torch.cat([evidence[:, source], bias], dim=1)
             logits = logits + full * scale[:, None, None, None, None]
         return logits.masked_fill(closed, NO_CLAUSE)
-
-    def _words(self, scene: VoxelScene, features: list[Tensor]) -> Tensor:
-        """Scaled dot products of clause keys with the queries of all scales, summed."""
-        keys = self.keys(self.listen(scene.clauses))
-        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
-        size = scene.inputs.shape[2:]
-        total = torch.zeros((), device=keys.device)
-        split = keys.chunk(len(self.queries), dim=-1)
-        for query, key, x in zip(self.queries, split, features, strict=True):
-            q = query(x).permute(0, 2, 3, 4, 1)
-            scaled = (key / key.shape[-1] ** 0.5).transpose(1, 2)
-            logits = mix(q, scaled).float()
-            if logits.shape[2:] != size:
-                logits = F.interpolate(logits, size=size, mode="nearest")
-            total = total + logits
-        return total
 
     def _gate(self, scene: VoxelScene, words, evidence, deepest: Tensor, masks) -> Tensor:
         """Positive scales (batch, 1 + S) of words and of each source, one set for an object."""

@@ -130,7 +130,7 @@ def known_words() -> tuple[str, ...]:
 
 # Kinds of material by the words in a name of an asset: "blackMetal_02", "madera oscura".
 
-KINDS = tuple(_LISTS["kinds"])
+KINDS: tuple[str, ...] = tuple(_LISTS["kinds"])
 _KIND_OF = {word: kind for kind, words in _LISTS["kinds"].items() for word in words.split()}
 _CHAFF = frozenset(
     "jpg jpeg png tga texture textured tex map mat material generic sweethome".split()
@@ -220,10 +220,14 @@ class Reader:
                 at += part[1]
                 continue
             end = at + (phrase[1] if phrase else 1)
-            if phrase and self._is_compared(raw, stems, at, end):
-                left_out |= set(range(at, end))
-            elif phrase:
-                spans.append((at, end))
+            if phrase:
+                before = [word for word in raw[max(0, at - 2) : at] if word not in ("a", "an")]
+                hard = end < len(raw) and raw[end] in _COMPARED  # "wool soft"; "steel hard shell"
+                like = bool(before) and before[-1] in _LIKE  # "soft as wool"
+                if like or (hard and not self._parts.match(stems, end)):
+                    left_out |= set(range(at, end))
+                else:
+                    spans.append((at, end))
             at = end
         chosen, subject = self._choose(raw, stems, spans)
         material, manner = None, tuple[str, ...]()
@@ -238,14 +242,6 @@ class Reader:
         kept = [i for i in subject if i not in left_out and not _idle(raw[i], stems[i])]
         said = " ".join("everything" if stems[i] in _ALL else stems[i] for i in kept)
         return Statement(said, material, manner)
-
-    def _is_compared(self, raw: list[str], stems: list[str], at: int, end: int) -> bool:
-        """Tell "soft as wool" and "wool soft": nothing is made of it."""
-        before = [word for word in raw[max(0, at - 2) : at] if word not in ("a", "an")]
-        if before and before[-1] in _LIKE:
-            return True
-        hard = end < len(raw) and raw[end] in _COMPARED
-        return hard and not self._parts.match(stems, end)  # "steel hard shell": a part
 
     def _is_part(self, stems: list[str], span: Span) -> bool:
         """Whether the span is a word for a part too: "soil", "boulder"."""

@@ -124,12 +124,22 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
     subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
     phrase = _words(item.get("material"))
     row = table.phrases.get(key(phrase)) if phrase else None
-    excluded = []
+    excluded, numbers = [], []
     for word in _strings(item.get("excluded")):
         other = table.phrases.get(key(word))
         if other is None and word not in CATEGORIES:
             raise InputError(f"it rules out {word!r}, which the table does not have")
         excluded.append(other.name if other else word)
+    stiffness, density = _degree(item.get("stiffness")), _degree(item.get("density"))
+    for number in _list(item.get("numbers")):
+        if not isinstance(number, Mapping) or number.get("measure") not in get_args(Measure):
+            raise InputError(f"{number!r} is no number of {', '.join(get_args(Measure))}")
+        measure, value = number["measure"], number.get("value")
+        if isinstance(value, bool) or not (isinstance(value, int | float) and math.isfinite(value)):
+            raise InputError(f"{value!r} is no number")
+        if value <= 0 and measure != "nu":
+            raise InputError(f"{measure} = {value:g} is not positive")
+        numbers.append(Quantity(measure, float(value), _quote(number.get("text"), text)))
     return Clause(
         text=said,
         span=(start, start + len(said)),
@@ -139,9 +149,9 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
         unknown=phrase if phrase and not row else "",
         nearest=tuple(table.near(phrase)) if phrase and not row else (),
         excluded=tuple(excluded),
-        stiffness=_degree(item.get("stiffness")),
-        density=_degree(item.get("density")),
-        numbers=tuple(_quantity(number, text) for number in _list(item.get("numbers"))),
+        stiffness=stiffness,
+        density=density,
+        numbers=tuple(numbers),
         coating=_words(item.get("coating")) or None,
         filling=_words(item.get("filling")) or None,
         certainty=0.9,  # read by someone else: below what stands in the text as it is
@@ -153,17 +163,6 @@ def _quote(value: Any, text: str) -> str:
     if not words or words.lower() not in text.lower():
         raise InputError(f"it quotes {words!r}, which the text does not say")
     return words
-
-
-def _quantity(item: Any, text: str) -> Quantity:
-    if not isinstance(item, Mapping) or item.get("measure") not in get_args(Measure):
-        raise InputError(f"{item!r} is no number of {', '.join(get_args(Measure))}")
-    value = item.get("value")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{value!r} is no number")
-    if value <= 0 and item["measure"] != "nu":
-        raise InputError(f"{item['measure']} = {value:g} is not positive")
-    return Quantity(item["measure"], float(value), _quote(item.get("text"), text))
 
 
 def _degree(value: Any) -> Degree | None:

@@ -376,16 +376,16 @@ def _material(
             return None
         end += 1
     run = cut[i:end]
-    stems = tuple(a.stem for a in run if a.text[0].isalnum())
+    stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
     row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
     if not row:
         return None
-    if len(stems) > 1 and len(stems[0]) == 1:  # "A36" and not "a 36"
-        if run[0].end != run[1].start:
-            return None
-    elif lexicon.needs_capitals(stems) and not run[0].text.isupper():
+    single = len(stems) > 1 and len(stems[0]) == 1  # "A36" and not "a 36"
+    if single and run[0].end != run[1].start:
+        return None
+    if not single and lexicon.needs_capitals(stems) and not run[0].text.isupper():
         return None
     start, stop = run[0].start, run[-1].end
     if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"

@@ -199,8 +199,8 @@ def _special(text: str) -> Iterator[Numeral]:
         E, nu, rho = map(number, match.groups())
         if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
             note = f"{match[0]!r} is taken as E in Pa, nu and rho in kg/m3"
-            for k, (measure, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
-                said = Quantity(cast(Measure, measure), value, match[k])
+            for k, (symbol, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
+                said = Quantity(cast(Measure, symbol), value, match[k])
                 yield Numeral(*match.span(k), said, note if k == 1 else "")
     for match in _BLEND.finditer(text):
         group = match.groupdict()

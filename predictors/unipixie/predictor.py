@@ -78,7 +78,22 @@ class UniPixiePredictor:
                 MaterialValue(*map(float, one))
                 for one in zip(*(v[:, i] for v in drawn), strict=True)
             )
-            decided[i] = replace(self._choose(choices[i], found, i, alpha), draws=draws)
+            # The mean of the network's values over the part, and the row nearest to it
+            mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), i)
+            value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+            row = nearest_row(self.table, found.normalisation, mean, grades=False)
+            soft, stiff = (_of_part(found, end, i)[0] for end in found.ends)
+            place = 0.5 if alpha is None and stiff <= soft else alpha
+            if place is None:
+                place = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
+            votes = np.bincount(found.likeliest[1][found.cube.part == i])
+            words = choices[i]
+            decided[i] = PartChoice(
+                words.part, row, value, words.weight, place,
+                "network: what it looks like and is called", settled=False, network="UniPixie",
+                guessed=True, unknown=words.unknown, draws=draws,
+                matter=MaterialClass(int(votes.argmax())).name.lower(),
+            )  # fmt: skip
         made = Prediction.of(parts, decided, sentence, alpha=alpha)
         field = made.field
         if field.ranges is None or field.part is None:
@@ -97,25 +112,6 @@ class UniPixiePredictor:
         names = self.lookup.kernel.encoder.text([words or "object" for words in said])
         evidence = Known(names, np.array([bool(words) for words in said]), appearance)
         return self.model.find(parts, evidence, up=up)
-
-    def _choose(
-        self, words: PartChoice, found: Found, part: int, alpha: float | None
-    ) -> PartChoice:
-        """Choose the mean of the network's values over a part, and the row nearest to it."""
-        mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), part)
-        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
-        row = nearest_row(self.table, found.normalisation, mean, grades=False)
-        soft, stiff = (_of_part(found, end, part)[0] for end in found.ends)
-        share = 0.5 if alpha is None and stiff <= soft else alpha
-        if share is None:
-            share = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
-        why = "network: what it looks like and is called"
-        votes = np.bincount(found.likeliest[1][found.cube.part == part])
-        matter = MaterialClass(int(votes.argmax())).name.lower()
-        return PartChoice(
-            words.part, row, value, words.weight, share, why, settled=False, network="UniPixie",
-            guessed=True, unknown=words.unknown, matter=matter,
-        )  # fmt: skip
 
 
 def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
