@@ -16,7 +16,7 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import MaterialField
 from ..grid import PartVoxels
-from ..lookup.lookup import lookup_of, nearest_row
+from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..partition import Partition, match_clauses, partition
 from ..prediction import Binding, PartChoice, Prediction, field_of, unbound_by
 from ..text.clauses import Sentence, bind
@@ -41,7 +41,9 @@ class FilmPredictor:
         self.model = FilmModel(weights=weights, table=table, encoder=encoder)
         self.table = self.model.table
         self.certainty = None if weights else Certainty.load()  # measured of the shipped ones
-        self.lookup = lookup_of(self.table, encoder)
+        self.lookup = (
+            Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
+        )
 
     def predict(
         self,

@@ -45,9 +45,9 @@ class WordChoices(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def lookup_of(table: MaterialTable, encoder: TextEncoder | None = None) -> Lookup:
+def lookup_of(table: MaterialTable) -> Lookup:
     """Return the lookup of a table, with all that it has embedded before."""
-    return Lookup(table=table, encoder=encoder)
+    return Lookup(table=table)
 
 
 class Lookup:
@@ -356,7 +356,8 @@ class RetrievalPredictor:
     def __init__(
         self, *, table: MaterialTable | None = None, encoder: TextEncoder | None = None
     ) -> None:
-        self.lookup = lookup_of(table or load_table(), encoder)
+        table = table or load_table()
+        self.lookup = Lookup(table=table, encoder=encoder) if encoder else lookup_of(table)
 
     def predict(
         self,

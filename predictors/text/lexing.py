@@ -391,7 +391,7 @@ def _material(
     if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
         return None
     opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
-    divided = opens and stems[0] in known and stems[1:] in lexicon.rows
+    divided = opens and run[0].stem in known and stems[1:] in lexicon.rows
     if divided and known & {atom.stem for atom in cut if atom not in run}:
         return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")

@@ -16,7 +16,7 @@ from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
 from ..field import Ranges
 from ..grid import PartVoxels
-from ..lookup.lookup import lookup_of, nearest_row
+from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import Sentence, bind
 from ..text.hearing import NamedPart, own_name, vocabulary_of
@@ -45,7 +45,9 @@ class UniPixiePredictor:
         self.table = table or load_table()
         self.model = UniPixieModel(weights=weights)
         self.samples, self.seed = samples, seed
-        self.lookup = lookup_of(self.table, encoder)
+        self.lookup = (
+            Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
+        )
 
     @one_torch_thread()
     def predict(
