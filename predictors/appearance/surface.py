@@ -75,35 +75,15 @@ def gloss_of(mesh: trimesh.Trimesh) -> Gloss:
 def skin_of(mesh: trimesh.Trimesh) -> Skin:
     """Return the function that colours points of a mesh from its ``visual``."""
     visual: Any = mesh.visual
-    if visual.kind == "texture":
-        return _material_skin(mesh, visual)
     if visual.kind == "face":
         colours = _unit(visual.face_colors)
         return lambda faces, weights: colours[faces]
     if visual.kind == "vertex":
         corners = _unit(visual.vertex_colors)[mesh.faces]
         return lambda faces, weights: np.einsum("nc,nck->nk", weights, corners[faces])
-    return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
-
-
-def material_name(mesh: trimesh.Trimesh) -> str | None:
-    """Name of the material of a mesh, where it has one."""
-    return getattr(getattr(mesh.visual, "material", None), "name", None)
-
-
-def to_linear(srgb: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Light intensity of an sRGB value in [0, 1] (IEC 61966-2-1)."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def to_srgb(linear: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """SRGB value of a light intensity in [0, 1] (IEC 61966-2-1)."""
-    root = np.maximum(linear, 0.0031308) ** (1 / 2.4)
-    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * root - 0.055)
-
-
-def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
-    """Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour."""
+    if visual.kind != "texture":
+        return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
+    # Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour.
     material = visual.material
     simple = not hasattr(material, "baseColorFactor")
     if simple:
@@ -140,6 +120,22 @@ def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
         return result.astype(np.float32)
 
     return colour
+
+
+def material_name(mesh: trimesh.Trimesh) -> str | None:
+    """Name of the material of a mesh, where it has one."""
+    return getattr(getattr(mesh.visual, "material", None), "name", None)
+
+
+def to_linear(srgb: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Light intensity of an sRGB value in [0, 1] (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(linear: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """SRGB value of a light intensity in [0, 1] (IEC 61966-2-1)."""
+    root = np.maximum(linear, 0.0031308) ** (1 / 2.4)
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * root - 0.055)
 
 
 def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:

@@ -233,24 +233,6 @@ def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views
     )
 
 
-def load_photographs(path: str | Path) -> Views:
-    """Load the photographs and cameras of a ``transforms.json``; their alpha is the opacity."""
-    from PIL import Image
-
-    shots = read_transforms(path)
-    _check_one_size([shot.camera.size for shot in shots])
-    pictures = []
-    for shot in shots:
-        with Image.open(shot.path) as image:
-            pictures.append(np.asarray(image.convert("RGBA"), dtype=np.float32) / 255)
-    pixels = np.stack(pictures)
-    return Views(
-        tuple(shot.camera for shot in shots),
-        colour=pixels[..., :3] * (pixels[..., 3:] > 0),
-        opacity=pixels[..., 3],
-    )
-
-
 def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
     if len(set(sizes)) != 1:
         raise InputError(f"views must be of one size, got {sorted(set(sizes))} (height, width)")
@@ -324,13 +306,6 @@ class Camera:
             x = self.center[0] + self.focal[0] * local[:, 0] / depth
             y = self.center[1] - self.focal[1] * local[:, 1] / depth
         return np.stack([x, y, depth], axis=1)
-
-
-class Shot(NamedTuple):
-    """A photograph's file and the camera that took it."""
-
-    path: Path
-    camera: Camera
 
 
 def hemisphere(
@@ -410,11 +385,12 @@ def look_at(
     return Camera(pose, (focal, focal), (pixels / 2, pixels / 2), (pixels, pixels))
 
 
-def read_transforms(path: str | Path) -> tuple[Shot, ...]:
-    """Read the photographs and cameras of a ``transforms.json`` (NeRF's convention).
+def load_photographs(path: str | Path) -> Views:
+    """Load the photographs and cameras of a ``transforms.json`` (NeRF's convention).
 
     Intrinsics may stand once for all frames or in each: ``fl_x``, ``fl_y``, ``cx``, ``cy`` [px], or
-    ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera.
+    ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera. The photographs'
+    alpha is the opacity.
 
     Raises
     ------
@@ -431,7 +407,7 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
     frames = document.get("frames") if isinstance(document, dict) else None
     if not isinstance(frames, list) or not frames:
         raise InputError(f"{path}: wanted a list 'frames' with at least one photograph")
-    shots = []
+    cameras, pictures = list[Camera](), []
     for number, own in enumerate(frames):
         try:
             frame = {**document, **own}
@@ -446,6 +422,7 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
             pose = np.array(frame["transform_matrix"], dtype=np.float64)
             with Image.open(photo) as image:
                 width, height = image.size
+                pictures.append(np.asarray(image.convert("RGBA"), dtype=np.float32) / 255)
             w = float(frame.get("w", width))  # the file's pixels may be others
             h = float(frame.get("h", height * w / width))
             if "fl_x" in frame:
@@ -459,5 +436,9 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
             raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
         focal, center = (x * across, y * down), (center[0] * across, center[1] * down)
-        shots.append(Shot(photo, Camera(pose, focal, center, (height, width))))
-    return tuple(shots)
+        cameras.append(Camera(pose, focal, center, (height, width)))
+    _check_one_size([camera.size for camera in cameras])
+    pixels = np.stack(pictures)
+    return Views(
+        tuple(cameras), colour=pixels[..., :3] * (pixels[..., 3:] > 0), opacity=pixels[..., 3]
+    )

@@ -557,7 +557,7 @@ class HintedEncoder:
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
         """Embedding of each sentence, its hints, and of its subject: (n, dim + channels + dim)."""
         said = [self.plainly(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
-        subjects = [self.subject(text) for text in said]
+        subjects = [subject(text, lexicon=self.lexicon) for text in said]
         distinct = {text: at for at, text in enumerate(dict.fromkeys(subjects))}
         if not said:
             dim = 2 * self.encoder.text([UNSAID]).shape[1] + len(CHANNELS)
@@ -565,10 +565,6 @@ class HintedEncoder:
         spoken_of = self.encoder.text(list(distinct))[[distinct[text] for text in subjects]]
         heard = with_lexicon(self.encoder.text(said), said, lexicon=self.lexicon)
         return np.concatenate([heard, spoken_of], axis=1)
-
-    def subject(self, text: str) -> str:
-        """Words for what a clause speaks of; see ``subject``."""
-        return subject(text, lexicon=self.lexicon)
 
 
 def subject(text: str, *, lexicon: Lexicon | None = None) -> str:
@@ -889,7 +885,7 @@ def hear(
         vectors[len(said) : -1],
         vectors[-1],
         tuple(map(bool, spoken)),
-        tuple(encoder.subject(clause) for clause in said),
+        tuple(subject(clause, lexicon=encoder.lexicon) for clause in said),
         fits,
         trust,
         of_pieces(clauses, parts),

@@ -165,24 +165,7 @@ def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known)
     """Bring what is known of an asset onto the cube, as the network reads it."""
     import torch
 
-    from .network import Voxels
-
-    own = torch.from_numpy(_learned(network, cube, parts, evidence).astype(np.float32))
-    grid = torch.zeros(cube.cells**3, own.shape[1])
-    share = torch.from_numpy(cube.share.astype(np.float32))[:, None]
-    grid.index_add_(0, torch.from_numpy(cube.at), own * share)
-    side = (cube.cells,) * 3
-    place = torch.from_numpy(cube.place.astype(np.float32))
-    return Voxels(grid.T.reshape(1, -1, *side), place[None], own[None])
-
-
-def _learned(
-    network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known
-) -> Float[np.ndarray, "n features"]:
-    """What the network learns of every token."""
-    import torch
-
-    from .network import FEATURE, known_of
+    from .network import FEATURE, Voxels, known_of
 
     inside, seen = parts.occupied, evidence.appearance
     label = parts.part[inside]
@@ -202,25 +185,14 @@ def _learned(
             arrays = (vectors, known, colours[begin : begin + CHUNK], shown)
             feature, flag, colour, lit = (torch.from_numpy(np.asarray(a)) for a in arrays)
             found.append(network.project(known_of(feature.float(), flag, colour.float(), lit)))
-    return cube.tokens(torch.cat(found).numpy())
-
-
-class UniPixieModel:
-    """The shipped network, or that of ``weights``."""
-
-    def __init__(self, *, weights: Path | None = None) -> None:
-        self._weights = weights or WEIGHTS
-
-    @cached_property
-    def loaded(self) -> Loaded:
-        """The network and what its numbers mean, read on the first inference."""
-        return load_unipixie(self._weights)
-
-    def find(self, parts: PartVoxels, evidence: Known, *, up: UpAxis = "z") -> Found:
-        """Return what the network finds of an asset with ``up`` pointing up."""
-        network = self.loaded.network
-        cube = Cube.of(parts, up, cells=network.config.cells)
-        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
+    learned = cube.tokens(torch.cat(found).numpy())
+    own = torch.from_numpy(learned.astype(np.float32))
+    grid = torch.zeros(cube.cells**3, own.shape[1])
+    share = torch.from_numpy(cube.share.astype(np.float32))[:, None]
+    grid.index_add_(0, torch.from_numpy(cube.at), own * share)
+    side = (cube.cells,) * 3
+    place = torch.from_numpy(cube.place.astype(np.float32))
+    return Voxels(grid.T.reshape(1, -1, *side), place[None], own[None])
 
 
 # The cells of an asset as tokens on the network's cube: upright, in the middle, as in training.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -20,7 +21,16 @@ from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import Sentence, bind
 from ..text.hearing import NamedPart, own_name, vocabulary_of
-from .inference import Found, Known, UniPixieModel, one_torch_thread
+from .inference import (
+    WEIGHTS,
+    Cube,
+    Found,
+    Known,
+    Loaded,
+    load_unipixie,
+    one_torch_thread,
+    voxels_on,
+)
 
 
 class UniPixiePredictor:
@@ -43,11 +53,16 @@ class UniPixiePredictor:
         seed: int = 0,
     ) -> None:
         self.table = table or load_table()
-        self.model = UniPixieModel(weights=weights)
+        self._weights = weights or WEIGHTS
         self.samples, self.seed = samples, seed
         self.lookup = (
             Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
         )
+
+    @cached_property
+    def loaded(self) -> Loaded:
+        """The network and what its numbers mean, read on the first inference."""
+        return load_unipixie(self._weights)
 
     @one_torch_thread()
     def predict(
@@ -113,7 +128,9 @@ class UniPixiePredictor:
         said = [own_name(NamedPart.of(words, vocabulary, 0.0)) for words in parts.part_labels]
         names = self.lookup.kernel.encoder.text([words or "object" for words in said])
         evidence = Known(names, np.array([bool(words) for words in said]), appearance)
-        return self.model.find(parts, evidence, up=up)
+        network = self.loaded.network
+        cube = Cube.of(parts, up, cells=network.config.cells)
+        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
 
 
 def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
