@@ -20,7 +20,7 @@ from typing import Any
 
 from ...fem.table import Material
 from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
-from .numerals import Comparison, Quantity, number, numerals
+from .numerals import Comparison, Numeral, Quantity, number, numerals
 
 # Of candidates over each other the longest is taken, then the one of the lowest rank.
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
@@ -81,10 +81,11 @@ def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
         width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
         text = re.sub(rule["find"], width, text)
     text, loads = without_loads(text)
+    numbers = numerals(text)
     cut = atoms(text, lexicon.model, known)
     cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
     out: list[Lexeme] = []
-    candidates = _spans(text, cut, lexicon, names, known)
+    candidates = _spans(text, cut, numbers, lexicon, names, known)
     for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
         if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
             out.append(lexeme)
@@ -309,7 +310,12 @@ _TEMPER = re.compile(r"-?(?:T[1-9]\d{0,4}|H\d{2,3}|O|F)")  # of a wrought alloy:
 
 
 def _spans(
-    text: str, cut: list[Atom], lexicon: ReaderLexicon, names: Sequence[str], known: set[str]
+    text: str,
+    cut: list[Atom],
+    numbers: list[Numeral],
+    lexicon: ReaderLexicon,
+    names: Sequence[str],
+    known: set[str],
 ) -> list[Lexeme]:
     """Every span that says something, also over each other."""
     found: list[Lexeme] = []
@@ -322,7 +328,7 @@ def _spans(
         stems = part_name_words(name)
         for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
             found.append(Lexeme(m[0], *m.span(), "part", name, stems, part=True))
-    for n in numerals(text):
+    for n in numbers:
         role = "number" if n.value else "told" if n.note else "size"
         found.append(Lexeme(text[n.start : n.end], n.start, n.end, role, n.value, note=n.note))
     # Phrases of the table and of the language, at every place the longest of each
