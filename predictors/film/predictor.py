@@ -124,12 +124,12 @@ class FilmPredictor:
         clause = None if owner is None else found.clauses[owner]
         shares = found.shares[cells].mean(axis=0)
         share = float(shares[-1 if owner is None else owner])
-        said = None if clause is None else clause.written
-        measured = said is not None and owner == shares.argmax() and not found.of_pieces
+        text = None if clause is None else clause.written
+        measured = text is not None and owner == shares.argmax() and not found.of_pieces
         certainty = self.certainty.of(share) if self.certainty and measured else None
         spread = float(found.spread[cells].mean())
-        binding = Binding(said, share, int(cells.sum()), spread, certainty)
-        why = f"network: {'nothing said' if said is None else repr(said)}"
+        binding = Binding(text, share, int(cells.sum()), spread, certainty)
+        why = f"network: {'nothing text' if text is None else repr(text)}"
         if certainty is not None:
             why += f", right in about {10 * certainty:.0f} of 10 such cases"
         if clause is not None and clause.material:

@@ -99,10 +99,10 @@ class Lookup:
         self._decider.prepare(parts, statements)
         choices = []
         for part, said in zip(parts, statements, strict=True):
-            choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
+            choice, more = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
-            warnings += told
-        choices, told = with_relations(
+            warnings += more
+        choices, more = with_relations(
             choices,
             [said.all("comparisons") for said in statements],
             lambda words: parts_called(words, part_labels),
@@ -133,7 +133,7 @@ class Lookup:
             )  # fmt: skip
             if len(numbers) == len(value):
                 choices[i] = as_stated(choices[i])
-        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *told))))
+        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
 
     def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
@@ -194,8 +194,8 @@ class Lookup:
 
 def _unread(sentence: Sentence) -> Iterator[str]:
     """What no clause took and none tells of."""
-    told = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
-    left = [word for word in sentence.unread if not any(repr(word) in line for line in told)]
+    noted = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
+    left = [word for word in sentence.unread if not any(repr(word) in line for line in noted)]
     if left:
         words = ", ".join(map(repr, left))
         yield f"not understood in the text, and not used: {words}"
@@ -280,7 +280,7 @@ def with_relations(
     named
         Whether each part's material is said, or told by the asset: it then keeps its row.
     """
-    out, told, called = list(choices), [], cache(parts_called)
+    out, notes, called = list(choices), [], cache(parts_called)
     others = [
         [
             [k for k in (called(r.other) if r.other else range(len(out))) if k != i]
@@ -293,7 +293,7 @@ def with_relations(
         ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
         if not ready:
             names = ", ".join(repr(out[i].part) for i in waiting)
-            told.append(f"parts {names} are compared with each other in a circle: not used")
+            notes.append(f"parts {names} are compared with each other in a circle: not used")
             break
         for i in ready:
             for relation, found in zip(relations[i], others[i], strict=True):
@@ -305,13 +305,13 @@ def with_relations(
                     beside = [_Beside(row.name, row.value(), None)]
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
-                    told.append(
+                    notes.append(
                         f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
                         "and no part is called so: not used"
                     )
         for i in ready:
             del waiting[i]
-    return out, told
+    return out, notes
 
 
 def _related(

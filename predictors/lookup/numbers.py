@@ -229,7 +229,7 @@ def _modulus_of_hardness(numbers: Sequence[Quantity]) -> float | None:
 
 def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> dict[str, Quantity]:
     """The number of each measure; of those that differ one that a word calls so, else none."""
-    said: dict[str, Quantity] = {}
+    chosen: dict[str, Quantity] = {}
     for measure in dict.fromkeys(number.measure for number in numbers):
         found = [number for number in numbers if number.measure == measure]
         called = [number for number in found if number.called] or found
@@ -241,10 +241,10 @@ def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> di
                 f"part {part!r}: {measure} is said twice, {called[0].text!r} and {texts}: not used"
             )
             continue
-        said[measure] = called[0]
+        chosen[measure] = called[0]
         if others:
             warnings.append(f"part {part!r}: {texts} beside {called[0].text!r} is not used")
-    return said
+    return chosen
 
 
 def _of_mass(
@@ -285,11 +285,11 @@ def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {}
     for option in options:
         name, colon, rest = option.rpartition(":")
-        said = [item.partition("=") for item in rest.split(",")]
-        if not (colon and name.strip()) or {key.strip() for key, *_ in said} - set(FIELDS):
+        items = [item.partition("=") for item in rest.split(",")]
+        if not (colon and name.strip()) or {key.strip() for key, *_ in items} - set(FIELDS):
             raise UsageError(f"wanted PART:E=2e9,nu=.3,rho=1100 (one or more), got {option!r}")
         try:
-            numbers = {key.strip(): float(value) for key, _, value in said}
+            numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
             raise UsageError(f"wanted numbers in SI units, got {option!r}: {error}") from error
         for key, (low, high) in SETTABLE.items():

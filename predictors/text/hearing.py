@@ -371,56 +371,56 @@ def _sign(words: Sequence[str], low: frozenset[str], high: frozenset[str]) -> li
 
 def _score(words: Sequence[str], signs: Sequence[int]) -> float | None:
     """Score of what was said, None for nothing; words of both signs meet in the middle."""
-    said = set(words)
+    present = set(words)
     if not signs:
         return None
     if min(signs) < max(signs):
         return 0.0
-    if said & MODERATE and "than" not in said:
+    if present & MODERATE and "than" not in present:
         return _MIDDLE * signs[0]
-    compared = {"as", "like"} & set(words[-3:-1]) or {"as", "can"} <= said
-    strong = said & STRONGER or compared
+    compared = {"as", "like"} & set(words[-3:-1]) or {"as", "can"} <= present
+    strong = present & STRONGER or compared
     return (_STRONG if strong else _PLAIN) * signs[0]
 
 
 def _stiffness(words: Sequence[str]) -> float | None:
     """Score from -1 (as soft as can be) to 1 (never bends)."""
     signs = _sign(words, SOFT, STIFF)
-    said = set(words)
-    if said & BEND:
-        hard = said & _NOT or "hard" in said
+    present = set(words)
+    if present & BEND:
+        hard = present & _NOT or "hard" in present
         signs = [1 if hard else -1]
-    if "shape" in said:
+    if "shape" in present:
         signs = [1]
-    if not signs and said & _OF_STIFFNESS:
-        signs = [-1, 1] if said & MODERATE else [-1 if said & (_LITTLE | _NOT) else 1]
+    if not signs and present & _OF_STIFFNESS:
+        signs = [-1, 1] if present & MODERATE else [-1 if present & (_LITTLE | _NOT) else 1]
     return _score(words, signs)
 
 
 def _weight(words: Sequence[str]) -> float | None:
     """Score from -1 (weighs next to nothing) to 1 (weighs a ton)."""
-    said = set(words)
-    if "water" in said or "own" in said:  # "sags under its own weight"
+    present = set(words)
+    if "water" in present or "own" in present:  # "sags under its own weight"
         return None
     signs = _sign(words, LIGHT, HEAVY)
-    if not signs and said & _OF_WEIGHT:
-        few, many = bool(said & _LITTLE), bool(said & _MUCH)
-        signs = [-1] if few else [1] if many else [-1, 1] if said & MODERATE else []
-    if {"than", "air"} <= said:
+    if not signs and present & _OF_WEIGHT:
+        few, many = bool(present & _LITTLE), bool(present & _MUCH)
+        signs = [-1] if few else [1] if many else [-1, 1] if present & MODERATE else []
+    if {"than", "air"} <= present:
         signs = [-1]
     return _score(words, signs)
 
 
 def _water(words: Sequence[str]) -> int:
     """1 for what floats, -1 for what sinks, 0 where nothing is said of it."""
-    said = set(words)
-    negated = -1 if said & _NOT or "unable" in said else 1
-    if said & FLOAT or "surface" in said:
+    present = set(words)
+    negated = -1 if present & _NOT or "unable" in present else 1
+    if present & FLOAT or "surface" in present:
         return negated
-    if said & SINK or "bottom" in said:
+    if present & SINK or "bottom" in present:
         return -negated
-    if "water" in said:
-        lighter = said & LIGHT or "less" in said or "top" in said
+    if "water" in present:
+        lighter = present & LIGHT or "less" in present or "top" in present
         return 1 if lighter else -1
     return 0
 
@@ -556,21 +556,21 @@ class HintedEncoder:
 
     def text(self, sentences: Sequence[str]) -> Float[np.ndarray, "n dim"]:
         """Embedding of each sentence, its hints, and of its subject: (n, dim + channels + dim)."""
-        said = [self.plainly(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
-        subjects = [subject(text, lexicon=self.lexicon) for text in said]
+        plain = [self.plainly(t) if i % 2 < self.plain else t for i, t in enumerate(sentences)]
+        subjects = [subject(text, lexicon=self.lexicon) for text in plain]
         distinct = {text: at for at, text in enumerate(dict.fromkeys(subjects))}
-        if not said:
+        if not plain:
             dim = 2 * self.encoder.text([UNSAID]).shape[1] + len(CHANNELS)
             return np.zeros((0, dim), dtype=np.float32)
-        spoken_of = self.encoder.text(list(distinct))[[distinct[text] for text in subjects]]
-        heard = with_lexicon(self.encoder.text(said), said, lexicon=self.lexicon)
-        return np.concatenate([heard, spoken_of], axis=1)
+        subject_vectors = self.encoder.text(list(distinct))[[distinct[text] for text in subjects]]
+        clause_vectors = with_lexicon(self.encoder.text(plain), plain, lexicon=self.lexicon)
+        return np.concatenate([clause_vectors, subject_vectors], axis=1)
 
 
 def subject(text: str, *, lexicon: Lexicon | None = None) -> str:
     """Words for what a clause speaks of: of the part, else of its material, else of anything."""
-    said = (lexicon or default_lexicon()).read(text)
-    return said.subject or said.material or UNSAID
+    clause = (lexicon or default_lexicon()).read(text)
+    return clause.subject or clause.material or UNSAID
 
 
 # What a sentence says: its clauses, each a material or a level of some parts.
@@ -873,19 +873,19 @@ def hear(
     """Return all that a network is told in words, of parts with these ``labels``."""
     clauses, vocabulary = sentence.stated, vocabulary_of(table)
     parts = [NamedPart.of(words, vocabulary, 0.0) for words in labels]
-    spoken = [own_name(part) for part in parts]
-    said = [clause.written for clause in clauses]
-    vectors = encoder.text([*said, *spoken, sentence.text or UNSAID])
+    names = [own_name(part) for part in parts]
+    texts = [clause.written for clause in clauses]
+    vectors = encoder.text([*texts, *names, sentence.text or UNSAID])
     fits, trust = np.zeros((0, len(parts))), 0.0
     if clauses:
         fits, trust = name_evidence(clauses, parts, encoder.encoder)
     return Heard(
         clauses,
-        vectors[: len(said)],
-        vectors[len(said) : -1],
+        vectors[: len(texts)],
+        vectors[len(texts) : -1],
         vectors[-1],
-        tuple(map(bool, spoken)),
-        tuple(subject(clause, lexicon=encoder.lexicon) for clause in said),
+        tuple(map(bool, names)),
+        tuple(subject(clause, lexicon=encoder.lexicon) for clause in texts),
         fits,
         trust,
         of_pieces(clauses, parts),
