@@ -19,13 +19,12 @@ from autophyx_tet.predictors.unipixie.inference import (
     WEIGHTS,
     RangeCalibration,
     load_unipixie,
-    save_unipixie,
 )
 from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.research.training.unipixie.config import BARE_WORDS, EvidenceShares, MatterConfig
 from autophyx_tet.research.training.unipixie.names_on_device import Names
 from autophyx_tet.research.training.unipixie.range_scores import RangeScores, range_scores
-from autophyx_tet.research.training.unipixie.recipe import new_objects_sampler
+from autophyx_tet.research.training.unipixie.recipe import new_objects_sampler, save_unipixie
 
 EVIDENCE = {
     "words": BARE_WORDS,

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 from autophyx_tet.predictors.encoders.minilm import MiniLM
-from autophyx_tet.predictors.text.hearing import part_kinds
+from autophyx_tet.research.datasets.parts import part_kinds
 from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table
 from autophyx_tet.research.training.unipixie.names_on_device import Names
 

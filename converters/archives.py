@@ -15,7 +15,6 @@ from ..fem.identify import MotionFit
 from ..fem.reduced.model import Accuracy, ReducedModel, Subspace
 from ..fem.solve.schemes import Scheme
 from ..fem.springs.fit import SpringFit
-from ..predictors.unipixie.simplicits import Theta
 from .files import load_npz, reading, save_npz
 
 VERSION = 1
@@ -145,25 +144,6 @@ def load_fits(path: str | os.PathLike) -> tuple[MotionFit, ...]:
             known = {"runs": runs, "nu": None if np.isnan(nu) else nu, "scheme": Scheme[scheme]}
             fits.append(MotionFit(**numbers, **known, covariance=arrays["covariance"][end]))
         return tuple(fits)
-
-
-def save_theta(path: str | os.PathLike, theta: Theta) -> None:
-    """Save skinning weights as numbers of the frozen body's head, with the hash of that body."""
-    meta = {"kind": "Theta", "version": VERSION, "body_hash": theta.body_hash}
-    arrays = {"numbers": theta.numbers, "lo": theta.lo, "hi": theta.hi}
-    arrays["residual"] = np.array(theta.residual)
-    save_npz(path, **arrays, meta=np.array(json.dumps(meta)))
-
-
-def load_theta(path: str | os.PathLike) -> Theta:
-    """Load what ``save_theta`` wrote; ``InputError`` where it belongs to another body."""
-    arrays = load_npz(path)
-    with reading(path, "skinning weights saved by this package") as source:
-        meta = json.loads(str(arrays.pop("meta", "{}")))
-        if meta.get("kind") != "Theta" or meta["version"] != VERSION:
-            raise InputError(f"{source} holds {meta.get('kind', 'no meta')!r}, wanted a Theta")
-        residual = float(arrays.pop("residual"))
-        return Theta(**arrays, residual=residual, body_hash=meta["body_hash"])
 
 
 # Springs fitted to a motion, as .npz: numbers by name, and ``meta``.

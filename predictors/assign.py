@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -65,13 +64,36 @@ def predict_materials(
         Where a part, a material or the predictor is unknown, a part is stated twice, ``alpha`` is
         to move, or ``samples`` to draw, what a predictor finds that cannot do it.
     """
-    _check_once(overrides or {}, materials or {})
-    predictor, table = _named(predictor, table, samples), table or load_table()
+    if both := {key(name) for name in overrides or {}} & {key(name) for name in materials or {}}:
+        raise UsageError(
+            f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
+        )
+    if isinstance(predictor, str):  # a table that is the user's own is its table too
+        kind = PREDICTORS[predictor]
+        if samples < 0:
+            raise UsageError(f"--samples {samples}: wanted a number from 0 on")
+        if samples and not kind.takes_samples:
+            able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
+            raise UsageError(
+                f"--samples: {predictor} finds one material a part: --predictor {able}"
+            )
+        options = {"table": table, "samples": samples or None}
+        predictor = kind(**{name: value for name, value in options.items() if value is not None})
+    table = table or load_table()
     settled = lookup_of(table).settle(
         parts.part_labels, bound, overrides=overrides, materials=materials, values=values,
         alpha=alpha, volumes=volumes,
     )  # fmt: skip
-    choices = [_usual(choice, table, usual or {}) for choice in settled.choices]
+    choices = list(settled.choices)
+    for i, choice in enumerate(choices):
+        # The usual material of its kind where no word of text or name decided it
+        kind, material = (usual or {}).get(choice.part, ("", ""))
+        if material and choice.guessed and not choice.clause and choice.understood:
+            row = table.exact(material)
+            choices[i] = PartChoice(
+                choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, f"usual for a {kind}",
+                guessed=True,
+            )  # fmt: skip
     made = Prediction.of(parts, choices, bound.sentence, alpha=alpha)
     if left_open := [i for i, c in enumerate(choices) if not c.settled and i in parts.part]:
         if alpha is not None and not predictor.takes_alpha:
@@ -87,73 +109,29 @@ def predict_materials(
     return replace(made, warnings=settled.warnings)
 
 
-def _named(predictor: Predictor | str, table: MaterialTable | None, samples: int) -> Predictor:
-    """Return the predictor of a name; a table that is the user's own is its table too."""
-    if not isinstance(predictor, str):
-        return predictor
-    kind = PREDICTORS[predictor]
-    if samples < 0:
-        raise UsageError(f"--samples {samples}: wanted a number from 0 on")
-    if samples and not kind.takes_samples:
-        able = " or ".join(name for name in PREDICTORS if PREDICTORS[name].takes_samples)
-        raise UsageError(f"--samples: {predictor} finds one material a part: --predictor {able}")
-    given = {"table": table, "samples": samples or None}
-    return kind(**{name: value for name, value in given.items() if value is not None})
-
-
-def _check_once(overrides: Mapping[str, str], materials: Mapping[str, str]) -> None:
-    """Refuse a part that two options state."""
-    if both := {key(name) for name in overrides} & {key(name) for name in materials}:
-        raise UsageError(
-            f"part {min(both)!r} has both a text and a material of the table: leave one of them out"
-        )
-
-
-def _usual(
-    choice: PartChoice, table: MaterialTable, usual: Mapping[str, tuple[str, str]]
-) -> PartChoice:
-    """The choice, or the usual material of its kind where no word of text or name decided it."""
-    kind, material = usual.get(choice.part, ("", ""))
-    if not (material and choice.guessed) or choice.clause or not choice.understood:
-        return choice
-    row = table.exact(material)
-    why = f"usual for a {kind}"
-    return PartChoice(
-        choice.part, row, row.value(choice.alpha), 1.0, choice.alpha, why, guessed=True
-    )
-
-
 def _for_each(made: Prediction, parts: PartVoxels, first: Sequence[int]) -> Prediction:
     """Give each part the answer, and the pieces, of the ``first`` part that it is like."""
     if list(first) == sorted(set(first)):
         return made
     of_piece = made.parts.part
     label = np.full_like(of_piece, -1)
-    main: list[_Share] = []
-    others: list[_Share] = []
+    main, others = list[tuple[int, int]](), list[tuple[int, int]]()  # a part, a piece of the answer
     for i, k in enumerate(first):
         pieces = np.unique(of_piece[parts.part == i]).tolist() or [k]
-        main.append(_Share(i, pieces[0]))
-        others += [_Share(i, piece) for piece in pieces[1:]]
-    shares = [*main, *others]
-    for number, (part, piece) in enumerate(shares):
+        main.append((i, pieces[0]))
+        others += [(i, piece) for piece in pieces[1:]]
+    pairs = [*main, *others]
+    for number, (part, piece) in enumerate(pairs):
         label[(parts.part == part) & (of_piece == piece)] = number
     names = tuple(
         parts.part_names[part]
         + made.parts.part_names[piece].removeprefix(parts.part_names[first[part]])
-        for part, piece in shares
+        for part, piece in pairs
     )
-    pieces = PartVoxels(parts.grid, label, names, tuple(parts.labels[s.part] for s in shares))
-    choices = (replace(made.choices[s.piece], part=n) for s, n in zip(shares, names, strict=True))
+    pieces = PartVoxels(parts.grid, label, names, tuple(parts.labels[part] for part, _ in pairs))
+    choices = (replace(made.choices[k], part=n) for (_, k), n in zip(pairs, names, strict=True))
     field = replace(made.field, part=label, part_names=names)
     return replace(
-        made, parts=pieces, parents=tuple(s.part for s in shares), field=field,
+        made, parts=pieces, parents=tuple(part for part, _ in pairs), field=field,
         choices=tuple(choices),
     )  # fmt: skip
-
-
-class _Share(NamedTuple):
-    """What of a part lies in a piece of the answer, by their numbers."""
-
-    part: int
-    piece: int

@@ -82,7 +82,8 @@ class Construction:
         full = "full of" if self.inside.min else "half full, maybe, of"
         held = f" {full} {self.filling}" if self.filling else ""
         held = held or (f" around {middle(self.inside):.3g} kg/m3" if self.inside.max else "")
-        return f"taken as a wall of {_millimetres(self.wall)}{held}: {self.why}"
+        ends = " to ".join(dict.fromkeys(f"{1e3 * end:.2g}" for end in self.wall))
+        return f"taken as a wall of {ends} mm{held}: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,9 @@ def construction_of(
     """
     if solid or in_mesh:
         return Construction(part, "walls in its shape" if in_mesh else "solid", "as told")
-    inside = _filled(filling)
+    inside = EMPTY
+    if filling:
+        inside = Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
     name = filling.name if filling else ""
     if wall is not None:
         return Construction(part, "shell", "as told", Span(wall, wall), inside, name, "as told")
@@ -167,7 +170,10 @@ def construction_of(
         return Construction(part, "walls in its shape", f"{hull_share:.0%} of its hull is filled")
     if words.said & _SOLID:
         return Construction(part, "solid", "the text says so")
-    kind = _of_material(words.kinds, material)
+    # The kind for things of this material, else one for any, else the nearest there is
+    kinds = words.kinds
+    exact = [kind for kind in kinds if kind.category == material.category]
+    kind = next(iter([*exact, *(kind for kind in kinds if not kind.category), *kinds]), None)
     empty = kind is not None and kind.holds and "empty" in words.said
     hollow = empty or bool(words.said & _HOLLOW)
     if kind and kind.hollow == "always" and not filling and kind.holds:
@@ -190,16 +196,6 @@ def construction_of(
         why = "it is said to be full" if filling else "it is said to be hollow"
         guess = "judgement: 1 to 10 % of the smallest side"
         return Construction(part, "shell", why, any_wall, inside, name, guess)
-    return _undecided(part, kind, material, any_wall)
-
-
-def _shell(part: str, kind: Kind) -> Construction:
-    why = f"the kind {kind.name!r}"
-    return Construction(part, "shell", why, kind.wall, kind.inside, source=kind.source)
-
-
-def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span) -> Construction:
-    """What nothing says to be hollow: solid by its kind or its material, or nobody knows."""
     if kind and kind.hollow == "never":
         return Construction(part, "solid", f"the kind {kind.name!r}", source=kind.source)
     if kind:
@@ -210,23 +206,9 @@ def _undecided(part: str, kind: Kind | None, material: Material, any_wall: Span)
     return Construction(part, "solid", f"{material.name} is taken as it looks")
 
 
-def _of_material(kinds: Sequence[Kind], material: Material) -> Kind | None:
-    """The kind for things of this material, else one for any, else the nearest there is."""
-    if not kinds:
-        return None
-    exact = [kind for kind in kinds if kind.category == material.category]
-    return next(iter([*exact, *(kind for kind in kinds if not kind.category), *kinds]))
-
-
-def _filled(filling: Material | None) -> Span:
-    if filling is None:
-        return EMPTY
-    return Span(FULL.min * filling.rho.min, FULL.max * filling.rho.max)
-
-
-def _millimetres(wall: Span) -> str:
-    ends = dict.fromkeys(f"{1e3 * end:.2g}" for end in wall)
-    return f"{' to '.join(ends)} mm"
+def _shell(part: str, kind: Kind) -> Construction:
+    why = f"the kind {kind.name!r}"
+    return Construction(part, "shell", why, kind.wall, kind.inside, source=kind.source)
 
 
 # Masses as intervals: between the thinnest wall that is likely and a solid, where nobody knows.
@@ -323,27 +305,28 @@ class Kind:
 @lru_cache(maxsize=1)
 def load_kinds() -> tuple[Kind, ...]:
     """Return the rows of ``walls.csv``."""
-    with PATH.open(encoding="utf-8", newline="") as file:
-        return tuple(_read(row, line) for line, row in enumerate(csv.DictReader(file), 2))
-
-
-def _read(row: dict[str, Any], line: int) -> Kind:
-    wall = Span(float(row["wall_min_m"] or 0), float(row["wall_max_m"] or 0))
-    inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
-    walled = row["hollow"] != "never"
-    if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
-        raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
-    return Kind(
-        name=row["name"],
-        words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
-        wall=wall,
-        inside=inside,
-        hollow=row["hollow"],
-        category=row["category"],
-        material=row["material"],
-        source=row["source"],
-        holds=row["holds"] == "yes",
-    )
+    kinds = []
+    rows: list[dict[str, Any]] = list(csv.DictReader(PATH.read_text("utf-8").splitlines()))
+    for line, row in enumerate(rows, 2):
+        wall = Span(float(row["wall_min_m"] or 0), float(row["wall_max_m"] or 0))
+        inside = Span(float(row["inside_min_kg_m3"]), float(row["inside_max_kg_m3"]))
+        walled = row["hollow"] != "never"
+        if row["hollow"] not in get_args(Hollow) or walled != (0 < wall.min <= wall.max):
+            raise InputError(f"{PATH.name}, line {line}: wanted 0 < min <= max of a wall, if any")
+        kinds.append(
+            Kind(
+                name=row["name"],
+                words=tuple(tuple(map(stem, words.split())) for words in row["words"].split(";")),
+                wall=wall,
+                inside=inside,
+                hollow=row["hollow"],
+                category=row["category"],
+                material=row["material"],
+                source=row["source"],
+                holds=row["holds"] == "yes",
+            )
+        )
+    return tuple(kinds)
 
 
 @lru_cache(maxsize=4096)  # parts often share their words
@@ -352,20 +335,17 @@ def kinds_named(stems: tuple[str, ...]) -> tuple[Kind, ...]:
     best = 0
     found: list[Kind] = []
     for kind in load_kinds():
-        length = max((_ending(words, stems) for words in kind.words), default=0)
+        length = 0  # of the words that end ``stems``, also where a name writes two as one
+        for words in kind.words:
+            joined = len(words) > 1 and stems[-1:] == ["".join(words)]
+            split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
+            if stems[-len(words) :] == words or joined or split:
+                length = max(length, len(words))
         if length > best:
             best, found = length, []
         if length and length == best:
             found.append(kind)
     return tuple(found)
-
-
-def _ending(words: Sequence[str], stems: Sequence[str]) -> int:
-    """Number of ``words`` if ``stems`` end with them, also where a name writes two as one."""
-    tail = tuple(stems[-len(words) :])
-    joined = len(words) > 1 and stems[-1:] == ["".join(words)]
-    split = len(words) == 1 and len(stems) > 1 and words[0] == stems[-2] + stems[-1]
-    return len(words) if tail == tuple(words) or joined or split else 0
 
 
 def head_of_name(name: str) -> tuple[str, ...]:

@@ -211,7 +211,20 @@ def sample_field(
         Where a point is not finite, or a label names a part that has no voxel.
     """
     points = np.asarray(points, dtype=np.float64)
-    wanted = _labels(field, points, part)
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(
+            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+        )
+    wanted = np.full(len(points), ANY_PART)
+    if part is not None and field.part is not None:
+        wanted = part
+        missing = np.setdiff1d(part, [ANY_PART, *np.unique(field.part[field.occupied])])
+        if missing.size:
+            raise InputError(
+                f"part labels {missing.tolist()} have no voxel in the field; its parts are "
+                f"{dict(enumerate(field.part_names))}"
+            )
     voxels = _voxels(field)
     nearest = np.zeros(len(points), dtype=np.int64)
     values = np.empty((len(points), 3))
@@ -238,24 +251,6 @@ def sample_field(
     )
 
 
-def _labels(field: MaterialField, points: np.ndarray, part: np.ndarray | None) -> np.ndarray:
-    """Checked part label of every point; all ``ANY_PART`` for a field without parts."""
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
-        )
-    if part is None or field.part is None:
-        return np.full(len(points), ANY_PART)
-    missing = np.setdiff1d(part, [ANY_PART, *np.unique(field.part[field.occupied])])
-    if missing.size:
-        raise InputError(
-            f"part labels {missing.tolist()} have no voxel in the field; its parts are "
-            f"{dict(enumerate(field.part_names))}"
-        )
-    return part
-
-
 def _voxels(field: MaterialField) -> _Voxels:
     inside = field.occupied
     cells = np.argwhere(inside)
@@ -277,11 +272,7 @@ def _voxels(field: MaterialField) -> _Voxels:
 
 
 def _interpolate(
-    field: MaterialField,
-    voxels: _Voxels,
-    points: np.ndarray,
-    wanted: np.ndarray,
-    out: np.ndarray,
+    field: MaterialField, voxels: _Voxels, points: np.ndarray, wanted: np.ndarray, out: np.ndarray
 ) -> np.ndarray:
     """Fill ``out`` (n, 3) and return the row of the nearest voxel around each point, 0 for none."""
     shape = np.array(field.grid.shape)
@@ -321,7 +312,14 @@ def _nearest(
 
     nearest = np.zeros(len(points), dtype=np.int64)
     far = 0.0
-    shell = _shell(voxels)
+    # Of voxels all of whose neighbours are of the same part none is ever nearest.
+    near = np.where(voxels.rows > 0, voxels.part[voxels.rows], ANY_PART - 1).ravel()
+    stride = np.array(voxels.rows.strides) // voxels.rows.itemsize
+    own = (voxels.cells + 1) @ stride
+    inner = np.ones(len(own), dtype=bool)
+    for step in (*stride, *-stride):
+        inner &= near[own + step] == near[own]
+    shell = np.flatnonzero(~inner) + 1
     for label in np.unique(wanted):
         rows = shell if label == ANY_PART else shell[voxels.part[shell] == label]
         mine = np.flatnonzero(wanted == label)
@@ -330,14 +328,3 @@ def _nearest(
         nearest[mine] = rows[hit]
         far = max(far, float(distance.max()))
     return nearest, far
-
-
-def _shell(voxels: _Voxels) -> np.ndarray:
-    """Rows of the voxels with a neighbour of another part or none: no other is ever nearest."""
-    label = np.where(voxels.rows > 0, voxels.part[voxels.rows], ANY_PART - 1).ravel()
-    stride = np.array(voxels.rows.strides) // voxels.rows.itemsize
-    own = (voxels.cells + 1) @ stride
-    inner = np.ones(len(own), dtype=bool)
-    for step in (*stride, *-stride):
-        inner &= label[own + step] == label[own]
-    return np.flatnonzero(~inner) + 1

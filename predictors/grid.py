@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from ..fem.errors import InputError
-from ..fem.mesh import TetMesh, box_mesh
 
 # More cells than this is a request that no 24 GiB machine should try (2^28 float64 = 2 GiB).
 MAX_CELLS = 2**28
@@ -99,8 +98,6 @@ class Grid:
 
 # The parts of an asset on a grid: what a predictor is given, and its cells as elements.
 
-TETS_PER_CELL = 6
-
 
 @dataclass(frozen=True, eq=False)
 class PartVoxels:
@@ -174,26 +171,3 @@ def pooled(
     out = np.zeros_like(values)
     out[inside] = rows[label]
     return out
-
-
-def voxel_mesh(occupied: Bool[np.ndarray, "x y z"]) -> TetMesh:
-    """Six tets in every occupied cell, in C order; the grid's longest side is 1 m."""
-    shape = np.array(occupied.shape)
-    box = box_mesh((shape / shape.max()).tolist(), occupied.shape)
-    tets = box.tets[np.repeat(occupied.ravel(), TETS_PER_CELL)]
-    used, corner = np.unique(tets, return_inverse=True)
-    return TetMesh.oriented(box.points[used], corner.reshape(-1, 4))
-
-
-def blocks(values: np.ndarray, cells: int) -> np.ndarray:
-    """Voxels (x, y, z, ...) by block (a, b, d, voxels, ...), at most ``cells`` blocks a side.
-
-    Zeros, which are outside, fill what is missing to whole blocks.
-    """
-    size = -(-max(values.shape[:3]) // cells)
-    rest_of = values.shape[3:]
-    pad = [(0, -n % size) for n in values.shape[:3]] + [(0, 0)] * len(rest_of)
-    values = np.pad(values, pad)
-    a, b, d = (n // size for n in values.shape[:3])
-    split = values.reshape(a, size, b, size, d, size, *rest_of)
-    return np.moveaxis(split, (1, 3, 5), (3, 4, 5)).reshape(a, b, d, size**3, *rest_of)

@@ -27,14 +27,13 @@ _ALIKE = 1e-3  # looks that differ by less are one: a quarter of a step of eight
 
 def matters(clauses: Sequence[HeardClause]) -> Int[np.ndarray, "clauses"]:
     """For each clause that speaks of matter alone its kind, as an index into ``KINDS``, else -1."""
-    return np.array([_matter(clause) for clause in clauses], dtype=int)
-
-
-def _matter(clause: HeardClause) -> int:
-    if any(kind_of(part) is None for part in clause.parts):
-        return -1
-    kind = kind_of(clause.phrase) or kind_of(clause.written)
-    return -1 if kind is None else KINDS.index(kind)
+    kinds = [
+        None
+        if any(kind_of(part) is None for part in clause.parts)
+        else kind_of(clause.phrase) or kind_of(clause.written)
+        for clause in clauses
+    ]
+    return np.array([-1 if kind is None else KINDS.index(kind) for kind in kinds], dtype=int)
 
 
 def by_looks(
@@ -141,37 +140,11 @@ class Regression:
     bias: Float[np.ndarray, "kinds"]
     frequency: Float[np.ndarray, "kinds"]
 
-    @classmethod
-    def fit(
-        cls,
-        features: Float[np.ndarray, "n features"],
-        kind: Int[np.ndarray, "n"],
-        *,
-        penalty: float,
-    ) -> Regression:
-        """Return the likeliest one, ``penalty`` / 2 of the weights' square taken off."""
-        from scipy.optimize import minimize
-
-        mean, deviation = features.mean(axis=0), features.std(axis=0) + 1e-9
-        x = np.c_[(features - mean) / deviation, np.ones(len(features))]
-        wanted = np.eye(len(KINDS))[kind]
-
-        def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
-            w = flat.reshape(x.shape[1], -1)
-            log = _log_softmax(x @ w)
-            slope = x.T @ (np.exp(log) - wanted)
-            slope[:-1] += penalty * w[:-1]
-            return penalty / 2 * float(np.square(w[:-1]).sum()) - float(
-                (wanted * log).sum()
-            ), slope.ravel()
-
-        found = minimize(cost, np.zeros(x.shape[1] * len(KINDS)), jac=True, method="L-BFGS-B").x
-        w = found.reshape(x.shape[1], -1)
-        return cls(mean, deviation, w[:-1], w[-1], wanted.mean(axis=0))
-
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
         """Log of how much likelier each kind is by these looks than it was without them."""
-        log = _log_softmax((features - self.mean) / self.deviation @ self.weight + self.bias)
+        from scipy.special import log_softmax
+
+        log = log_softmax((features - self.mean) / self.deviation @ self.weight + self.bias, axis=1)
         return np.log(np.exp(log) + _MISLED) - np.log(self.frequency + _MISLED)
 
 
@@ -183,15 +156,9 @@ class KindsByLooks:
     plain: Regression
 
     @classmethod
-    def fit(cls, features: np.ndarray, kind: np.ndarray, *, penalty: float) -> KindsByLooks:
-        """Fit both to ``FEATURES`` (n, F) of pieces of known ``kind`` (n,)."""
-        plain = Regression.fit(features[:, :PLAIN], kind, penalty=penalty)
-        return cls(Regression.fit(features, kind, penalty=penalty), plain)
-
-    @classmethod
     @lru_cache(maxsize=2)
     def load(cls, path: Path = SHIPPED) -> KindsByLooks:
-        """Return the shipped ones, or those of a file that ``save`` wrote."""
+        """Return the shipped ones, or those of a file."""
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             if found["features"] != list(FEATURES) or found["kinds"] != list(KINDS):
@@ -203,27 +170,11 @@ class KindsByLooks:
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path} does not hold kinds by looks: {error}") from error
 
-    def save(self, path: Path) -> None:
-        """Write both as JSON, five digits each."""
-        found = {"features": FEATURES, "kinds": KINDS}
-        for name in ("finished", "plain"):
-            found[name] = {
-                k: np.array([float(f"{x:.5g}") for x in v.ravel()]).reshape(v.shape).tolist()
-                for k, v in vars(getattr(self, name)).items()
-            }
-        path.write_text(json.dumps(found) + "\n", encoding="utf-8")
-
     def log_ratio(self, features: Float[np.ndarray, "n features"]) -> Float[np.ndarray, "n kinds"]:
         """As ``Regression.log_ratio``; all of one opacity and finish say nothing by them."""
         if np.ptp(features[:, PLAIN:], axis=0).max() > _EQUAL or features[0, PLAIN] < 1 - _EQUAL:
             return self.finished.log_ratio(features)
         return self.plain.log_ratio(features[:, :PLAIN])
-
-
-def _log_softmax(x: np.ndarray) -> np.ndarray:
-    from scipy.special import logsumexp
-
-    return x - logsumexp(x, axis=1, keepdims=True)
 
 
 # What is measured of a piece's cells: colour, opacity, finish, and its form in the whole.
@@ -272,47 +223,40 @@ def measure(
     piece
         The piece of each, from 0, none empty.
     """
+    from scipy.ndimage import distance_transform_edt, label
+
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     sides = high - low
+    longest = sides.max()
     colours = lab(looks[:, :3])
     rows = []
     for k in range(int(piece.max()) + 1):
         mine = piece == k
         seen = looks[mine, 3:].astype(np.float64)
-        form = _form(cells[mine], len(cells), low, sides)
-        rows.append([*_colour(colours[mine]), *form, seen[:, 0].mean(), seen[:, 0].std(),
+        # Fraction, thickness, pieces, extents and place of the piece in its whole
+        own = cells[mine]
+        first, last = own.min(axis=0), own.max(axis=0) + 1
+        box = np.pad(np.zeros(last - first, dtype=bool), 1)
+        box[tuple((own - first + 1).T)] = True
+        depth = np.asarray(distance_transform_edt(box))[box]
+        _, pieces = label(box, structure=_CONNECTED)  # type: ignore
+        spread = (own - own.mean(axis=0)) / longest
+        # 1e-5: of a sheet one cell thick a variance is nothing; (1/64)^2 / 12 is 2e-5.
+        variance = np.linalg.eigvalsh(spread.T @ spread / len(own) + 1e-5 * np.eye(3))[::-1]
+        fraction = len(own) / len(cells)
+        heights = (np.array([own[:, 2].mean(), first[2], last[2]]) - low[2]) / sides[2]
+        form = [
+            fraction, np.log(fraction), np.log(depth.mean() / longest),
+            np.log(depth.max() / longest), np.log(pieces), *np.log(variance), *heights,
+            *(sides / longest), np.log(len(own) / np.prod(last - first)),
+        ]  # fmt: skip
+        mean = colours[mine].mean(axis=0)
+        chroma = float(np.hypot(*mean[1:]))
+        hue = mean[1:] / max(chroma, _GREY)
+        colour = [*mean, chroma, *hue, *colours[mine].std(axis=0)]
+        rows.append([*colour, *form, seen[:, 0].mean(), seen[:, 0].std(),
                      *seen[:, 1:].mean(axis=0)])  # fmt: skip
     return np.array(rows)
-
-
-def _colour(colours: Float[np.ndarray, "n 3"]) -> list[float]:
-    mean = colours.mean(axis=0)
-    chroma = float(np.hypot(*mean[1:]))
-    return [*mean, chroma, *(mean[1:] / max(chroma, _GREY)), *colours.std(axis=0)]
-
-
-def _form(
-    cells: Int[np.ndarray, "n 3"], total: int, low: np.ndarray, sides: np.ndarray
-) -> list[float]:
-    """Share, thickness, pieces, extents and place of a piece in its whole."""
-    from scipy.ndimage import distance_transform_edt, label
-
-    longest = sides.max()
-    first, last = cells.min(axis=0), cells.max(axis=0) + 1
-    box = np.pad(np.zeros(last - first, dtype=bool), 1)
-    box[tuple((cells - first + 1).T)] = True
-    depth = np.asarray(distance_transform_edt(box))[box]
-    _, pieces = label(box, structure=_CONNECTED)  # type: ignore
-    spread = (cells - cells.mean(axis=0)) / longest
-    # 1e-5: of a sheet one cell thick a variance is nothing; (1/64)^2 / 12 is 2e-5.
-    variance = np.linalg.eigvalsh(spread.T @ spread / len(cells) + 1e-5 * np.eye(3))[::-1]
-    share = len(cells) / total
-    heights = (np.array([cells[:, 2].mean(), first[2], last[2]]) - low[2]) / sides[2]
-    return [
-        share, np.log(share), np.log(depth.mean() / longest), np.log(depth.max() / longest),
-        np.log(pieces), *np.log(variance), *heights, *(sides / longest),
-        np.log(len(cells) / np.prod(last - first)),
-    ]  # fmt: skip
 
 
 # Pieces of one look: the cells of a thing in one piece, grouped by colour, opacity and finish.
@@ -341,7 +285,16 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     of_bin = of_bin.ravel()
     means = np.stack([np.bincount(of_bin, column) / count for column in seen.T], axis=1)
     full = np.argsort(-count, kind="stable")[:_BINS]
-    root = _roots(means[full], count[full])
+    places, number = means[full], count[full]
+    square = _square(places, places)
+    density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ number
+    order = np.argsort(-density, kind="stable")
+    root = np.arange(len(places))  # for each bin the one of greatest density that it climbs to
+    for i, at in enumerate(order[1:], start=1):
+        denser = order[:i]
+        nearest = denser[square[at, denser].argmin()]
+        if square[at, nearest] <= NEAR**2:
+            root[at] = root[nearest]
     size = np.bincount(root, count[full], minlength=len(full))
     large = np.argsort(-size, kind="stable")[:MOST]
     large = large[(size[large] >= SPECK * len(looks)) | (np.arange(len(large)) == 0)]
@@ -349,20 +302,6 @@ def by_look(looks: Float[np.ndarray, "n look"]) -> Int[np.ndarray, "n"]:
     for i, at in enumerate(large):
         piece[full[root == at]] = i
     return np.unique(piece[of_bin], return_inverse=True)[1].ravel()
-
-
-def _roots(places: Float[np.ndarray, "n d"], count: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
-    """For each bin the one of greatest density that it climbs to."""
-    square = _square(places, places)
-    density = np.exp(-square / (2 * (NEAR / 2) ** 2)) @ count
-    order = np.argsort(-density, kind="stable")
-    root = np.arange(len(places))
-    for i, at in enumerate(order[1:], start=1):
-        denser = order[:i]
-        nearest = denser[square[at, denser].argmin()]
-        if square[at, nearest] <= NEAR**2:
-            root[at] = root[nearest]
-    return root
 
 
 def _square(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "m d"]) -> Float[np.ndarray, "n m"]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .grid import PartVoxels
 from .text import hearing as words
@@ -70,15 +70,31 @@ def partition(
     clauses: Sequence[HeardClause],
 ) -> Partition:
     """Divide open parts by the clauses that speak of their cells; ``shares`` as above."""
+    from scipy.ndimage import distance_transform_edt, uniform_filter
+    from scipy.ndimage import label as connect
+
     none = len(clauses)
     label, names, labels = parts.part.copy(), list(parts.part_names), list(parts.labels)
     parents = list(range(len(names)))
     owners: list[int | None] = [None] * len(names)
     for i in left_open:
         cells = parts.part == i
-        owner = _owners(shares, cells)
-        if not len(owner):
+        if not cells.any():
             continue
+        # The clause of each of the part's cells, without noise: specks go to their surroundings.
+        smooth = np.where(cells[..., None], shares, 0.0)
+        smooth = uniform_filter(smooth, SMOOTH, mode="constant", axes=(0, 1, 2))
+        owner = np.where(cells, smooth.argmax(axis=-1), -1)
+        speck = np.zeros_like(cells)
+        for k in np.unique(owner[cells]):
+            piece, _ = connect(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
+            speck |= (piece > 0) & (np.bincount(piece.ravel()) < SPECK * cells.sum())[piece]
+        if speck.any() and not speck[cells].all():
+            nearest = distance_transform_edt(
+                ~(cells & ~speck), return_distances=False, return_indices=True
+            )
+            owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
+        owner = owner[cells]
         # What nothing speaks of keeps the name; without it every piece is named by its clause.
         kept, *others = sorted(np.unique(owner), key=lambda k: (k != none, -(owner == k).sum()))
         if kept != none:
@@ -93,26 +109,6 @@ def partition(
             owners.append(int(k))
     pieces = PartVoxels(parts.grid, label, tuple(names), tuple(labels))
     return Partition(pieces, tuple(parents), tuple(owners))
-
-
-def _owners(shares: Float[np.ndarray, "x y z k"], cells: np.ndarray) -> Int[np.ndarray, "n"]:
-    """HeardClause of each of a part's cells, without noise."""
-    from scipy.ndimage import distance_transform_edt, label, uniform_filter
-
-    within = cells[..., None]
-    smooth = uniform_filter(np.where(within, shares, 0.0), SMOOTH, mode="constant", axes=(0, 1, 2))
-    owner = np.where(cells, smooth.argmax(axis=-1), -1)
-    fewest = SPECK * cells.sum()
-    speck = np.zeros_like(cells)
-    for k in np.unique(owner[cells]):
-        piece, _ = label(owner == k, structure=np.ones((3, 3, 3)))  # type: ignore
-        speck |= (piece > 0) & (np.bincount(piece.ravel()) < fewest)[piece]
-    if speck.any() and not speck[cells].all():
-        nearest = distance_transform_edt(
-            ~(cells & ~speck), return_distances=False, return_indices=True
-        )
-        owner = np.where(speck, owner[tuple(nearest)], owner)  # type: ignore
-    return owner[cells]
 
 
 def _piece(part: str, clause: HeardClause, taken: Sequence[str]) -> str:
@@ -133,13 +129,27 @@ def alike(
     Two are the same where all words for them are, but for numbers and places ("leg_fl", "leg_br"),
     and their sizes are near; where no word names them, where they are of one shape.
     """
-    first = list(range(len(parts.part_names)))
-    seen: list[int] = []
-    names = [_kind(labels) for labels in parts.part_labels]
+    first, seen, volumes = list(range(len(parts.part_names))), list[int](), parts.volumes
+    # Words of a name, and of the other labels, that tell more than a number, a letter, a place or
+    # what a program wrote
+    names = []
+    for labels in parts.part_labels:
+        name, *others = (
+            tuple(
+                word for word in part_name_words(label)
+                if len(word) > 1 and word.isalpha() and word not in places() | NAMELESS
+            )
+            for label in labels
+        )  # fmt: skip
+        names.append((name, frozenset(word for label in others for word in label)))
     kinds = list(zip(names, said or [None] * len(names), strict=True))
     for i in among:
-        others = (k for k in seen if kinds[k] == kinds[i] and _one_thing(parts, k, i, names[i][0]))
-        first[i] = next(others, i)
+        for k in seen:
+            small, large = sorted((volumes[k], volumes[i]))
+            near = bool(names[i][0]) and large <= SIZES * small
+            if kinds[k] == kinds[i] and (parts.shapes[k] == parts.shapes[i] or near):
+                first[i] = k
+                break
         seen += [i] * (first[i] == i)
     return tuple(first)
 
@@ -150,21 +160,3 @@ def merged(parts: PartVoxels, first: Sequence[int]) -> PartVoxels:
         return parts
     label = np.append(first, -1)[parts.part]  # -1, outside, is the last
     return replace(parts, part=label)
-
-
-def _kind(labels: Sequence[str]) -> tuple[tuple[str, ...], frozenset[str]]:
-    """Words of a part's name, and of its other labels, that do not tell it from its like."""
-    name, *others = (tuple(filter(_telling, part_name_words(label))) for label in labels)
-    return name, frozenset(word for label in others for word in label)
-
-
-def _telling(word: str) -> bool:
-    """Whether a word is more than a number, a letter, a place or what a program wrote."""
-    return len(word) > 1 and word.isalpha() and word not in places() | NAMELESS
-
-
-def _one_thing(parts: PartVoxels, one: int, other: int, name: Sequence[str]) -> bool:
-    if parts.shapes[one] == parts.shapes[other]:
-        return True
-    small, large = sorted((parts.volumes[one], parts.volumes[other]))
-    return bool(name) and large <= SIZES * small

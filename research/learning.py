@@ -96,11 +96,11 @@ def train(
 
 def _train_kinds(real: Path, output: Path) -> dict[str, Any]:
     """Fit kinds of matter to the looks of real slots."""
-    from .training.kinds_by_looks import train_kinds
+    from .training.kinds_by_looks import save_kinds, train_kinds
 
     found, slots = train_kinds(load_real(real))
     output.mkdir(parents=True, exist_ok=True)
-    found.save(output / KIND_WEIGHTS)
+    save_kinds(output / KIND_WEIGHTS, found)
     return {"files": [output / KIND_WEIGHTS], "slots": slots}
 
 

@@ -81,12 +81,12 @@ def build_dataset(
 
 def build_ranges(output: Path, *, seed: int = 0, device: str = "cpu") -> dict[str, Any]:
     """Write the names of things and the ranges of what they may be made of: for ``unipixie``."""
-    from ..predictors.encoders.minilm import MiniLM
     from .datasets.ranges import build_range_table
+    from .on_device import minilm
 
     check_folder(output)
     output.mkdir(parents=True, exist_ok=True)
-    table = build_range_table(MiniLM(device=device).text, seed=seed)
+    table = build_range_table(minilm(device).text, seed=seed)
     table.save(output / RANGES)
     return {"files": [output / RANGES], "names": len(table.kind), "rows": len(table.low)}
 
@@ -125,9 +125,9 @@ def _looked_at(
 
 def show_dataset(output: Path, *, count: int = 6, seed: int = 0) -> dict[str, Any]:
     """Draw procedural objects, each part in a colour of its own; return what was said of them."""
-    from ..predictors.text.hearing import spoken
     from .datasets.grammar import Grammar
     from .datasets.objects import category_names, make_objects
+    from .datasets.parts import spoken
     from .training.stores import procedural_store
 
     check_file(output, (".png",))

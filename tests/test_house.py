@@ -30,7 +30,8 @@ FLOORS = {
         "features", "pipeline", "transfer", "listing", "estimate", "batch", "cli",
     ),
     "research": (
-        "datasets", "training", "evaluation", "image_features", "prepare", "learning", "commands",
+        "row_vectors", "voxels", "on_device", "datasets", "training", "evaluation",
+        "image_features", "prepare", "learning", "commands",
     ),
 }  # fmt: skip
 FOLDERS = sorted({init.parent for room in FLOORS for init in (ROOT / room).rglob("__init__.py")})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -158,7 +158,7 @@ def features_of_views(
     surface = density > 0
     if voxels is None:
         voxels = PartVoxels(grid, np.where(surface, 0, -1), ("object",), ((),))
-    cells = np.argwhere(fill(surface).occupied)
+    cells = np.argwhere(fill(surface))
     at = tuple(cells.T)
     row, seen = np.full(grid.shape, -1), np.zeros(grid.shape, dtype=bool)
     row[surface] = np.arange(len(lifted.cells))
@@ -201,65 +201,43 @@ def name_embeddings(
 
 # The inside of a voxelised surface: enclosure, even-odd parity, nearest-surface features.
 #
-# After AutoPhyX 3.1 and PhysGaussian: a cell is a candidate where the surface encloses it in the
-# six directions of the axes (condition 1), and inside where rays to infinity cross the surface an
-# odd number of times (condition 2). A ray that grazes the surface is miscounted, so the verdicts
-# of all empty cells that hang together are pooled where they (nearly) agree.
+# After AutoPhyX 3.1 and PhysGaussian: a cell is inside where the surface encloses it in the six
+# directions of the axes (condition 1), and where rays along all of them cross the surface an odd
+# number of times (condition 2). A ray that grazes the surface is miscounted, so the verdicts of all
+# empty cells that hang together are pooled where they (nearly) agree.
 
-Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z"]
-DIRECTIONS: tuple[Direction, ...] = ("-x", "+x", "-y", "+y", "-z", "+z")
-Parity = Literal["all", "one"]
-# Share of a connected region's cells with the same verdict from which all of it follows them. In
+# Of a connected region's cells with the same verdict so many, from which all of it follows them. In
 # between the region leaks (a scan with a hole), and every cell keeps its own verdict.
 SETTLED_OUT, SETTLED_IN = 0.2, 0.5
 
 
-class Filled(NamedTuple):
-    """A solid: ``occupied`` (nx, ny, nz) is the surface and what it holds.
+def fill(surface: Bool[np.ndarray, "nx ny nz"]) -> Bool[np.ndarray, "nx ny nz"]:
+    """The cells that a surface touches, and those that it encloses."""
+    from scipy.ndimage import label
 
-    ``enclosed`` and ``odd`` are the verdicts of conditions 1 and 2 on every empty cell; ``leaky``
-    counts the cells in regions whose verdicts disagree.
-    """
-
-    occupied: np.ndarray
-    enclosed: np.ndarray
-    odd: np.ndarray
-    leaky: int
-
-
-def fill(
-    surface: Bool[np.ndarray, "nx ny nz"],
-    *,
-    parity: Parity = "all",
-    ray: Direction = "+x",
-    open_side: Direction | None = None,
-    pool: bool = True,
-) -> Filled:
-    """Fill what a surface encloses.
-
-    Parameters
-    ----------
-    surface
-        Cells that the surface touches, shape (nx, ny, nz).
-    parity
-        ``all``: the rays of every direction must cross the surface an odd number of times
-        (AutoPhyX); ``one``: only that of ``ray`` (PhysGaussian).
-    open_side
-        A direction that neither condition looks in: the open top of a scan.
-    pool
-        Whether cells that hang together share one verdict where they (nearly) agree.
-    """
-    directions: list[Direction] = [d for d in DIRECTIONS if d != open_side]
-    crossings = {d: _crossings(surface, d) for d in directions}
-    enclosed = ~surface & np.all([count > 0 for count in crossings.values()], axis=0)
-    counted = directions if parity == "all" else [ray]
-    if ray == open_side and parity == "one":
-        raise InputError(f"the ray {ray} leaves through the open side: choose another direction")
-    odd = ~surface & np.all([crossings[d] % 2 == 1 for d in counted], axis=0)
-    inside, leaky = enclosed & odd, 0
-    if pool:
-        inside, leaky = _pooled(~surface, inside)
-    return Filled(surface | inside, enclosed, odd, leaky)
+    inside = ~surface
+    for axis in range(3):
+        for way in (1, -1):
+            # How often a ray from each cell enters the surface on its way to infinity
+            along = np.moveaxis(surface, axis, 0)[::way]
+            entered = np.zeros(along.shape, dtype=np.int32)
+            entered[:-1] = along[1:] & ~along[:-1]  # at cell i: the step to i + 1 enters
+            count = entered[::-1].cumsum(axis=0, dtype=np.int32)[::-1]
+            inside &= np.moveaxis(count[::way], 0, axis) % 2 == 1
+    # One verdict for each region of empty cells that share faces; the one that reaches the border
+    # of the grid is never inside as a whole.
+    region, regions = cast(tuple[np.ndarray, int], label(~surface))
+    size = np.bincount(region.ravel(), minlength=regions + 1)
+    fraction = np.bincount(region.ravel(), weights=inside.ravel(), minlength=regions + 1)
+    fraction = fraction / np.maximum(size, 1)
+    border = np.zeros(regions + 1, dtype=bool)
+    for axis in range(3):
+        for end in (0, -1):
+            border[np.unique(region.take(end, axis=axis))] = True
+    settled_in, settled_out = (fraction >= SETTLED_IN) & ~border, fraction <= SETTLED_OUT
+    leaky = ~settled_in & ~settled_out
+    leaky[0] = settled_in[0] = False
+    return surface | settled_in[region] | (leaky[region] & inside)
 
 
 def nearest_known(
@@ -286,42 +264,6 @@ def nearest_known(
         if asking.any():
             row[asking] = sources[KDTree(cells[sources]).query(cells[asking])[1]]
     return row
-
-
-def _crossings(
-    surface: Bool[np.ndarray, "nx ny nz"], direction: Direction
-) -> Int[np.ndarray, "nx ny nz"]:
-    """How often a ray from each cell enters the surface on its way to infinity."""
-    axis = "xyz".index(direction[1])
-    along = np.moveaxis(surface, axis, 0)
-    along = along if direction[0] == "+" else along[::-1]
-    entered = np.zeros(along.shape, dtype=np.int32)
-    entered[:-1] = along[1:] & ~along[:-1]  # at cell i: the step to i + 1 enters
-    count = entered[::-1].cumsum(axis=0, dtype=np.int32)[::-1]
-    return np.moveaxis(count if direction[0] == "+" else count[::-1], 0, axis)
-
-
-def _pooled(
-    empty: Bool[np.ndarray, "nx ny nz"], inside: Bool[np.ndarray, "nx ny nz"]
-) -> tuple[Bool[np.ndarray, "nx ny nz"], int]:
-    """One verdict for each region of empty cells that share faces, where they (nearly) agree.
-
-    The region that reaches the border of the grid is never inside as a whole.
-    """
-    from scipy.ndimage import label
-
-    region, count = cast(tuple[np.ndarray, int], label(empty))
-    size = np.bincount(region.ravel(), minlength=count + 1)
-    share = np.bincount(region.ravel(), weights=inside.ravel(), minlength=count + 1)
-    share = share / np.maximum(size, 1)
-    border = np.zeros(count + 1, dtype=bool)
-    for axis in range(3):
-        for end in (0, -1):
-            border[np.unique(region.take(end, axis=axis))] = True
-    settled_in, settled_out = (share >= SETTLED_IN) & ~border, share <= SETTLED_OUT
-    leaky = ~settled_in & ~settled_out
-    leaky[0] = settled_in[0] = False
-    return settled_in[region] | (leaky[region] & inside), int(size[leaky].sum())
 
 
 # What is seen of the cells of an asset.

@@ -92,6 +92,8 @@ def lift(
         ``solve``: least squares; ``weighted``: the average weighted by visibility, its first step;
         ``average``: over all pictures, hidden or not (VoMP; the ablation).
     """
+    from scipy.sparse import diags_array
+
     if density.shape != grid.shape or len(features) != len(cameras):
         raise InputError(
             f"density {density.shape} on grid {grid.shape}, {len(features)} pictures with "
@@ -105,7 +107,11 @@ def lift(
         raise InputError(
             f"none of {len(met)} rays meets the object: do the cameras look at it, in metres?"
         )
-    matrix, wanted = _unit_rows(matrix[met]), rays.features[met].astype(np.float32)
+    wanted = rays.features[met].astype(np.float32)
+    # Rows of sum 1: the feature of a picture is that of what the ray met.
+    matrix = matrix[met]
+    scaled: Any = diags_array(1 / np.asarray(matrix.sum(axis=1)).ravel()) @ matrix
+    matrix = scaled.tocsr().astype(np.float32)
     weight = np.asarray(matrix.sum(axis=0)).ravel()
     if method == "average":
         # Mean over the pictures of the feature at each point's pixel, hidden or not
@@ -212,15 +218,6 @@ def _enter(rays: Rays, grid: Grid) -> _Walk:
     border = (grid.lo + (cell + (step > 0)) * grid.h - origin) / direction
     pitch = grid.h / np.abs(direction)
     return _Walk(ray, cell, enter.copy(), np.maximum(border, enter[:, None]), pitch, step)
-
-
-def _unit_rows(matrix: csr_array) -> csr_array:
-    """Rows of sum 1: the feature of a picture is that of what the ray met."""
-    from scipy.sparse import diags_array
-
-    total = np.asarray(matrix.sum(axis=1)).ravel()
-    scaled: Any = diags_array(1 / total) @ matrix
-    return scaled.tocsr().astype(np.float32)
 
 
 def _least_squares(

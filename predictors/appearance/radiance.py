@@ -8,7 +8,7 @@ behind the object.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,6 +27,7 @@ COVERED = 0.1  # a pixel less opaque than this shows the background alone
 FIRST_DEPTH = 0.05  # optical depth of a cell before the first step: light reaches all of them
 # A cell is part of the object if it takes away this share of the light that crosses it.
 SOLID = 0.3
+BATCH = 8192  # rays rendered at once, where nothing is fitted
 HULL_CELLS = 32  # of the coarse grid that looks for the object's bounds
 HULL_PAD = 1.5  # cells added to those bounds on every side
 
@@ -66,20 +67,8 @@ class _Pixels(NamedTuple):
     view: torch.Tensor
 
 
-class _Field(NamedTuple):
-    """What is fitted: logarithms of the optical depth, logits of colour and of backgrounds."""
-
-    depth: torch.Tensor  # (1, 1, nz, ny, nx)
-    colour: torch.Tensor  # (1, 3, nz, ny, nx)
-    background: torch.Tensor  # (views, 3)
-
-
 def fit_radiance(
-    views: Views,
-    grid: Grid | None = None,
-    *,
-    cells: int = 48,
-    options: FitOptions | None = None,
+    views: Views, grid: Grid | None = None, *, cells: int = 48, options: FitOptions | None = None
 ) -> Radiance:
     """Fit density and colour of every cell to posed photographs.
 
@@ -95,39 +84,60 @@ def fit_radiance(
         How long and how it is fitted.
     """
     import torch
+    import torch.nn.functional as F
 
     options = options or FitOptions()
     grid = grid or Grid.around(silhouette_bounds(views), cells=cells)
-    pixels = _pixels(views, options.pixels)
+    # Every pixel of the reduced photographs as a ray; colours are premultiplied.
+    shrink = min(options.pixels / max(views.opacity.shape[1:]), 1.0)
+    height, width = (max(round(n * shrink), 1) for n in views.opacity.shape[1:])
+    layers = np.concatenate(
+        [views.colour * views.opacity[..., None], views.opacity[..., None]], axis=-1
+    ).transpose(0, 3, 1, 2)
+    layers = F.interpolate(torch.from_numpy(layers).float(), size=(height, width), mode="area")
+    layers = layers.permute(0, 2, 3, 1).reshape(-1, 4)
+    small = [camera.resized(height, width) for camera in views.cameras]
+    directions = np.concatenate([camera.directions().reshape(-1, 3) for camera in small])
+    origins = np.repeat([camera.position for camera in small], height * width, axis=0)
+    pixels = _Pixels(
+        torch.from_numpy(origins).float(), torch.from_numpy(directions).float(), layers[:, :3],
+        layers[:, 3], torch.from_numpy(np.repeat(np.arange(len(small)), height * width)),
+    )  # fmt: skip
     masked = bool((views.opacity < COVERED).any())
     allowed = torch.from_numpy(silhouette_hull(views, grid).T.copy())[None, None]
-    field = _Field(
-        torch.full((1, 1, *grid.shape[::-1]), float(np.log(FIRST_DEPTH))),
-        torch.zeros(1, 3, *grid.shape[::-1]),
-        torch.zeros(len(views.cameras), 3),
-    )
-    for tensor in field:
-        tensor.requires_grad_()
-    descent = torch.optim.Adam(list(field), lr=options.rate)
+    # Logarithms of the optical depth (1, 1, nz, ny, nx), logits of colour and of backgrounds
+    shape = grid.shape[::-1]
+    log_depth = torch.full((1, 1, *shape), float(np.log(FIRST_DEPTH)), requires_grad=True)
+    tint = torch.zeros(1, 3, *shape, requires_grad=True)
+    background = torch.zeros(len(views.cameras), 3, requires_grad=True)
+    descent = torch.optim.Adam([log_depth, tint, background], lr=options.rate)
     generator = torch.Generator().manual_seed(options.seed)
     for _ in range(options.steps):
         picked = torch.randint(len(pixels.view), (options.rays,), generator=generator)
         batch = _Pixels(*(column[picked] for column in pixels))
-        depth = field.depth.exp() * allowed
-        seen, cover = _render(depth, field.colour.sigmoid(), batch, grid, generator)
-        loss = _loss(seen, cover, batch, field.background, masked)
-        loss = loss + options.smoothness * _roughness(depth)
+        depth = log_depth.exp() * allowed
+        seen, cover = _render(depth, tint.sigmoid(), batch, grid, generator)
+        if masked:
+            loss = ((cover - batch.opacity) ** 2).mean()
+        else:
+            seen = seen + (1 - cover)[:, None] * background.sigmoid()[batch.view]
+            loss = seen.new_zeros(())
+        loss = loss + ((seen - batch.colour) ** 2).mean()
+        taken = 1 - torch.exp(-depth)  # share of the light that a cell takes; its mean jump
+        jumps = [taken.diff(dim=axis).abs().mean() for axis in (2, 3, 4)]
+        loss = loss + options.smoothness * (jumps[0] + jumps[1] + jumps[2])
         descent.zero_grad()
         loss.backward()
         descent.step()
     with torch.no_grad():
         # The field in numbers, and how well it explains all pixels
-        depth, colour = field.depth.exp() * allowed, field.colour.sigmoid()
+        depth, colour = log_depth.exp() * allowed, tint.sigmoid()
         total = 0.0
-        for batch in _batches(pixels):
+        for start in range(0, len(pixels.view), BATCH):
+            batch = _Pixels(*(column[start : start + BATCH] for column in pixels))
             seen, cover = _render(depth, colour, batch, grid)
             if not masked:
-                seen = seen + (1 - cover)[:, None] * field.background.sigmoid()[batch.view]
+                seen = seen + (1 - cover)[:, None] * background.sigmoid()[batch.view]
             total += float(((seen - batch.colour) ** 2).sum())
         optical = depth[0, 0].numpy().T.astype(np.float64)
         solid = 1 - np.exp(-optical) >= SOLID
@@ -159,7 +169,12 @@ def silhouette_hull(views: Views, grid: Grid) -> Bool[np.ndarray, "nx ny nz"]:
 def silhouette_bounds(views: Views) -> Float[np.ndarray, "2 3"]:
     """Box [m] around what the silhouettes allow, near the point that the cameras look at."""
     center = focus(views.cameras)
-    reach = min(_reach(camera, center) for camera in views.cameras)
+    # Radius about that point which every picture still shows
+    reach = np.inf
+    for camera in views.cameras:
+        half = np.array(camera.size[::-1]) / 2
+        widest = float((half / np.hypot(camera.focal, half)).max())
+        reach = min(reach, float(np.linalg.norm(center - camera.position)) * widest)
     grid = Grid.around(np.stack([center - reach, center + reach]), cells=HULL_CELLS, pad=0)
     cells = np.argwhere(silhouette_hull(views, grid))
     if not len(cells):
@@ -176,39 +191,6 @@ def focus(cameras: Sequence[Camera]) -> Float[np.ndarray, "3"]:
     right = sum(a @ c.position for a, c in zip(across, cameras, strict=True))
     # Parallel axes leave the point free along them: the smallest solution is as good as any.
     return np.linalg.lstsq(np.sum(across, axis=0), np.asarray(right), rcond=None)[0]
-
-
-def _reach(camera: Camera, center: np.ndarray) -> float:
-    """Radius [m] about a point in front of a camera that its picture still shows."""
-    distance = float(np.linalg.norm(center - camera.position))
-    return distance * max(
-        size / 2 / np.hypot(focal, size / 2)
-        for size, focal in zip(camera.size[::-1], camera.focal, strict=True)
-    )
-
-
-def _pixels(views: Views, longest: int) -> _Pixels:
-    """Every pixel of the reduced photographs as a ray; colours are premultiplied."""
-    import torch
-    import torch.nn.functional as F
-
-    shrink = min(longest / max(views.opacity.shape[1:]), 1.0)
-    height, width = (max(round(n * shrink), 1) for n in views.opacity.shape[1:])
-    colour = views.colour * views.opacity[..., None]
-    layers = np.concatenate([colour, views.opacity[..., None]], axis=-1).transpose(0, 3, 1, 2)
-    layers = F.interpolate(torch.from_numpy(layers).float(), size=(height, width), mode="area")
-    layers = layers.permute(0, 2, 3, 1).reshape(-1, 4)
-    small = [camera.resized(height, width) for camera in views.cameras]
-    directions = np.concatenate([camera.directions().reshape(-1, 3) for camera in small])
-    origins = np.repeat([camera.position for camera in small], height * width, axis=0)
-    view = np.repeat(np.arange(len(small)), height * width)
-    return _Pixels(
-        torch.from_numpy(origins).float(),
-        torch.from_numpy(directions).float(),
-        layers[:, :3],
-        layers[:, 3],
-        torch.from_numpy(view),
-    )
 
 
 def _render(
@@ -245,26 +227,3 @@ def _render(
     light = torch.exp(-F.pad(behind, (1, 0)))
     share = light[:, :-1] - light[:, 1:]
     return torch.einsum("ns,kns->nk", share, found[1:]), 1 - light[:, -1]
-
-
-def _loss(
-    seen: torch.Tensor, cover: torch.Tensor, pixels: _Pixels, background: torch.Tensor, masked: bool
-) -> torch.Tensor:
-    """Squared error of the colour and, with silhouettes, of the opacity."""
-    if masked:
-        return ((seen - pixels.colour) ** 2).mean() + ((cover - pixels.opacity) ** 2).mean()
-    behind = background.sigmoid()[pixels.view]
-    return ((seen + (1 - cover)[:, None] * behind - pixels.colour) ** 2).mean()
-
-
-def _roughness(depth: torch.Tensor) -> torch.Tensor:
-    """Mean jump between neighbours of the share of light that a cell takes."""
-    import torch
-
-    taken = 1 - torch.exp(-depth)
-    return sum((taken.diff(dim=axis).abs().mean() for axis in (2, 3, 4)), start=taken.new_zeros(()))
-
-
-def _batches(pixels: _Pixels, size: int = 8192) -> Iterator[_Pixels]:
-    for start in range(0, len(pixels.view), size):
-        yield _Pixels(*(column[start : start + size] for column in pixels))

@@ -17,6 +17,7 @@ from ...fem.errors import UsageError
 from ..encoders.registry import Encoder
 
 TINY = 0.01  # share of the cells below which a connected piece is a speck
+TEMPERATURE = 0.1  # of the softmax that says how sure a cell is
 FLAT = 1e-6  # spread of similarities below which they say nothing
 
 
@@ -66,8 +67,6 @@ def segment(
     cells: Int[np.ndarray, "n 3"],
     keywords: Sequence[str],
     encoder: Encoder,
-    *,
-    temperature: float = 0.1,
 ) -> Segmentation:
     """Give every cell the keyword with the largest cosine, standardised over the object.
 
@@ -81,8 +80,6 @@ def segment(
         At least two words or phrases.
     encoder
         The encoder that made the features.
-    temperature
-        Of the softmax that says how sure a cell is.
     """
     if len(keywords) < 2:
         raise UsageError(f"segmentation needs at least two keywords, got {list(keywords)}")
@@ -92,7 +89,7 @@ def segment(
     relative = cosine - cosine.mean(axis=0)
     relative = relative / max(float(relative.std()), FLAT)
     label = relative.argmax(axis=1)
-    return Segmentation(label, tuple(keywords), _judge(label, relative, cells, temperature))
+    return Segmentation(label, tuple(keywords), _judge(label, relative, cells))
 
 
 def best_segmentation(
@@ -112,7 +109,6 @@ def _judge(
     label: Int[np.ndarray, "n"],
     relative: Float[np.ndarray, "n words"],
     cells: Int[np.ndarray, "n 3"],
-    temperature: float,
 ) -> Coherence:
     from scipy.ndimage import label as connect
 
@@ -131,7 +127,7 @@ def _judge(
         both = (a >= 0) & (b >= 0)
         pairs += both.sum()
         same += (both & (a == b)).sum()
-    logits = (relative - relative.max(axis=1, keepdims=True)) / temperature / relative.shape[1]
+    logits = (relative - relative.max(axis=1, keepdims=True)) / TEMPERATURE / relative.shape[1]
     best = 1 / np.exp(logits).sum(axis=1)
     chance = 1 / relative.shape[1]
     return Coherence(

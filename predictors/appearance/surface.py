@@ -75,15 +75,51 @@ def gloss_of(mesh: trimesh.Trimesh) -> Gloss:
 def skin_of(mesh: trimesh.Trimesh) -> Skin:
     """Return the function that colours points of a mesh from its ``visual``."""
     visual: Any = mesh.visual
-    if visual.kind == "texture":
-        return _material_skin(mesh, visual)
     if visual.kind == "face":
         colours = _unit(visual.face_colors)
         return lambda faces, weights: colours[faces]
     if visual.kind == "vertex":
         corners = _unit(visual.vertex_colors)[mesh.faces]
         return lambda faces, weights: np.einsum("nc,nck->nk", weights, corners[faces])
-    return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
+    if visual.kind != "texture":
+        return lambda faces, weights: np.broadcast_to(GREY, (len(faces), 4))
+    # Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour.
+    material = visual.material
+    simple = not hasattr(material, "baseColorFactor")
+    if simple:
+        factor = _obj_factor(material)
+    else:  # linear; trimesh keeps it as bytes
+        base = material.baseColorFactor
+        factor = np.ones(4) if base is None else _unit(np.asarray(base)).astype(np.float64)
+    image = material.image if simple else material.baseColorTexture
+    texture = (
+        None if image is None or visual.uv is None else _unit(np.asarray(image.convert("RGBA")))
+    )
+    if texture is not None and simple:
+        factor[:3] = 1.0
+    tint = visual.vertex_attributes.get("color")
+    corners = None if tint is None else _unit(np.asarray(tint))[mesh.faces]
+    mode = getattr(material, "alphaMode", "BLEND") or "OPAQUE"  # of glTF; other formats blend
+    cutoff = getattr(material, "alphaCutoff", None)
+    cutoff = 0.5 if cutoff is None else cutoff
+
+    def colour(faces: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n 3"]) -> np.ndarray:
+        result = np.tile(factor, (len(faces), 1))
+        if texture is not None:
+            uv = np.einsum("nc,nck->nk", weights, visual.uv[mesh.faces[faces]])
+            texel = _bilinear(texture, uv)
+            result *= np.concatenate([to_linear(texel[:, :3]), texel[:, 3:]], axis=1)
+        if corners is not None:
+            vertex = np.einsum("nc,nck->nk", weights, corners[faces])
+            result[:, : vertex.shape[1]] *= vertex
+        result[:, :3] = to_srgb(result[:, :3])
+        if mode == "MASK":
+            result[:, 3] = result[:, 3] >= cutoff
+        elif mode == "OPAQUE":
+            result[:, 3] = 1.0
+        return result.astype(np.float32)
+
+    return colour
 
 
 def material_name(mesh: trimesh.Trimesh) -> str | None:
@@ -102,60 +138,6 @@ def to_srgb(linear: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * root - 0.055)
 
 
-# White at D65 (CIE 15), and the rows that turn X, Y, Z to linear sRGB (IEC 61966-2-1).
-D65 = (0.95047, 1.0, 1.08883)
-LINEAR_OF_XYZ = np.array(
-    [[3.2404542, -1.5371385, -0.4985314],
-     [-0.9692660, 1.8760108, 0.0415560],
-     [0.0556434, -0.2040259, 1.0572252]]
-)  # fmt: skip
-
-
-def srgb_of_lab(lab: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """SRGB in [0, 1], clipped, of CIE L*a*b* at D65 (CIE 15; IEC 61966-2-1)."""
-    y = (lab[0] + 16) / 116
-    f = np.array([y + lab[1] / 500, y, y - lab[2] / 200])
-    xyz = np.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29)) * D65
-    return to_srgb((LINEAR_OF_XYZ @ xyz).clip(0, 1))
-
-
-def _material_skin(mesh: trimesh.Trimesh, visual: Any) -> Skin:
-    """Texture x factor x vertex colour, after glTF 2.0; an OBJ's texture replaces its colour."""
-    material = visual.material
-    simple = not hasattr(material, "baseColorFactor")
-    factor = _obj_factor(material) if simple else _gltf_factor(material)
-    image = material.image if simple else material.baseColorTexture
-    texture = (
-        None if image is None or visual.uv is None else _unit(np.asarray(image.convert("RGBA")))
-    )
-    if texture is not None and simple:
-        factor[:3] = 1.0
-    tint = visual.vertex_attributes.get("color")
-    corners = None if tint is None else _unit(np.asarray(tint))[mesh.faces]
-    opacity = _opacity_rule(material)
-
-    def colour(faces: Int[np.ndarray, "n"], weights: Float[np.ndarray, "n 3"]) -> np.ndarray:
-        result = np.tile(factor, (len(faces), 1))
-        if texture is not None:
-            uv = np.einsum("nc,nck->nk", weights, visual.uv[mesh.faces[faces]])
-            texel = _bilinear(texture, uv)
-            result *= np.concatenate([to_linear(texel[:, :3]), texel[:, 3:]], axis=1)
-        if corners is not None:
-            vertex = np.einsum("nc,nck->nk", weights, corners[faces])
-            result[:, : vertex.shape[1]] *= vertex
-        result[:, :3] = to_srgb(result[:, :3])
-        result[:, 3] = opacity(result[:, 3])
-        return result.astype(np.float32)
-
-    return colour
-
-
-def _gltf_factor(material: Any) -> Float[np.ndarray, "4"]:
-    """Linear base-colour factor; trimesh keeps it as bytes."""
-    factor = material.baseColorFactor
-    return np.ones(4) if factor is None else _unit(np.asarray(factor)).astype(np.float64)
-
-
 def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
     """Kd, an sRGB value by custom, as linear, with the opacity ``d`` or 1 - ``Tr``."""
     factor = _unit(np.asarray(material.diffuse)).astype(np.float64)
@@ -172,15 +154,6 @@ def _obj_factor(material: Any) -> Float[np.ndarray, "4"]:
             factor[3] = value if 0 < value <= 1 else 1.0
             break
     return factor
-
-
-def _opacity_rule(material: Any) -> Callable[[np.ndarray], np.ndarray]:
-    """How glTF's ``alphaMode`` reads alpha; other formats blend."""
-    mode = getattr(material, "alphaMode", "BLEND") or "OPAQUE"
-    if mode == "MASK":
-        cutoff = material.alphaCutoff if material.alphaCutoff is not None else 0.5
-        return lambda alpha: (alpha >= cutoff).astype(np.float64)
-    return np.ones_like if mode == "OPAQUE" else lambda alpha: alpha
 
 
 def _bilinear(

@@ -10,7 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -196,7 +196,18 @@ class Caster:
             alpha = np.where(colour[:, 3] < HOLE, 0.0, colour[:, 3])
             pixels["colour"][live] += (passed[live] * alpha)[:, None] * colour[:, :3]
             first = (alpha > 0) & (pixels["part"][live] < 0)
-            self._describe(pixels, live, hits, first, directions, travelled)
+            # What is known of the surface nearest to the camera
+            nearest, at = _Hits(*(column[first] for column in hits)), live[first]
+            normal = self.normals(nearest)
+            side = -np.sign(np.einsum("nk,nk->n", normal, directions[at]))
+            pixels["normal"][at] = normal * side[:, None]
+            pixels["depth"][at] = travelled[at]
+            pixels["part"][at] = nearest.part
+            pixels["slot"][at] = self._slot[nearest.part]
+            for part in np.unique(nearest.part):
+                mine = nearest.part == part
+                finish = self._glosses[part](nearest.face[mine], nearest.weights[mine])
+                pixels["finish"][at[mine]] = finish
             passed[live] *= 1 - alpha
             travelled[live] += STEP * self._size
             live = live[passed[live] > 1 - OPAQUE]
@@ -209,29 +220,6 @@ class Caster:
         result["opacity"] = cover.astype(np.float32)
         return {key: value.reshape(*camera.size, *value.shape[1:]) for key, value in result.items()}
 
-    def _describe(
-        self,
-        pixels: dict[str, np.ndarray],
-        live: np.ndarray,
-        hits: _Hits,
-        first: np.ndarray,
-        directions: np.ndarray,
-        travelled: np.ndarray,
-    ) -> None:
-        """Write what is known of the surface nearest to the camera."""
-        hits = _Hits(*(column[first] for column in hits))
-        at = live[first]
-        normal = self.normals(hits)
-        side = -np.sign(np.einsum("nk,nk->n", normal, directions[at]))
-        pixels["normal"][at] = normal * side[:, None]
-        pixels["depth"][at] = travelled[at]
-        pixels["part"][at] = hits.part
-        pixels["slot"][at] = self._slot[hits.part]
-        for part in np.unique(hits.part):
-            mine = hits.part == part
-            finish = self._glosses[part](hits.face[mine], hits.weights[mine])
-            pixels["finish"][at[mine]] = finish
-
 
 def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views:
     """Render an asset, by default from 15 cameras on its upper hemisphere."""
@@ -241,31 +229,8 @@ def render_views(asset: Asset, cameras: Sequence[Camera] | None = None) -> Views
     pictures = [caster.view(camera) for camera in cameras]
     pixels = {key: np.stack([picture[key] for picture in pictures]) for key in pictures[0]}
     return Views(
-        cameras,
-        part_names=caster.part_names,
-        slot_names=caster.slot_names,
-        up=asset.up,
-        **pixels,
+        cameras, part_names=caster.part_names, slot_names=caster.slot_names, up=asset.up, **pixels
     )
-
-
-def load_photographs(path: str | Path) -> Views:
-    """Load the photographs and cameras of a ``transforms.json``; their alpha is the opacity."""
-    shots = read_transforms(path)
-    _check_one_size([shot.camera.size for shot in shots])
-    pixels = np.stack([_pixels(shot) for shot in shots])
-    return Views(
-        tuple(shot.camera for shot in shots),
-        colour=pixels[..., :3] * (pixels[..., 3:] > 0),
-        opacity=pixels[..., 3],
-    )
-
-
-def _pixels(shot: Shot) -> Float[np.ndarray, "height width 4"]:
-    from PIL import Image
-
-    with Image.open(shot.path) as image:
-        return np.asarray(image.convert("RGBA"), dtype=np.float32) / 255
 
 
 def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
@@ -278,7 +243,6 @@ def _check_one_size(sizes: Sequence[tuple[int, int]]) -> None:
 FIELD_OF_VIEW = np.deg2rad(40.0)  # of the made cameras: a portrait lens, little distortion
 MARGIN = 1.05  # share of the image that the bounding sphere leaves free around itself
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-Pixels = tuple[float, float]  # (x, y) [px]
 RING_HEIGHT = 0.25  # a little above the horizon: 14 degrees
 PIXELS = 256  # side of a made image: 15 of them are a million rays
 
@@ -342,13 +306,6 @@ class Camera:
             x = self.center[0] + self.focal[0] * local[:, 0] / depth
             y = self.center[1] - self.focal[1] * local[:, 1] / depth
         return np.stack([x, y, depth], axis=1)
-
-
-class Shot(NamedTuple):
-    """A photograph's file and the camera that took it."""
-
-    path: Path
-    camera: Camera
 
 
 def hemisphere(
@@ -441,17 +398,20 @@ def look_at(
     return Camera(pose, (focal, focal), (pixels / 2, pixels / 2), (pixels, pixels))
 
 
-def read_transforms(path: str | Path) -> tuple[Shot, ...]:
-    """Read the photographs and cameras of a ``transforms.json`` (NeRF's convention).
+def load_photographs(path: str | Path) -> Views:
+    """Load the photographs and cameras of a ``transforms.json`` (NeRF's convention).
 
     Intrinsics may stand once for all frames or in each: ``fl_x``, ``fl_y``, ``cx``, ``cy`` [px], or
-    ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera.
+    ``camera_angle_x`` [rad]; what is missing is a centred, square-pixel camera. The photographs'
+    alpha is the opacity.
 
     Raises
     ------
     InputError
         Where the file or a photograph is missing or invalid, or lies outside the file's folder.
     """
+    from PIL import Image
+
     path = Path(path)
     try:
         document = json.loads(path.read_text())
@@ -460,43 +420,38 @@ def read_transforms(path: str | Path) -> tuple[Shot, ...]:
     frames = document.get("frames") if isinstance(document, dict) else None
     if not isinstance(frames, list) or not frames:
         raise InputError(f"{path}: wanted a list 'frames' with at least one photograph")
-    return tuple(_shot(path, number, {**document, **frame}) for number, frame in enumerate(frames))
-
-
-def _shot(path: Path, number: int, frame: dict[str, Any]) -> Shot:
-    from PIL import Image
-
-    try:
-        photo = _photograph(path.parent, str(frame["file_path"]))
-        pose = np.array(frame["transform_matrix"], dtype=np.float64)
-        with Image.open(photo) as image:
-            width, height = image.size
-        focal, center = _intrinsics(frame, width, height)
-    except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
-        raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
-    if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
-    return Shot(photo, Camera(pose, focal, center, (height, width)))
-
-
-def _intrinsics(frame: dict[str, Any], width: int, height: int) -> tuple[Pixels, Pixels]:
-    """Focal lengths and centre, each (x, y) [px] of the photograph; the file's may be others."""
-    w = float(frame.get("w", width))
-    h = float(frame.get("h", height * w / width))
-    if "fl_x" in frame:
-        focal = float(frame["fl_x"]), float(frame.get("fl_y", frame["fl_x"]))
-    else:
-        focal = (w / 2 / np.tan(float(frame["camera_angle_x"]) / 2),) * 2
-    center = float(frame.get("cx", w / 2)), float(frame.get("cy", h / 2))
-    across, down = width / w, height / h
-    return (focal[0] * across, focal[1] * down), (center[0] * across, center[1] * down)
-
-
-def _photograph(folder: Path, name: str) -> Path:
-    """The file of a frame, which NeRF's own data sets name without a suffix."""
-    for candidate in (folder / name, folder / f"{name}.png", folder / f"{name}.jpg"):
-        if candidate.is_file():
-            if not candidate.resolve().is_relative_to(folder.resolve()):
+    cameras, pictures = list[Camera](), []
+    for number, own in enumerate(frames):
+        try:
+            frame = {**document, **own}
+            name, folder = str(frame["file_path"]), path.parent
+            # NeRF's own data sets name photographs without a suffix.
+            files = (folder / name, folder / f"{name}.png", folder / f"{name}.jpg")
+            photo = next(filter(Path.is_file, files), None)
+            if photo is None:
+                raise InputError(f"photograph {name} is missing in {folder}")
+            if not photo.resolve().is_relative_to(folder.resolve()):
                 raise InputError(f"{name} lies outside {folder}: move the photographs beside it")
-            return candidate
-    raise InputError(f"photograph {name} is missing in {folder}")
+            pose = np.array(frame["transform_matrix"], dtype=np.float64)
+            with Image.open(photo) as image:
+                width, height = image.size
+                pictures.append(np.asarray(image.convert("RGBA"), dtype=np.float32) / 255)
+            w = float(frame.get("w", width))  # the file's pixels may be others
+            h = float(frame.get("h", height * w / width))
+            if "fl_x" in frame:
+                x, y = float(frame["fl_x"]), float(frame.get("fl_y", frame["fl_x"]))
+            else:
+                x = y = w / 2 / np.tan(float(frame["camera_angle_x"]) / 2)
+            center = float(frame.get("cx", w / 2)), float(frame.get("cy", h / 2))
+            across, down = width / w, height / h
+        except (KeyError, TypeError, ValueError, ZeroDivisionError, OSError) as error:
+            raise InputError(f"{path}: frame {number} is not usable: {error!r}") from error
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise InputError(f"{path}: frame {number} needs a finite 4 x 4 transform_matrix")
+        focal, center = (x * across, y * down), (center[0] * across, center[1] * down)
+        cameras.append(Camera(pose, focal, center, (height, width)))
+    _check_one_size([camera.size for camera in cameras])
+    pixels = np.stack(pictures)
+    return Views(
+        tuple(cameras), colour=pixels[..., :3] * (pixels[..., 3:] > 0), opacity=pixels[..., 3]
+    )

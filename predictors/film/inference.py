@@ -7,9 +7,8 @@ and colour, by the asset's own names, and by the features of a vision-language e
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -158,12 +157,7 @@ class FilmModel:
         return found.seen(parts, frame, appearance or Appearance(), self.table)
 
     def _scene(
-        self,
-        parts: PartVoxels,
-        frame: Frame,
-        heard: Heard,
-        appearance: Appearance,
-        names: bool,
+        self, parts: PartVoxels, frame: Frame, heard: Heard, appearance: Appearance, names: bool
     ) -> VoxelScene:
         """Put everything that is known into the tensors of the network."""
         import torch
@@ -357,45 +351,9 @@ def _source(
 
 # Files of trained weights: float16 safetensors with the network's sizes and normalisation.
 
-log = logging.getLogger(__name__)
-
-
-def load_matching(network: FilmUNet, path: Path) -> None:
-    """Take over the weights of a checkpoint that fit; a network of another shape keeps its own."""
-    from safetensors.torch import load_file
-
-    own = network.state_dict()
-    saved = {
-        k: v.float() for k, v in load_file(path).items() if k in own and own[k].shape == v.shape
-    }
-    log.info("%d of %d tensors taken from %s", len(saved), len(own), path)
-    network.load_state_dict({**own, **saved})
-
-
-def save_checkpoint(
-    path: Path,
-    network: FilmUNet,
-    *,
-    normalisation: Normalisation | None = None,
-    facts: dict | None = None,
-) -> None:
-    """Write the network as float16 safetensors, with its config and what its numbers mean.
-
-    ``normalisation`` is by default the network's own.
-    """
-    from safetensors.torch import save_file
-
-    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
-    metadata = {
-        "network": json.dumps(network.config.to_dict()),
-        "normalisation": json.dumps((normalisation or network.normalisation).to_dict()),
-        "facts": json.dumps(facts or {}),
-    }
-    save_file(tensors, path, metadata=metadata)
-
 
 def load_checkpoint(path: Path) -> FilmUNet:
-    """Read a network that ``save_checkpoint`` wrote, in float32 on the CPU.
+    """Read a network in float32 on the CPU.
 
     Raises
     ------
@@ -427,8 +385,3 @@ def standard(evidence: Float[np.ndarray, "x y z k"], inside: np.ndarray) -> np.n
     within = evidence[inside]
     scaled = (evidence - within.mean()) / np.sqrt(within.var() + 1e-4)  # 1e-4: as in training
     return np.moveaxis(np.where(inside[..., None], scaled, 0), -1, 0).astype(np.float32)
-
-
-def with_names(parts: PartVoxels, names: Sequence[str]) -> PartVoxels:
-    """Return the parts under other names: to hide what they are called, or to tell it."""
-    return replace(parts, part_names=tuple(names), labels=())

@@ -68,7 +68,11 @@ class FilmPredictor:
         seen = appearance() if appearance else None
         heard = hear(HeardSentence.of(sentence), parts.part_labels, self.table, self.model.words)
         found = self.model.infer(parts, heard, up=up, appearance=seen)
-        pieces = self._pieces(parts, left_open, found)
+        if found.of_pieces:  # the text speaks of more parts than there are
+            pieces = partition(parts, left_open, found.shares, found.clauses)
+        else:
+            owners = match_clauses(parts, left_open, found.shares, found.unbound)
+            pieces = Partition(parts, tuple(range(len(owners))), owners)
         decided = [
             replace(choices[parent], part=name)
             if parent not in left_open
@@ -79,7 +83,16 @@ class FilmPredictor:
                 zip(pieces.parts.part_names, pieces.parents, pieces.owners, strict=True)
             )
         ]
-        field = _field(pieces.parts, decided, found)
+        # The choices' values, and the network's own cell by cell where it decided alone
+        field = field_of(pieces.parts, decided)
+        learned = np.isin(
+            pieces.parts.part, [i for i, choice in enumerate(decided) if choice.network]
+        )
+        values = {
+            name: np.where(learned, value, getattr(field, name))
+            for name, value in zip(FIELDS, found.normalisation.physical(found.values), strict=True)
+        }
+        field = replace(field, ranges=None if learned.any() else field.ranges, **values)
         unbound = unbound_by([*choices, *decided], sentence.clauses)
         return Prediction(pieces.parts, pieces.parents, field, tuple(decided), unbound)
 
@@ -101,13 +114,6 @@ class FilmPredictor:
             parts.grid, parts.occupied, E, nu, rho, part=labels, part_names=parts.part_names
         )
 
-    def _pieces(self, parts: PartVoxels, left_open: Sequence[int], found: Inference) -> Partition:
-        """Divide parts if the text speaks of more than there are; else match a clause to each."""
-        if found.of_pieces:
-            return partition(parts, left_open, found.shares, found.clauses)
-        owners = match_clauses(parts, left_open, found.shares, found.unbound)
-        return Partition(parts, tuple(range(len(owners))), owners)
-
     def _choose(
         self, words: PartChoice, found: Inference, cells: np.ndarray, owner: int | None
     ) -> PartChoice:
@@ -118,12 +124,12 @@ class FilmPredictor:
         clause = None if owner is None else found.clauses[owner]
         shares = found.shares[cells].mean(axis=0)
         share = float(shares[-1 if owner is None else owner])
-        said = None if clause is None else clause.written
-        measured = said is not None and owner == shares.argmax() and not found.of_pieces
+        text = None if clause is None else clause.written
+        measured = text is not None and owner == shares.argmax() and not found.of_pieces
         certainty = self.certainty.of(share) if self.certainty and measured else None
         spread = float(found.spread[cells].mean())
-        binding = Binding(said, share, int(cells.sum()), spread, certainty)
-        why = f"network: {'nothing said' if said is None else repr(said)}"
+        binding = Binding(text, share, int(cells.sum()), spread, certainty)
+        why = f"network: {'nothing text' if text is None else repr(text)}"
         if certainty is not None:
             why += f", right in about {10 * certainty:.0f} of 10 such cases"
         if clause is not None and clause.material:
@@ -144,18 +150,6 @@ class FilmPredictor:
             network="FiLM", unknown=words.unknown,
             guessed=clause is None or words.unknown is not None,
         )  # fmt: skip
-
-
-def _field(parts: PartVoxels, choices: Sequence[PartChoice], found: Inference) -> MaterialField:
-    """Return the choices' values, and the network's own cell by cell where it decided alone."""
-    field = field_of(parts, choices)
-    learned = np.isin(parts.part, [i for i, choice in enumerate(choices) if choice.network])
-    values = found.normalisation.physical(found.values)
-    own = {
-        name: np.where(learned, value, getattr(field, name))
-        for name, value in zip(FIELDS, values, strict=True)
-    }
-    return replace(field, ranges=None if learned.any() else field.ranges, **own)
 
 
 # How often a share of the network's is right: said only where it was found to hold.

@@ -100,7 +100,12 @@ class FilmUNet(nn.Module):
         fields = ("clauses", "object_name", "names")
         heard = {name: getattr(scene, name)[..., :dim] for name in fields}
         scene = scene._replace(**heard, features=features)
-        slots = self._all_slots(scene)
+        # Hidden vectors of the clauses, of what is known of the object, and of the part names
+        named = scene.has_object.to(scene.clauses.dtype)[:, None, None]
+        null = self.slots(torch.zeros_like(scene.object_name)[:, None], 1) * (1 - named)
+        null = self.slots(scene.object_name[:, None], 2) * named + null
+        slots = [self.slots(scene.clauses, 0), null, self.slots(scene.names, 3)]
+        slots = torch.cat(slots, dim=1)
         half = scene if self.fine is None else halve(scene)
         masks = [half.inputs[:, :1]]
         for _ in self.down:
@@ -148,23 +153,6 @@ class FilmUNet(nn.Module):
         if self.fine is not None:
             return self.fine(scene, coarse, slots, says)
         return Output(composed(coarse.residual, coarse.weights, says), coarse.logits)
-
-    def text_values(self, embedding: Tensor, kind: Tensor) -> Tensor:
-        """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
-        heard = embedding[:, None, : self.config.text_dim]
-        hidden = [self.slots(heard, k)[:, 0] for k in (0, 3)]
-        chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
-        says = self.sayings(chosen, heard[:, 0])
-        alone = torch.ones_like(says[:, None, None, None, :1])
-        nothing = torch.zeros_like(says[:, :3, None, None, None])
-        return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]
-
-    def _all_slots(self, scene: VoxelScene) -> Tensor:
-        """Hidden vectors of the clauses, of what is known of the object, and of the part names."""
-        known = scene.has_object.to(scene.clauses.dtype)[:, None, None]
-        named = self.slots(scene.object_name[:, None], 2) * known
-        null = named + self.slots(torch.zeros_like(scene.object_name)[:, None], 1) * (1 - known)
-        return torch.cat([self.slots(scene.clauses, 0), null, self.slots(scene.names, 3)], dim=1)
 
     def _encoder(self, scene: VoxelScene, masks: list[Tensor], films) -> list[Tensor]:
         x = self.stem(scene.inputs)
@@ -302,11 +290,23 @@ class Binder(nn.Module):
 
     def forward(self, scene: VoxelScene, features: list[Tensor], deepest: Tensor, masks) -> Tensor:
         """Logits (batch, K + 1, x, y, z), float32; ``features`` fine to coarse."""
-        words = self._words(scene, features)
+        # Scaled dot products of clause keys with the queries of all scales, summed
+        keys = self.keys(self.listen(scene.clauses))
+        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
+        words = torch.zeros((), device=keys.device)
+        split = keys.chunk(len(self.queries), dim=-1)
+        for query, key, x in zip(self.queries, split, features, strict=True):
+            scaled = (key / key.shape[-1] ** 0.5).transpose(1, 2)
+            alike = mix(query(x).permute(0, 2, 3, 4, 1), scaled).float()
+            if alike.shape[2:] != scene.inputs.shape[2:]:
+                alike = F.interpolate(alike, size=scene.inputs.shape[2:], mode="nearest")
+            words = words + alike
         present = torch.cat([scene.clause_mask, torch.ones_like(scene.clause_mask[:, :1])], 1)
         closed = (~present.bool())[..., None, None, None]
-        if self.graded:
-            scene = _without_useless(scene)
+        if self.graded:  # the evidence of useless sources taken away
+            useful = (scene.reliability > USELESS).to(scene.reliability.dtype)
+            kept = scene.evidence * useful[..., None, None, None, None].to(scene.evidence.dtype)
+            scene = scene._replace(evidence=kept, reliability=scene.reliability * useful)
         # Evidence averaged over 1, 2^3 and 4^3 cells, by learned shares, (b, S, K, ...)
         mask = masks[0]
         b, s, k = scene.evidence.shape[:3]
@@ -331,22 +331,6 @@ class Binder(nn.Module):
             logits = logits + full * scale[:, None, None, None, None]
         return logits.masked_fill(closed, NO_CLAUSE)
 
-    def _words(self, scene: VoxelScene, features: list[Tensor]) -> Tensor:
-        """Scaled dot products of clause keys with the queries of all scales, summed."""
-        keys = self.keys(self.listen(scene.clauses))
-        keys = torch.cat([keys, self.null.expand(len(keys), -1, -1).to(keys.dtype)], dim=1)
-        size = scene.inputs.shape[2:]
-        total = torch.zeros((), device=keys.device)
-        split = keys.chunk(len(self.queries), dim=-1)
-        for query, key, x in zip(self.queries, split, features, strict=True):
-            q = query(x).permute(0, 2, 3, 4, 1)
-            scaled = (key / key.shape[-1] ** 0.5).transpose(1, 2)
-            logits = mix(q, scaled).float()
-            if logits.shape[2:] != size:
-                logits = F.interpolate(logits, size=size, mode="nearest")
-            total = total + logits
-        return total
-
     def _gate(self, scene: VoxelScene, words, evidence, deepest: Tensor, masks) -> Tensor:
         """Positive scales (batch, 1 + S) of words and of each source, one set for an object."""
         mask = masks[0].float()
@@ -364,13 +348,6 @@ class Binder(nn.Module):
             agree = masked_mean((index[:, :, 1:] == index[:, :, :-1]).float(), both)
             stats += [margin, top, agree, scene.reliability[:, source : source + 1]]
         return F.softplus(self.gate(torch.cat(stats, dim=1).float()))
-
-
-def _without_useless(scene: VoxelScene) -> VoxelScene:
-    """Return the scene with the evidence of useless sources taken away."""
-    heard = (scene.reliability > USELESS).to(scene.reliability.dtype)
-    evidence = scene.evidence * heard[..., None, None, None, None].to(scene.evidence.dtype)
-    return scene._replace(evidence=evidence, reliability=scene.reliability * heard)
 
 
 def slot_weights(scene: VoxelScene, logits: Tensor) -> Tensor:

@@ -106,46 +106,62 @@ class Decider:
     def __init__(self, table: MaterialTable, kernel: RowKernel) -> None:
         self.table, self.kernel = table, kernel
 
-    def prepare(self, parts: Sequence[NamedPart], said: Sequence[PartStatement]) -> None:
+    def prepare(self, parts: Sequence[NamedPart], statements: Sequence[PartStatement]) -> None:
         """Embed in one go what is asked of the parts that no word of the table names."""
         unnamed = (
             (part, words)
-            for part, words in zip(parts, said, strict=True)
+            for part, words in zip(parts, statements, strict=True)
             if words.naming is None and not part.material
         )
         self.kernel.embed([_query(part, words) for part, words in unnamed])
 
     def decide(
-        self, part: NamedPart, said: PartStatement, *, alpha: float | None, volume: float
+        self, part: NamedPart, statement: PartStatement, *, alpha: float | None, volume: float
     ) -> tuple[PartChoice, tuple[str, ...]]:
         """Return the choice for a part of which so much is said, and what to warn of.
 
         ``volume`` [m^3] is that of all parts of which the same is said.
         """
-        choice = self._row_of(part, said)
-        if said.override:
-            choice = replace(choice, why=f"override: {said.override!r}", settled=True)
-        choice = self._placed(choice, said, alpha)
+        choice = self._row_of(part, statement)
+        if statement.override:
+            choice = replace(choice, why=f"override: {statement.override!r}", settled=True)
+        # E and rho where they are said to be: in the row's range, or absolutely
+        stiffness, density = statement.first("stiffness"), statement.first("density")
+        if (
+            statement.naming
+            and choice.row.name != self.table.exact(statement.naming.material or "").name
+        ):
+            stiffness = None  # "soft foam" is a row of its own
+        value = value_at(
+            choice.row, stiffness=stiffness, density=density, character=statement.all("character"),
+            absolute=statement.naming is None and choice.guessed,
+        )  # fmt: skip
+        place = PLACE[stiffness] if stiffness else 0.5
+        if alpha is not None:
+            place, value = alpha, value._replace(E=choice.row.value(alpha).E)
+        choice = replace(choice, value=value, alpha=place)
         value, derivation, warnings, exact = with_numbers(
-            part.name, choice.row, choice.value, said.numbers,
-            blend=said.first("blend"), volume=volume, named=said.naming is not None,
+            part.name, choice.row, choice.value, statement.numbers,
+            blend=statement.first("blend"), volume=volume, named=statement.naming is not None,
         )  # fmt: skip
         choice = replace(choice, value=value, derivation=derivation, exact=exact)
-        if derivation and not said.open:
+        if derivation and not statement.open:
             choice = replace(choice, settled=True)
-        if {*FIELDS} <= {number.measure for number in said.numbers}:
+        if {*FIELDS} <= {number.measure for number in statement.numbers}:
             choice = as_stated(choice)
         # Sentences about what was said of a part and could not be taken as it stands
-        told = []
-        named = dict.fromkeys(clause.material for clause in said.clauses if clause.material)
+        notes = []
+        named = dict.fromkeys(clause.material for clause in statement.clauses if clause.material)
         first, *others = named or [""]
         if others:
-            told.append(
+            notes.append(
                 f"part {part.name!r}: the text names {' and '.join(map(repr, named))} for it; "
                 f"{first!r} is taken, {', '.join(map(repr, others))} not"
             )
-        told += [f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(said.all("doubts"))]
-        return replace(choice, unknown=said.unknown), (*told, *warnings)
+        notes += [
+            f"part {part.name!r}: {doubt}" for doubt in dict.fromkeys(statement.all("doubts"))
+        ]
+        return replace(choice, unknown=statement.unknown), (*notes, *warnings)
 
     def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
         """Choose for a part what a clause names, a predictor having found the part for it."""
@@ -155,59 +171,76 @@ class Decider:
         value = value_at(row, stiffness=stiffness, density=None, absolute=False)
         return PartChoice(part, row, value, 1.0, PLACE[stiffness or 3], why)
 
-    def _row_of(self, part: NamedPart, said: PartStatement) -> PartChoice:
+    def _row_of(self, part: NamedPart, statement: PartStatement) -> PartChoice:
         """Choose the row, at the middle of its ranges."""
-        naming, deciding = said.naming, said.deciding
+        naming, deciding = statement.naming, statement.deciding
         contents = load_contents().phrases.get(part.spoken)
-        if contents and not part.material and (said.whole or not said.clauses):
+        if contents and not part.material and (statement.whole or not statement.clauses):
             return _choice(part, contents, f"name: {part.name!r}")
         label = self.table.exact(part.material) if part.material else None
-        if naming is not None and not self.keeps_name(part, said):
+        if naming is not None and not self.keeps_name(part, statement):
             material = naming.material or ""
-            row = self._named(naming.phrase or material, material, said.first("stiffness"))
-            why = f"whole sentence: {naming.text!r}" if said.borrowed else f"text: {naming.text!r}"
-            choice = _choice(part, row, why, clause=naming, settled=not said.open)
+            row = self._named(naming.phrase or material, material, statement.first("stiffness"))
+            why = (
+                f"whole sentence: {naming.text!r}"
+                if statement.borrowed
+                else f"text: {naming.text!r}"
+            )
+            choice = _choice(part, row, why, clause=naming, settled=not statement.open)
             # "The chair is beech": so are its legs.
-            of_object = said.whole and not said.spoken and names_object(naming)
-            doubts = _kind_taken(part, said, row)
-            return replace(choice, borrowed=said.borrowed and not of_object, doubts=doubts)
-        if label and is_held(part, label):
+            of_object = statement.whole and not statement.spoken and names_object(naming)
+            doubts = _kind_taken(part, statement, row)
+            return replace(choice, borrowed=statement.borrowed and not of_object, doubts=doubts)
+        # Called after what it holds: a butter dish is not of butter.
+        containers, own = words()["containers"], part.name_words
+        if (
+            label and part.material_label == part.name and len(own) > 1
+            and label.category in containers["matter"] and own[-1] in containers["words"]
+        ):  # fmt: skip
             bare = " ".join(part.name_words[-1:])
             part, label = replace(part, name_words=(bare,), material=None), None
-        if label and not _ruled_out(label, said):
+        ruled_out = label and (
+            {label.name, label.category} & set(statement.all("excluded"))
+            or statement.kind not in (None, label.category)
+            or not behaves(label, statement.all("character"))
+        )
+        if label and not ruled_out:
             why = f"name: {part.material_label!r}"
-            doubts = _kind_taken(part, said, label)
-            if said.whole and naming and naming.material != label.name:
+            doubts = _kind_taken(part, statement, label)
+            if statement.whole and naming and naming.material != label.name:
                 wins = f"its name, {label.name}, wins: the text says {naming.material}"
                 doubts = (*doubts, f"part {part.name!r}: {wins}")
-            known = said.unknown is None
+            known = statement.unknown is None
             return _choice(part, label, why, clause=deciding, settled=known, doubts=doubts)
-        coating = said.first("coating")
+        coating = statement.first("coating")
         if coating and key(coating) in self.table.phrases and not label:
             row = self.table.exact(coating)
             doubt = f"part {part.name!r}: only what covers it is said, {row.name}: taken as its own"
             return _choice(part, row, f"{coating}, which covers it", guessed=True, doubts=(doubt,))
-        if deciding is None or said.unknown is not None:
+        if deciding is None or statement.unknown is not None:
             # Choose the row nearest in meaning to the part's name; the common ones if all are far
-            query = _query(part, said)
+            query = _query(part, statement)
             common = {self.table.exact(word).name for word in COMMON}
             near = self.kernel.nearest(query, common=common)
             return _choice(
-                part, near.row, f"nearest to {query!r}", weight=near.share, clause=said.deciding,
-                settled=near.meaningful and not (said.open or said.unknown), guessed=True,
+                part, near.row, f"nearest to {query!r}", weight=near.share, clause=deciding,
+                settled=near.meaningful and not (statement.open or statement.unknown), guessed=True,
             )  # fmt: skip
-        return self._among(part, said, deciding)
+        return self._among(part, statement, deciding)
 
-    def keeps_name(self, part: NamedPart, said: PartStatement) -> bool:
+    def keeps_name(self, part: NamedPart, statement: PartStatement) -> bool:
         """Whether a part's own name says more of it than what is said of the whole.
 
         "Beech", said of the whole, is against an ash_leg, and not against a glass_top.
         """
-        if not (said.whole and said.naming):
+        if not (statement.whole and statement.naming):
             return False
         if not part.material:
             return part.spoken in load_contents().phrases
-        named, label = self.table.exact(said.naming.material or ""), self.table.exact(part.material)
+        named, label = (
+            self.table.exact(statement.naming.material or ""),
+            self.table.exact(part.material),
+        )
         return named is label or named.category != label.category
 
     def _named(self, words: str, material: str, degree: Degree | None) -> Material:
@@ -218,56 +251,41 @@ class Decider:
                 return row
         return self.table.exact(material)
 
-    def _among(self, part: NamedPart, said: PartStatement, deciding: Clause) -> PartChoice:
+    def _among(self, part: NamedPart, statement: PartStatement, deciding: Clause) -> PartChoice:
         """Choose the row nearest in meaning of those that can be as is said, without a name."""
         rows = rows_at(
-            self.kernel.rows, stiffness=said.first("stiffness"), density=said.first("density"),
-            character=said.all("character"), excluded=said.all("excluded"),
+            self.kernel.rows,
+            stiffness=statement.first("stiffness"), density=statement.first("density"),
+            character=statement.all("character"), excluded=statement.all("excluded"),
         )  # fmt: skip
-        fitting = [row for row in rows if said.kind in (None, row.category)]
+        fitting = [row for row in rows if statement.kind in (None, row.category)]
         rows = fitting or self.kernel.rows
-        rubber = None if said.kind else rubber_of(self.table.rows, said.numbers)
+        rubber = None if statement.kind else rubber_of(self.table.rows, statement.numbers)
         if rubber is not None:
             return _choice(part, rubber, deciding.text, clause=deciding, guessed=True)
-        rows = [row for row in rows if may_have(row, said.numbers)] or rows
+        rows = [row for row in rows if may_have(row, statement.numbers)] or rows
         usual = {self.table.exact(word).name for word in (*COMMON, *ALSO_COMMON)}
         names = {row.name for row in rows}
         common = names & usual or names
-        near = self.kernel.nearest(_query(part, said), among=names, common=common)
+        near = self.kernel.nearest(_query(part, statement), among=names, common=common)
         doubt = (
             f"part {part.name!r}: no material here is all that {deciding.text!r} says: "
             f"{near.row.name} is no more than the nearest in meaning"
         )
         return _choice(
             part, near.row, f"{deciding.text!r}, nearest in meaning", clause=deciding,
-            weight=near.share, guessed=True, settled=not said.open,
+            weight=near.share, guessed=True, settled=not statement.open,
             doubts=() if fitting else (doubt,),
         )  # fmt: skip
 
-    def _placed(self, choice: PartChoice, said: PartStatement, alpha: float | None) -> PartChoice:
-        """Move E and rho to where they are said to be: in the row's range, or absolutely."""
-        stiffness, density = said.first("stiffness"), said.first("density")
-        naming = said.naming
-        if naming and choice.row.name != self.table.exact(naming.material or "").name:
-            stiffness = None  # "soft foam" is a row of its own
-        absolute = naming is None and choice.guessed
-        value = value_at(
-            choice.row, stiffness=stiffness, density=density, character=said.all("character"),
-            absolute=absolute,
-        )  # fmt: skip
-        place = PLACE[stiffness] if stiffness else 0.5
-        if alpha is not None:
-            place, value = alpha, value._replace(E=choice.row.value(alpha).E)
-        return replace(choice, value=value, alpha=place)
 
-
-def _query(part: NamedPart, said: PartStatement) -> str:
+def _query(part: NamedPart, statement: PartStatement) -> str:
     """Words to compare with the table's: what a part is called, and what is said of it."""
-    if said.unknown is None and said.deciding is not None:
-        return f"{part.spoken} {said.deciding.text}".strip()
-    first = next(iter(said.clauses), None)
-    heard = first.text if first and not (first.unknown or first.filling) else ""
-    return f"{part.spoken} {heard}".strip()
+    if statement.unknown is None and statement.deciding is not None:
+        return f"{part.spoken} {statement.deciding.text}".strip()
+    first = next(iter(statement.clauses), None)
+    text = first.text if first and not (first.unknown or first.filling) else ""
+    return f"{part.spoken} {text}".strip()
 
 
 def _choice(
@@ -287,33 +305,13 @@ def _choice(
     )  # fmt: skip
 
 
-def _kind_taken(part: NamedPart, said: PartStatement, row: Material) -> tuple[str, ...]:
+def _kind_taken(part: NamedPart, statement: PartStatement, row: Material) -> tuple[str, ...]:
     """That a row stands for a kind of matter; generic rows span theirs."""
-    naming = said.naming
+    naming = statement.naming
     if naming and naming.kind and "generic" not in row.name:
         kind = f"{naming.phrase!r} is a kind of matter"
         return (f"part {part.name!r}: {kind}, taken as {row.name}",)
     return ()
-
-
-def _ruled_out(row: Material, said: PartStatement) -> bool:
-    """Whether what is said of a part cannot be of this row."""
-    kind = said.kind
-    return (
-        bool({row.name, row.category} & set(said.all("excluded")))
-        or (kind is not None and row.category != kind)
-        or not behaves(row, said.all("character"))
-    )
-
-
-# What a part is called after without being made of it: what it holds.
-
-
-def is_held(part: NamedPart, row: Material) -> bool:
-    """Whether a part is called after what it holds: a butter dish is not of butter."""
-    containers, own = words()["containers"], part.name_words
-    held = part.material_label == part.name and row.category in containers["matter"]
-    return held and len(own) > 1 and own[-1] in containers["words"]
 
 
 # What "soft" or "heavy" mean where no material is named: bands of E and rho, and rows in them.
@@ -352,12 +350,6 @@ BEHAVING: dict[str, frozenset[str]] = {
 }
 
 
-def shared_span(a: Span, b: Span) -> Span | None:
-    """Return what two ranges share, None for nothing."""
-    low, high = max(a.min, b.min), min(a.max, b.max)
-    return Span(low, high) if low <= high else None
-
-
 def behaves(row: Material, character: Iterable[str]) -> bool:
     """Whether a row is known to behave as all these words say; unknown words hold for all."""
     for word in character:
@@ -388,7 +380,10 @@ def rows_at(
         if not {row.name, row.category} & set(excluded) and behaves(row, character)
     ]
     E, rho = stiffness_band(stiffness, character), DENSITY.get(density) if density else None
-    stiff = [row for row in left if E is None or shared_span(row.E, _core(E))]
+    if E is not None:  # the middle half, in logarithms: what is meant, not what is just possible
+        quarter = (E.max / E.min) ** 0.25
+        E = Span(E.min * quarter, E.max / quarter)
+    stiff = [row for row in left if E is None or max(row.E.min, E.min) <= min(row.E.max, E.max)]
     if rho is None or not stiff:
         return stiff
     apart = {
@@ -428,12 +423,6 @@ def value_at(
 def _near(span: Span, band: Span) -> float:
     """Return what of a range lies nearest to the middle of a band."""
     return min(span.max, max(span.min, math.sqrt(band.min * band.max)))
-
-
-def _core(band: Span) -> Span:
-    """Return the middle half of a band, in logarithms: what is meant, not what is just possible."""
-    quarter = (band.max / band.min) ** 0.25
-    return Span(band.min * quarter, band.max / quarter)
 
 
 def _placed(span: Span, degree: Degree) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import ClassVar, NamedTuple
@@ -25,7 +25,7 @@ from ..encoders.registry import TextEncoder
 from ..field import Normalisation
 from ..grid import PartVoxels
 from ..prediction import PartChoice, Prediction
-from ..text.clauses import GENERAL, Bound, BoundPart, Clause, Sentence, Subject, bind
+from ..text.clauses import GENERAL, Bound, Clause, Sentence, Subject, bind
 from ..text.hearing import HeardClause, NamedPart, allocate, stem, vocabulary_of
 from ..text.lexicon import parts_called, words
 from ..text.numerals import Comparison
@@ -99,31 +99,48 @@ class Lookup:
         self._decider.prepare(parts, statements)
         choices = []
         for part, said in zip(parts, statements, strict=True):
-            choice, told = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
+            choice, more = self._decider.decide(part, said, alpha=alpha, volume=of_all[said])
             choices.append(choice)
-            warnings += told
-        choices, told = with_relations(
+            warnings += more
+        choices, more = with_relations(
             choices,
             [said.all("comparisons") for said in statements],
             lambda words: parts_called(words, part_labels),
-            self._row_called,
+            # The row of a matter, or of what fills things
+            lambda words: (
+                self.table.phrases.get(" ".join(words))
+                or load_contents().phrases.get(" ".join(words))
+            ),
             named=[
                 bool(part.material or said.naming)
                 for part, said in zip(parts, statements, strict=True)
             ],
         )
-        choices = self._overruled(choices, parts, materials or {}, values or {}, alpha)
-        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *told))))
+        # Rows and numbers that options state exactly
+        for name, exact in (materials or {}).items():
+            i, row = _index(name, parts), self.table.exact(exact)
+            place = 0.5 if alpha is None else alpha
+            choices[i] = PartChoice(
+                parts[i].name, row, row.value(place), 1.0, place, f"override: {exact!r}"
+            )
+        for name, numbers in (values or {}).items():
+            i = _index(name, parts)
+            value = MaterialValue(**(choices[i].value._asdict() | dict(numbers)))
+            stated = ", ".join(f"{key}={number:g}" for key, number in numbers.items())
+            choices[i] = replace(
+                choices[i], value=value, settled=True, derivation=(f"{stated} as set",),
+                exact=tuple(dict.fromkeys([*choices[i].exact, *numbers])),
+            )  # fmt: skip
+            if len(numbers) == len(value):
+                choices[i] = as_stated(choices[i])
+        return WordChoices(choices, tuple(dict.fromkeys((*warnings, *more))))
 
     def of_clause(self, part: str, clause: HeardClause, why: str) -> PartChoice:
         """Choose for a part the material that a clause names, soft or stiff as its level says."""
         return self._decider.of_clause(part, clause, why)
 
     def _statements(
-        self,
-        parts: Sequence[NamedPart],
-        bound: Bound,
-        overrides: Mapping[str, str],
+        self, parts: Sequence[NamedPart], bound: Bound, overrides: Mapping[str, str]
     ) -> tuple[list[PartStatement], list[str]]:
         """What is said of each part: by name, of all of them, by an option, or by elimination."""
         sentence = bound.sentence
@@ -144,14 +161,25 @@ class Lookup:
         ):
             lost |= {k for _, k in whole}
         spoken = {stem(word) for word in re.findall(r"[^\W\d_]+", sentence.text)}
-        statements = [
-            replace(said, spoken=bool(spoken & {*part.name_words}))
-            for part, said in zip(
-                parts, (_statement_of(sentence, part, lost) for part in bound.parts), strict=True
-            )
-        ]
-        said = [sentence.clauses[k] for k in sorted(lost)]
-        statements = allot(parts, statements, said, self.table, self.kernel)
+        statements = []
+        for part, bonds in zip(parts, bound.parts, strict=True):
+            pairs = zip(bonds.clauses, bonds.how, strict=True)
+            kept = {k: how for k, how in pairs if k not in lost}
+            clauses, ways = tuple(sentence.clauses[k] for k in kept), {*kept.values()}
+            naming = next((clause for clause in clauses if clause.material), None)
+            # Said of every part, as "it is steel" is not, it leaves no name of a part more to say.
+            text = "" if naming is None else " ".join(re.findall(r"[a-z]+", naming.text.lower()))
+            phrases = (*words()["roles"]["whole"], "whole", "entire")
+            every = naming is not None and naming.subject.scope == "whole"
+            every = every and any(f" {phrase} " in f" {text} " for phrase in phrases)
+            statements.append(
+                PartStatement(
+                    clauses, borrowed=ways <= {*GENERAL}, whole=ways == {"whole"} and not every,
+                    spoken=bool(spoken & {*part.name_words}),
+                )
+            )  # fmt: skip
+        left = [sentence.clauses[k] for k in sorted(lost)]
+        statements = _allocated(parts, statements, left, self.table, self.kernel)
         for name, free in overrides.items():
             i = _index(name, parts)
             said = parse(free, self.table, [parts[i].name])
@@ -163,62 +191,11 @@ class Lookup:
             statements = [replace(said, whole=False) for said in statements]
         return statements, warnings
 
-    def _row_called(self, words: Sequence[str]) -> Material | None:
-        """The row of a matter, or of what fills things, that words name."""
-        name = " ".join(words)
-        return self.table.phrases.get(name) or load_contents().phrases.get(name)
-
-    def _overruled(
-        self,
-        choices: list[PartChoice],
-        parts: Sequence[NamedPart],
-        materials: Mapping[str, str],
-        values: Mapping[str, Mapping[str, float]],
-        alpha: float | None,
-    ) -> list[PartChoice]:
-        """Take rows and numbers that options state exactly."""
-        for name, exact in materials.items():
-            i, row = _index(name, parts), self.table.exact(exact)
-            place = 0.5 if alpha is None else alpha
-            choices[i] = PartChoice(
-                parts[i].name, row, row.value(place), 1.0, place, f"override: {exact!r}"
-            )
-        for name, numbers in values.items():
-            i = _index(name, parts)
-            value = MaterialValue(**(choices[i].value._asdict() | dict(numbers)))
-            said = ", ".join(f"{key}={number:g}" for key, number in numbers.items())
-            how = {"settled": True, "derivation": (f"{said} as set",)}
-            exact = tuple(dict.fromkeys([*choices[i].exact, *numbers]))
-            choices[i] = replace(choices[i], value=value, exact=exact, **how)
-            if len(numbers) == len(value):
-                choices[i] = as_stated(choices[i])
-        return choices
-
-
-def _statement_of(sentence: Sentence, part: BoundPart, lost: Collection[int]) -> PartStatement:
-    """What is said of a part, less what is ``lost``."""
-    bonds = [(k, how) for k, how in zip(part.clauses, part.how, strict=True) if k not in lost]
-    ways = {how for _, how in bonds}
-    clauses = tuple(sentence.clauses[k] for k, _ in bonds)
-    naming = next((clause for clause in clauses if clause.material), None)
-    return PartStatement(
-        clauses,
-        borrowed=ways <= {*GENERAL},
-        whole=ways == {"whole"} and not (naming and _leaves_nothing_out(naming)),
-    )
-
-
-def _leaves_nothing_out(clause: Clause) -> bool:
-    """Whether it says that it is of every part, as "it is steel" does not."""
-    phrases = (*words()["roles"]["whole"], "whole", "entire")
-    said = f" {' '.join(re.findall(r'[a-z]+', clause.text.lower()))} "
-    return clause.subject.scope == "whole" and any(f" {phrase} " in said for phrase in phrases)
-
 
 def _unread(sentence: Sentence) -> Iterator[str]:
     """What no clause took and none tells of."""
-    told = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
-    left = [word for word in sentence.unread if not any(repr(word) in line for line in told)]
+    noted = {*sentence.notes, *(line for clause in sentence.clauses for line in clause.doubts)}
+    left = [word for word in sentence.unread if not any(repr(word) in line for line in noted)]
     if left:
         words = ", ".join(map(repr, left))
         yield f"not understood in the text, and not used: {words}"
@@ -240,7 +217,7 @@ def _index(name: str, parts: Sequence[NamedPart]) -> int:
 # Clauses about parts that no part is called after: given to the parts that nothing speaks of.
 
 
-def allot(
+def _allocated(
     parts: Sequence[NamedPart],
     statements: Sequence[PartStatement],
     lost: Sequence[Clause],
@@ -303,17 +280,20 @@ def with_relations(
     named
         Whether each part's material is said, or told by the asset: it then keeps its row.
     """
-    out, told, called = list(choices), [], cache(parts_called)
+    out, notes, called = list(choices), [], cache(parts_called)
     others = [
-        [_others(relation, called, i, len(out)) for relation in said]
-        for i, said in enumerate(relations)
+        [
+            [k for k in (called(r.other) if r.other else range(len(out))) if k != i]
+            for r in comparisons
+        ]
+        for i, comparisons in enumerate(relations)
     ]
     waiting = {i: None for i, said in enumerate(relations) if said}  # in order
     while waiting:
         ready = [i for i in waiting if not any(k in waiting for ks in others[i] for k in ks)]
         if not ready:
             names = ", ".join(repr(out[i].part) for i in waiting)
-            told.append(f"parts {names} are compared with each other in a circle: not used")
+            notes.append(f"parts {names} are compared with each other in a circle: not used")
             break
         for i in ready:
             for relation, found in zip(relations[i], others[i], strict=True):
@@ -325,23 +305,13 @@ def with_relations(
                     beside = [_Beside(row.name, row.value(), None)]
                     out[i] = _related(out[i], relation, beside, named=named[i])
                 else:
-                    told.append(
+                    notes.append(
                         f"part {out[i].part!r} is compared with {' '.join(relation.other)!r}, "
                         "and no part is called so: not used"
                     )
         for i in ready:
             del waiting[i]
-    return out, told
-
-
-def _others(
-    relation: Comparison,
-    parts_called: Callable[[tuple[str, ...]], Sequence[int]],
-    part: int,
-    count: int,
-) -> list[int]:
-    found = parts_called(relation.other) if relation.other else range(count)
-    return [k for k in found if k != part]
+    return out, notes
 
 
 def _related(

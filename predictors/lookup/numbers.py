@@ -150,7 +150,15 @@ def with_numbers(
         )
         del said["E"]
     if blend is not None:
-        value = _of_blend(part, value, blend, how, warnings)
+        fibre = next((name for name in FIBRES if name in blend.material), None)
+        if fibre is None:
+            warnings.append(
+                f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
+                "here: the values are those without it; state E and rho if you know them"
+            )
+        else:
+            value, line = with_fibres(value, fibre, blend.share)
+            how.append(line)
     for measure, relation in HARDNESSES:
         if measure in said:
             E, line = relation(said[measure].value)
@@ -171,7 +179,13 @@ def with_numbers(
     exact = {name: said[name].value for name in ("E", "nu", "rho") if name in said}
     if exact:
         how.append(", ".join(said[name].text for name in exact) + " as said")
-    value = _checked(part, value._replace(**exact), warnings)
+    value = value._replace(**exact)
+    if not -1 < value.nu < 0.5:  # a solver takes no other
+        kept = NU_CAP if value.nu >= 0.5 else -0.99
+        warnings.append(
+            f"part {part!r}: nu = {value.nu:g} is no elastic solid's (-1 < nu < 0.5): {kept:g} used"
+        )
+        value = value._replace(nu=kept)
     stated = tuple(name for name in FIELDS if name in exact or (weighed and name == "rho"))
     return Said(value, tuple(how), tuple(warnings), stated)
 
@@ -215,7 +229,7 @@ def _modulus_of_hardness(numbers: Sequence[Quantity]) -> float | None:
 
 def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> dict[str, Quantity]:
     """The number of each measure; of those that differ one that a word calls so, else none."""
-    said: dict[str, Quantity] = {}
+    chosen: dict[str, Quantity] = {}
     for measure in dict.fromkeys(number.measure for number in numbers):
         found = [number for number in numbers if number.measure == measure]
         called = [number for number in found if number.called] or found
@@ -227,26 +241,10 @@ def _one_each(part: str, numbers: Sequence[Quantity], warnings: list[str]) -> di
                 f"part {part!r}: {measure} is said twice, {called[0].text!r} and {texts}: not used"
             )
             continue
-        said[measure] = called[0]
+        chosen[measure] = called[0]
         if others:
             warnings.append(f"part {part!r}: {texts} beside {called[0].text!r} is not used")
-    return said
-
-
-def _of_blend(
-    part: str, value: MaterialValue, blend: Blend, how: list[str], warnings: list[str]
-) -> MaterialValue:
-    """Value with the fibres of a second matter; of another what it changes is not known, told."""
-    fibre = next((name for name in FIBRES if name in blend.material), None)
-    if fibre is None:
-        warnings.append(
-            f"part {part!r}: what {blend.share:.0%} of {blend.material!r} changes is not known "
-            "here: the values are those without it; state E and rho if you know them"
-        )
-        return value
-    value, line = with_fibres(value, fibre, blend.share)
-    how.append(line)
-    return value
+    return chosen
 
 
 def _of_mass(
@@ -282,27 +280,16 @@ def _near(span: Span, value: float) -> bool:
     return span.min / BESIDE <= value <= span.max * BESIDE
 
 
-def _checked(part: str, value: MaterialValue, warnings: list[str]) -> MaterialValue:
-    """Return a value that a solver can take: E, rho > 0 and -1 < nu < .5."""
-    if value.nu >= 0.5 or value.nu <= -1:
-        kept = NU_CAP if value.nu >= 0.5 else -0.99
-        warnings.append(
-            f"part {part!r}: nu = {value.nu:g} is no elastic solid's (-1 < nu < 0.5): {kept:g} used"
-        )
-        value = value._replace(nu=kept)
-    return value
-
-
 def numbers_of_parts(options: Sequence[str]) -> dict[str, dict[str, float]]:
     """Split PART:E=2e9,nu=.3,rho=1100 options into numbers by part; a wrong one is an error."""
     found: dict[str, dict[str, float]] = {}
     for option in options:
         name, colon, rest = option.rpartition(":")
-        said = [item.partition("=") for item in rest.split(",")]
-        if not (colon and name.strip()) or {key.strip() for key, *_ in said} - set(FIELDS):
+        items = [item.partition("=") for item in rest.split(",")]
+        if not (colon and name.strip()) or {key.strip() for key, *_ in items} - set(FIELDS):
             raise UsageError(f"wanted PART:E=2e9,nu=.3,rho=1100 (one or more), got {option!r}")
         try:
-            numbers = {key.strip(): float(value) for key, _, value in said}
+            numbers = {key.strip(): float(value) for key, _, value in items}
         except ValueError as error:
             raise UsageError(f"wanted numbers in SI units, got {option!r}: {error}") from error
         for key, (low, high) in SETTABLE.items():

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.table import Material, MaterialTable, load_table
+from ...fem.table import Material, MaterialTable
 from ..encoders.registry import TextEncoder
 
 # Below this cosine a part's name says nothing of its material: measured on 30 part names, where
@@ -57,11 +57,7 @@ class RowKernel:
         return self._embed([row_text(row) for row in self.rows])
 
     def nearest(
-        self,
-        query: str,
-        *,
-        among: Collection[str] | None = None,
-        common: Collection[str] = (),
+        self, query: str, *, among: Collection[str] | None = None, common: Collection[str] = ()
     ) -> Nearest:
         """Return the row nearest to a query.
 
@@ -108,7 +104,7 @@ class RowKernel:
 
 # Sentence embeddings of the table's rows, kept in a file: embedding them takes seconds a start.
 #
-# ``python -m autophyx_tet.predictors.lookup.similarity`` writes the file anew. A row that it
+# ``python -m autophyx_tet.research.row_vectors`` writes the file anew. A row that it
 # lacks is embedded when it is asked for, so a table that has changed is slower, not wrong.
 
 FILE = Path(__file__).resolve().parent.parent / "weights" / "row_vectors.safetensors"
@@ -127,18 +123,3 @@ def kept_vectors() -> Mapping[str, np.ndarray]:
     with safe_open(FILE, framework="np") as file:
         texts = json.loads(file.metadata()["texts"])
         return dict(zip(texts, file.get_tensor("vectors").astype(np.float32), strict=True))
-
-
-def keep_vectors(table: MaterialTable) -> None:
-    """Embed the rows that are no grade, and write them."""
-    from safetensors.numpy import save_file
-
-    from ..encoders.minilm import MiniLM
-
-    texts = [row_text(row) for row in table if not row.grade]
-    vectors = MiniLM().text(texts).astype(np.float16)
-    save_file({"vectors": vectors}, FILE, metadata={"texts": json.dumps(texts)})
-
-
-if __name__ == "__main__":
-    keep_vectors(load_table())

@@ -190,10 +190,17 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
     matches: list[dict[int, PartMatch]] = [{} for _ in parts]
     for other in (False, True):  # "the other legs" are those that nothing else names
         for k, clause in enumerate(clauses):
-            if clause.subject.scope == "parts" and _is_other(clause) == other:
-                for i, match in _spoken_of(clause, parts).items():
-                    if not (other and matches[i]):
-                        matches[i][k] = match
+            if (
+                clause.subject.scope == "parts"
+                and (clause.subject.names[0][:1] == ("other",)) == other
+            ):
+                names = [name[1:] if other else name for name in clause.subject.names]
+                for name in names[:1] if other else names:
+                    for i, match in parts_named(name, parts).items():
+                        if other and not matches[i]:
+                            matches[i][k] = PartMatch(HEAD, 1)
+                        elif not other and not _is_excepted(i, parts, clause):
+                            matches[i][k] = match
     lost = [k for k, c in enumerate(clauses) if c.subject.scope == "parts"]
     lost = [k for k in lost if not any(k in found for found in matches)]
     whole, rest, lost = _general(clauses, lost, matches, parts)
@@ -215,36 +222,22 @@ def bind(sentence: Sentence, labels: Sequence[Sequence[str]]) -> Bound:
         bound.append(BoundPart(tuple(ks), tuple(how)))
     taken = {k for part in bound for k in part.clauses}
     idle = {k for k in (*whole, *rest) if k in taken or not clauses[k].says_matter}
-    kept = {k for k, clause in enumerate(clauses) if _only_excludes(clause)}  # "no plastic"
-    left = sorted({*lost, *whole, *rest} - taken - idle - kept)
-    counted = tuple(_counted(clause, k, bound) for k, clause in enumerate(clauses))
-    return Bound(replace(sentence, clauses=counted), tuple(bound), tuple(left))
-
-
-def _counted(clause: Clause, k: int, bound: Sequence[BoundPart]) -> Clause:
-    """A clause, with a doubt where it speaks of fewer parts than are called so: "3 of the legs"."""
-    said, there = clause.subject.count, sum(k in part.clauses for part in bound)
-    if said is None or said >= there or there == 1:
-        return clause
-    doubt = f"{said or 'some'} of {there} such parts are spoken of, and not which: all have it"
-    return replace(clause, doubts=(*clause.doubts, doubt))
-
-
-def _is_other(clause: Clause) -> bool:
-    return clause.subject.names[0][:1] == ("other",)
-
-
-def _spoken_of(clause: Clause, parts: Sequence[PartLabels]) -> dict[int, PartMatch]:
-    """Parts that a clause names, less its exceptions."""
-    if _is_other(clause):
-        return {i: PartMatch(HEAD, 1) for i in parts_named(clause.subject.names[0][1:], parts)}
-    found = {i: m for name in clause.subject.names for i, m in parts_named(name, parts).items()}
-    return {i: m for i, m in found.items() if not _is_excepted(i, parts, clause)}
-
-
-def _only_excludes(clause: Clause) -> bool:
-    whole = clause.subject.scope != "parts"
-    return whole and not replace(clause, excluded=()).says_matter
+    excluding = {  # "no plastic"
+        k for k, c in enumerate(clauses)
+        if c.subject.scope != "parts" and not replace(c, excluded=()).says_matter
+    }  # fmt: skip
+    left = sorted({*lost, *whole, *rest} - taken - idle - excluding)
+    counted = []
+    for k, clause in enumerate(clauses):
+        # A doubt where it speaks of fewer parts than are called so: "3 of the legs"
+        count, there = clause.subject.count, sum(k in part.clauses for part in bound)
+        if count is not None and count < there and there != 1:
+            doubt = (
+                f"{count or 'some'} of {there} such parts are spoken of, and not which: all have it"
+            )
+            clause = replace(clause, doubts=(*clause.doubts, doubt))
+        counted.append(clause)
+    return Bound(replace(sentence, clauses=tuple(counted)), tuple(bound), tuple(left))
 
 
 def _general(
@@ -267,7 +260,11 @@ def _general(
 
     # A thing that has parts, or the only one that is spoken of, is the object.
     saying = [k for k, c in enumerate(clauses) if c.says_matter]
-    things = [k for k in lost if _is_object(clauses[k], alone=len(saying) == 1)]
+    things = [
+        k for k in lost
+        if (clauses[k].subject.holds or len(saying) == 1 or names_object(clauses[k]))
+        and not {name[-1] for name in clauses[k].subject.names} & known_parts()
+    ]  # fmt: skip
     only = [k for k in saying if len(saying) == 1 and k not in lost and is_thing(k)]
     whole += [k for k in things[:1] + only if k not in whole]
     if len(unnamed) == 1 or all(not clauses[k].material for k in unnamed):
@@ -275,12 +272,6 @@ def _general(
     else:
         lost = lost + unnamed
     return whole, rest, [k for k in lost if k not in whole]
-
-
-def _is_object(clause: Clause, *, alone: bool) -> bool:
-    heads = {name[-1] for name in clause.subject.names}
-    thing = clause.subject.holds or alone or names_object(clause)
-    return thing and not heads & known_parts()
 
 
 def names_object(clause: Clause) -> bool:

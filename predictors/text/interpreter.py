@@ -93,7 +93,21 @@ def interpret(
     if not clauses:
         notes.append("the interpreter's clauses were all left out: the built-in reader was used")
         return replace(own, notes=(*own.notes, *notes))
-    notes += _differences(own, clauses)
+    # What the built-in reader found in the text and the model did not give
+    texts = {clause.material: clause.text for clause in own.clauses if clause.material}
+    materials = {clause.material for clause in clauses}
+    notes += [
+        f"the interpreter does not give {material!r}, which the built-in reader reads in {words!r}"
+        for material, words in texts.items()
+        if material not in materials
+    ]
+    measures = {number.measure for clause in clauses for number in clause.numbers}
+    notes += [
+        f"the interpreter does not give the number {number.text!r}"
+        for clause in own.clauses
+        for number in clause.numbers
+        if number.measure not in measures
+    ]
     return Sentence(text, tuple(clauses), (), tuple(notes), own.thing)
 
 
@@ -110,6 +124,22 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
     subject = Subject(scope, _names(item.get("parts")), _names(item.get("exceptions")))
     phrase = _words(item.get("material"))
     row = table.phrases.get(key(phrase)) if phrase else None
+    excluded, numbers = [], []
+    for word in _strings(item.get("excluded")):
+        other = table.phrases.get(key(word))
+        if other is None and word not in CATEGORIES:
+            raise InputError(f"it rules out {word!r}, which the table does not have")
+        excluded.append(other.name if other else word)
+    stiffness, density = _degree(item.get("stiffness")), _degree(item.get("density"))
+    for number in _list(item.get("numbers")):
+        if not isinstance(number, Mapping) or number.get("measure") not in get_args(Measure):
+            raise InputError(f"{number!r} is no number of {', '.join(get_args(Measure))}")
+        measure, value = number["measure"], number.get("value")
+        if isinstance(value, bool) or not (isinstance(value, int | float) and math.isfinite(value)):
+            raise InputError(f"{value!r} is no number")
+        if value <= 0 and measure != "nu":
+            raise InputError(f"{measure} = {value:g} is not positive")
+        numbers.append(Quantity(measure, float(value), _quote(number.get("text"), text)))
     return Clause(
         text=said,
         span=(start, start + len(said)),
@@ -118,10 +148,10 @@ def _clause(item: Any, text: str, table: MaterialTable) -> Clause:
         phrase=phrase if row else "",
         unknown=phrase if phrase and not row else "",
         nearest=tuple(table.near(phrase)) if phrase and not row else (),
-        excluded=tuple(_ruled_out(word, table) for word in _strings(item.get("excluded"))),
-        stiffness=_degree(item.get("stiffness")),
-        density=_degree(item.get("density")),
-        numbers=tuple(_quantity(number, text) for number in _list(item.get("numbers"))),
+        excluded=tuple(excluded),
+        stiffness=stiffness,
+        density=density,
+        numbers=tuple(numbers),
         coating=_words(item.get("coating")) or None,
         filling=_words(item.get("filling")) or None,
         certainty=0.9,  # read by someone else: below what stands in the text as it is
@@ -135,28 +165,10 @@ def _quote(value: Any, text: str) -> str:
     return words
 
 
-def _quantity(item: Any, text: str) -> Quantity:
-    if not isinstance(item, Mapping) or item.get("measure") not in get_args(Measure):
-        raise InputError(f"{item!r} is no number of {', '.join(get_args(Measure))}")
-    value = item.get("value")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{value!r} is no number")
-    if value <= 0 and item["measure"] != "nu":
-        raise InputError(f"{item['measure']} = {value:g} is not positive")
-    return Quantity(item["measure"], float(value), _quote(item.get("text"), text))
-
-
 def _degree(value: Any) -> Degree | None:
     if value is None or (value in get_args(Degree) and not isinstance(value, bool)):
         return value
     raise InputError(f"{value!r} is no degree from 1 to 5")
-
-
-def _ruled_out(word: str, table: MaterialTable) -> str:
-    row = table.phrases.get(key(word))
-    if row is None and word not in CATEGORIES:
-        raise InputError(f"it rules out {word!r}, which the table does not have")
-    return row.name if row else word
 
 
 def _words(value: Any) -> str:
@@ -174,25 +186,6 @@ def _strings(value: Any) -> list[str]:
 def _names(value: Any) -> tuple[tuple[str, ...], ...]:
     named = (tuple(w.lower() for w in _strings(words)) for words in _list(value))
     return tuple(words for words in named if words)
-
-
-def _differences(own: Sentence, clauses: Sequence[Clause]) -> list[str]:
-    """What the built-in reader found in the text and the model did not give."""
-    mine = {m: c.text for c in own.clauses for m in [c.material] if m}
-    theirs = {clause.material for clause in clauses}
-    notes = [
-        f"the interpreter does not give {material!r}, which the built-in reader reads in {said!r}"
-        for material, said in mine.items()
-        if material not in theirs
-    ]
-    numbers = {number.measure for clause in clauses for number in clause.numbers}
-    notes += [
-        f"the interpreter does not give the number {number.text!r}"
-        for clause in own.clauses
-        for number in clause.numbers
-        if number.measure not in numbers
-    ]
-    return notes
 
 
 # A language model behind an OpenAI-compatible endpoint, here or elsewhere: text in, JSON out.
@@ -230,18 +223,6 @@ class ChatEndpoint:
         InputError
             Where the endpoint cannot be reached or answers no JSON object.
         """
-        answer = self._content(self._post(prompt))
-        try:
-            document = json.loads(answer)
-        except (json.JSONDecodeError, RecursionError) as error:
-            raise InputError(
-                f"{self.model} answered no JSON ({error}): ask another model"
-            ) from error
-        if not isinstance(document, dict):
-            raise InputError(f"{self.model} answered no JSON object: ask another model")
-        return document
-
-    def _post(self, prompt: str) -> bytes:
         body = {
             "model": self.model,
             "messages": [{"role": "user", "content": prompt}],
@@ -259,10 +240,16 @@ class ChatEndpoint:
             raise InputError(f"cannot reach {self.url}: {error}") from error
         if len(data) > MAX_ANSWER:
             raise InputError(f"{self.url} answered more than {MAX_ANSWER} bytes")
-        return data
-
-    def _content(self, data: bytes) -> str:
         try:
-            return str(json.loads(data)["choices"][0]["message"]["content"])
+            answer = str(json.loads(data)["choices"][0]["message"]["content"])
         except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
             raise InputError(f"{self.url} does not answer as a chat endpoint: {error}") from error
+        try:
+            document = json.loads(answer)
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise InputError(
+                f"{self.model} answered no JSON ({error}): ask another model"
+            ) from error
+        if not isinstance(document, dict):
+            raise InputError(f"{self.model} answered no JSON object: ask another model")
+        return document

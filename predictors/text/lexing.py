@@ -1,85 +1,29 @@
-"""A text as lexemes: part names, materials, numbers and connectors, each one token."""
+"""A text as lexemes: part names, materials, numbers and connectors, each one token.
+
+What is no matter (loads, a misspelling, another language) is taken out or mended first; then every
+span that may be a lexeme is sought, of overlapping ones the longest stays, and the English model
+tags them all. What needs the lexemes around it (ranges of parts, words that point back,
+comparisons, bare numbers) is a pass over the list.
+"""
 
 from __future__ import annotations
 
 import re
+import runpy
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from ...fem.table import Material
-from .lexicon import (
-    Atom,
-    Meaning,
-    Phrase,
-    ReaderLexicon,
-    atoms,
-    part_name_words,
-    without_loads,
-    words,
-)
-from .numerals import Comparison, Quantity, number, numerals
-from .spelling import mended_spelling
+from .lexicon import Atom, Meaning, Phrase, ReaderLexicon, atoms, part_name_words, words
+from .numerals import Comparison, Numeral, Quantity, number, numerals
 
-
-def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
-    """Cut a text into lexemes and tag them."""
-    known = {word for name in names for word in part_name_words(name)}
-    text, told = without_loads(_plain(text))
-    cut = atoms(text, lexicon.model, known)
-    cut, notes, strange, mended = mended_spelling(cut, lexicon, known)
-    chosen = _longest(spans(text, cut, lexicon, names, known))
-    # Put the words that no phrase took between the lexemes
-    out = list(chosen)
-    for i, atom in enumerate(cut):
-        if any(c.start < atom.end and atom.start < c.end for c in chosen):
-            continue
-        first, named = atom.text[0], atom.stem in known and not _is_article(cut, i, known)
-        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
-        out.append(
-            Lexeme(
-                atom.text, atom.start, atom.end, role, words=(atom.stem,),
-                known=atom.start not in strange, part=named,
-            )
-        )  # fmt: skip
-    lexemes = spelt_out(sorted(out, key=lambda x: x.start), names)
-    lexemes = [
-        replace(x, note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end))
-        for x in lexemes
-    ]
-    return Lexed(_tag(lexemes, lexicon), [*told, *notes])
-
-
-def _plain(text: str) -> str:
-    """Write what stands for a word or a column by that, in as many characters."""
-    for rule in words()["rewrites"]:
-        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
-        text = re.sub(rule["find"], width, text)
-    return text
-
-
+# Of candidates over each other the longest is taken, then the one of the lowest rank.
 _RANK = {"part": 0, "number": 1, "told": 1, "size": 1, "material": 2}
-
-
-def _longest(found: list[Lexeme]) -> list[Lexeme]:
-    """Of candidates over each other the longest, then the more telling."""
-    order = sorted(found, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3)))
-    chosen: list[Lexeme] = []
-    for lexeme in order:
-        if all(lexeme.end <= c.start or c.end <= lexeme.start for c in chosen):
-            chosen.append(lexeme)
-    return sorted(chosen, key=lambda x: x.start)
-
-
-def _is_article(cut: list[Atom], i: int, known: set[str]) -> bool:
-    """Whether an "a" is no label of a part: "a stool" of "leg_a", but "leg a is oak"."""
-    if cut[i].text.lower() != "a" or (i > 0 and cut[i - 1].stem in known):
-        return False
-    after = cut[i + 1].text.lower() if i + 1 < len(cut) else ""
-    joins = any(after in words()["roles"][role] for role in ("is", "of", "and"))
-    return after[:1].isalpha() and not joins
-
-
 # What the model is shown for tokens that it cannot know, and for phrases that are one token here.
 _PLAIN = {"material": "wood", "number": "12", "size": "12", "told": "12", "part": "part"}
 _PHRASES = {
@@ -87,28 +31,6 @@ _PHRASES = {
     "looks": "like", "off": "for", "on": "on", "than": "than", "degree": "very", "same": "same",
     "stiffness": "soft", "density": "heavy", "character": "tough", "rest": "rest", "whole": "all",
 }  # fmt: skip
-
-
-def _tag(lexemes: list[Lexeme], lexicon: ReaderLexicon) -> list[Lexeme]:
-    """Let the model tag the sentence with every material, number and odd name as a plain word."""
-    if not lexemes:
-        return []
-    shown = [
-        _PLAIN.get(x.role, "") or (" " in x.text and _PHRASES.get(x.role)) or _sober(x.text)
-        for x in lexemes
-    ]
-    doc = lexicon.model.doc(shown)
-    return [
-        replace(lexeme, tag=token.tag_, dep=token.dep_)
-        for lexeme, token in zip(lexemes, doc, strict=True)
-    ]
-
-
-def _sober(word: str) -> str:
-    return word.lower() if word.isupper() and len(word) > 1 else word.replace("\n", ".")
-
-
-# One token of a text.
 
 
 @dataclass(frozen=True)
@@ -152,12 +74,230 @@ class Lexed:
     notes: list[str]
 
 
+def lex(text: str, lexicon: ReaderLexicon, names: Sequence[str]) -> Lexed:
+    """Cut a text into lexemes and tag them."""
+    known = {word for name in names for word in part_name_words(name)}
+    for rule in words()["rewrites"]:  # what stands for a word is written by it, in as many letters
+        width = lambda m, to=rule["to"]: m.expand(to).ljust(len(m[0]))[: len(m[0])]  # noqa: E731
+        text = re.sub(rule["find"], width, text)
+    text, loads = without_loads(text)
+    numbers = numerals(text)
+    cut = atoms(text, lexicon.model, known)
+    cut, notes, strange, mended = _mended_spelling(cut, lexicon, known)
+    out: list[Lexeme] = []
+    candidates = _spans(text, cut, numbers, lexicon, names, known)
+    for lexeme in sorted(candidates, key=lambda x: (x.start - x.end, _RANK.get(x.role, 3))):
+        if all(lexeme.end <= c.start or c.end <= lexeme.start for c in out):
+            out.append(lexeme)
+    # Put the words that no phrase took between the lexemes
+    chosen = [*out]
+    for i, atom in enumerate(cut):
+        if any(c.start < atom.end and atom.start < c.end for c in chosen):
+            continue
+        named = atom.stem in known
+        if atom.text.lower() == "a" and not (i and cut[i - 1].stem in known):
+            # "a stool" of "leg_a", but "leg a is oak"
+            after = cut[i + 1].text.lower() if i + 1 < len(cut) else ""
+            joins = any(after in words()["roles"][role] for role in ("is", "of", "and"))
+            named = named and not (after[:1].isalpha() and not joins)
+        first = atom.text[0]
+        role = "word" if first.isalpha() else "digits" if first.isdigit() else "sign"
+        out.append(
+            Lexeme(
+                atom.text, atom.start, atom.end, role, words=(atom.stem,),
+                known=atom.start not in strange, part=named,
+            )
+        )  # fmt: skip
+    lexemes = spelt_out(sorted(out, key=lambda x: x.start), names)
+    # Every material, number and odd name is a plain word to the model.
+    shown = [
+        _PLAIN.get(x.role, "")
+        or (" " in x.text and _PHRASES.get(x.role))
+        or (x.text.lower() if x.text.isupper() and len(x.text) > 1 else x.text.replace("\n", "."))
+        for x in lexemes
+    ]
+    lexemes = [
+        replace(
+            x, tag=token.tag_, dep=token.dep_,
+            note=x.note or "; ".join(n for at, n in mended.items() if x.start <= at < x.end),
+        )
+        for x, token in zip(lexemes, lexicon.model.doc(shown) if shown else (), strict=True)
+    ]  # fmt: skip
+    return Lexed(lexemes, [*loads, *notes])
+
+
+# Loads that a text speaks of: its words set none, so that they are told with what does.
+
+_WHO = r"person|people|man|woman|child|kid|adult|rider|passenger|somebody|someone"
+_MASS = r"\d\s*(?:kg|lbs?|pounds?|tons?|tonnes?)"
+# What bears on a thing, by a unit that no material has, by who or what does it, or by the deed.
+# "Stands on", "hangs from", "pressed" say more of supports and of matter: they are not among them.
+_LOADS = re.compile(
+    rf"""
+    (?<![\w.])(?:\d[\d.,]+|[\d.,]+\s)\s*(?:k?N|[Nn]ewtons?|kgf|lbf|m/s|km/h|mph|knots)\b(?![/*²^])
+    | [\d.,]*{_MASS}\s+(?:\w+\s+)?(?:{_WHO})\b
+    | \b(?:an?|the|one|two|three|four)\s+(?:\w+\s+)?(?:{_WHO})\s+
+      (?:who\s+)?(?:sit|stand|jump|lie|ride|swing)\w*
+    | \b(?:is|are|being|gets?)\s+(?:sat|stood|stepped|jumped)\s+(?:up)?on\b
+    | [\d.,]*{_MASS}\b(?!\s+of\b|/)[^,;]*?\s(?:on|onto)\s+(?:it|top|the|each|its)\b
+    | \b(?:carr(?:y|ies|ying)|bear(?:s|ing)?|support(?:s|ing)?)\s+
+      (?:up\s+to\s+|about\s+)?[\d.,]*{_MASS}\b
+    | \b(?:dropped|drops|falls|falling|thrown|tossed)\s+(?:\w+\s+)?(?:from|off|onto|down|on|at)\b
+    | \b(?:strong|heavy|high|gentle|light)\s+winds?\b | \bgusts?\b
+    | \bwind\s+(?:of|blows?|blowing|loads?)\b
+    | \b(?:push|pull|kick|squeez|shak)(?:e[ds]?|es|ed|ing|s)?\s+
+      (?:\w+\s+)?(?:by|with|at|from|down|sideways|on)\b
+    | \b(?:loads?|forces?|pressure|torque)\s+of\s+\d
+    """,
+    re.VERBOSE,
+)
+_LOAD_END = re.compile(r"[;\n]|[,.](?=\s|$)|\s(?=and\b|but\b|while\b|which\b)|$")
+
+
+def without_loads(text: str) -> tuple[str, list[str]]:
+    """The text with blanks for the words that tell loads, and a sentence for each load.
+
+    What is told of one goes up to the next comma or stop.
+    """
+    loads, left, start = list[str](), text, 0
+    for match in _LOADS.finditer(text):
+        end = _LOAD_END.search(text, match.end())
+        load = text[match.start() : end.start() if end else len(text)].strip()
+        if not (loads and loads[-1].endswith(load)):
+            loads.append(load)
+            start = match.start()
+        left = left[:start] + " " * (match.end() - start) + left[match.end() :]
+    return left, [
+        f"{load!r} is a load, which the text does not set: --load part:NAME=x,y,z [N], "
+        "or --scenario wind, poke or drop"
+        for load in loads
+    ]
+
+
+# Spelling: words that are nearly one that the reader knows, and texts that are not English.
+
+SHORTEST_MENDED = 4  # letters: a shorter word has too many neighbours
+# A text is not English where so many of its words are in no dictionary and no table.
+FOREIGN_SHARE = 0.5
+LANGUAGES = ("en", "de", "fr", "es", "it", "nl", "pt", "sv", "pl")
+
+
+def _mended_spelling(
+    cut: list[Atom], lexicon: ReaderLexicon, known: set[str]
+) -> tuple[list[Atom], list[str], set[int], dict[int, str]]:
+    """Mend what is misspelt; tell what is in no dictionary, and a text that is not English.
+
+    Returns the atoms, notes on the whole, where the words stand that nobody knows, and by place
+    what was mended.
+    """
+    odd = [i for i, atom in enumerate(cut) if not _is_known(atom, lexicon, known)]
+    mended, notes = list(cut), {}
+    for i in odd:
+        # Glued to digits it is part of a name, as in "X50CrMoV15".
+        sides = [cut[j] for j in (i - 1, i + 1) if 0 <= j < len(cut)]
+        glued = any(
+            side.text[0].isdigit() and (side.end == cut[i].start or cut[i].end == side.start)
+            for side in sides
+        )
+        near = None if glued else _nearest(cut[i], lexicon, known)
+        if near:
+            mended[i] = cut[i]._replace(stem=near, text=near)
+            notes[cut[i].start] = f"read {cut[i].text!r} as {near!r}"
+    for i, (atom, after) in enumerate(pairwise(mended)):  # "caste iron"
+        near = None if atom.stem in known else _near_phrase(atom, after, lexicon)
+        if near:
+            mended[i] = atom._replace(stem=near, text=near)
+            notes[atom.start] = f"read {atom.text!r} as {near!r}"
+    left = [i for i in odd if mended[i] is cut[i]]
+    strange = {cut[i].start for i in left}
+    long = sum(atom.text.isalpha() and len(atom.text) >= SHORTEST_MENDED for atom in cut)
+    left = [i for i in left if not cut[i].text.isupper()]
+    foreign = len(left) >= 3 and len(left) >= FOREIGN_SHARE * long
+    if odd and not foreign:  # or another language has more of its small words than English has
+        low = [a.text.lower() for a in cut if a.text.isalpha() and not a.text.isupper()]
+        small = {code: _small_words(code) for code in LANGUAGES}
+        english = sum(word in small["en"] for word in low)
+        alien = (sum(w in small[code] and w not in small["en"] for w in low) for code in LANGUAGES)
+        foreign = max(alien) > max(english, 1)
+    if foreign:
+        note = f"{len(odd)} of {long} words are not English: only English is understood"
+        return cut, [note], {cut[i].start for i in odd}, {}
+    return mended, [], strange, notes
+
+
+@lru_cache(maxsize=len(LANGUAGES))
+def _small_words(code: str) -> frozenset[str]:
+    """Articles, prepositions and the like of a language, from spaCy's list of it."""
+    spec = find_spec("spacy")
+    home = Path(str(spec.origin)).parent if spec else Path()
+    # Its file by itself: the language's package brings seconds of rules for tokens.
+    return frozenset(runpy.run_path(str(home / "lang" / code / "stop_words.py"))["STOP_WORDS"])
+
+
+def _is_known(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> bool:
+    word = atom.text.lower()
+    return (
+        not word[0].isalpha()
+        or (len(word) < SHORTEST_MENDED and not (atom.text.isupper() and len(word) > 1))
+        or word in known
+        or atom.stem in known
+        or word in lexicon.spellings
+        or atom.stem in lexicon.spellings
+        or lexicon.model.is_word(word)
+        or (word,) in lexicon.meanings
+        or (atom.stem,) in lexicon.rows
+    )
+
+
+def _nearest(atom: Atom, lexicon: ReaderLexicon, known: set[str]) -> str | None:
+    """Return the one word that a misspelt one is near to, or None."""
+    from rapidfuzz.distance import OSA
+    from rapidfuzz.process import extract_iter
+
+    if atom.text.isupper() and len(atom.text) <= SHORTEST_MENDED + 1:
+        return None  # an acronym
+    words = [*lexicon.spellings, *(w for w in known if len(w) >= SHORTEST_MENDED and w.isalpha())]
+    best: dict[str, float] = {}
+    for word in {atom.text.lower(), atom.stem}:
+        for near, off, _ in extract_iter(word, words, scorer=OSA.distance, score_cutoff=2):
+            skeleton = _skeleton(word) == _skeleton(near)
+            limit = 2 if skeleton or len(word) >= 7 else 1
+            if off <= limit and word[0] == near[0] and off <= len(word) / 2:
+                best[near] = min(best.get(near, 9.0), off - 0.5 * skeleton)
+    ranked = sorted(best.items(), key=lambda item: (item[1], item[0] not in known))
+    nearest = [word for word, off in ranked if off == ranked[0][1]]
+    nearest = [word for word in nearest if word in known] or nearest
+    nearest.sort(key=lambda word: abs(len(word) - len(atom.text)))  # "silicoen" is no silicon
+    # "fiber" and "fibre" are one word: either will do.
+    return nearest[0] if len({_skeleton(word) for word in nearest}) == 1 else None
+
+
+def _near_phrase(atom: Atom, after: Atom, lexicon: ReaderLexicon) -> str | None:
+    """The first word of a row of two that a word before its second is one letter off from."""
+    from rapidfuzz.distance import OSA
+
+    firsts = lexicon.firsts.get(after.stem, ())
+    if len(atom.text) < SHORTEST_MENDED or not atom.text.isalpha() or (atom.stem,) in lexicon.rows:
+        return None
+    if {atom.stem, atom.text.lower()} & {*firsts} or (atom.text.lower(),) in lexicon.meanings:
+        return None
+    if lexicon.model.is_word(atom.text.lower(), ("verb",)):  # "we took steel" is of no tool steel
+        return None
+    near = [word for word in firsts if OSA.distance(atom.text.lower(), word, score_cutoff=1) <= 1]
+    return near[0] if len(near) == 1 else None
+
+
+def _skeleton(word: str) -> str:
+    """Consonants of a word, doubled ones once: what a spelling by ear keeps."""
+    return re.sub(r"(.)\1", r"\1", re.sub(r"(?<!^)[aeiouyh]", "", word))
+
+
 # Spans of a text that may be a lexeme: part names, numbers, phrases of the table, codes.
 
 LONGEST_PHRASE = 7  # atoms: "Ti-6Al-4V titanium"
 _CODE = re.compile(r"(?<![\w.])(?=[\w.-]*\d)(?=[\w.-]*[A-Za-z])[A-Za-z0-9][\w.+-]*\w")
 _SMALL = ("word", "hyphen", "empty", "idle", "comma")  # what a code may hold
-_SHARE = re.compile(
+_PARTLY = re.compile(
     r"(?i)(?:half|quarters?|thirds?|\d+ ?%|part(?:l|iall)y|nearly|almost)"
     r"[ -](?:full|filled)(?: \w+)?$"
 )
@@ -169,11 +309,38 @@ _HARMLESS = re.compile(
 _TEMPER = re.compile(r"-?(?:T[1-9]\d{0,4}|H\d{2,3}|O|F)")  # of a wrought alloy: "A356.0-T6"
 
 
-def spans(
-    text: str, cut: list[Atom], lexicon: ReaderLexicon, names: Sequence[str], known: set[str]
+def _spans(
+    text: str,
+    cut: list[Atom],
+    numbers: list[Numeral],
+    lexicon: ReaderLexicon,
+    names: Sequence[str],
+    known: set[str],
 ) -> list[Lexeme]:
-    """Return every span that says something, also over each other."""
-    found = _exact_names(text, names) + _numbers(text) + _phrases(cut, text, lexicon, known)
+    """Every span that says something, also over each other."""
+    found: list[Lexeme] = []
+    # Part names as they are written in the asset: "SM_Leg.001", "hinge leaf" of hinge_leaf_1
+    alone = {re.sub(r"[\s_-]+\d+$", "", name) for name in names}
+    for name in sorted({*names, *alone}, key=len, reverse=True):
+        if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
+            continue  # a plain word is read as one, with its plural
+        written = r"(?:[\s_-]+|, ?)".join(map(re.escape, re.split(r"[\s_-]+", name)))
+        stems = part_name_words(name)
+        for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
+            found.append(Lexeme(m[0], *m.span(), "part", name, stems, part=True))
+    for n in numbers:
+        role = "number" if n.value else "told" if n.note else "size"
+        found.append(Lexeme(text[n.start : n.end], n.start, n.end, role, n.value, note=n.note))
+    # Phrases of the table and of the language, at every place the longest of each
+    for find in (_material, _connector):
+        for i in range(len(cut)):
+            sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
+            candidates = (find(cut, i, size, text, lexicon, known) for size in sizes)
+            best = next((lexeme for lexeme in candidates if lexeme), None)
+            if best:
+                single = best.end == cut[i].end or best.role == "material"
+                part = single and best.words[-1] in known
+                found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
     found += [
         Lexeme(match[0], match.start(), match.end(), "material", row, (match[0].lower(),))
         for pattern, row in lexicon.designations
@@ -189,69 +356,48 @@ def spans(
             start, over = over[0].end, []  # "T40" of "PP-T40"
             if metal and _TEMPER.fullmatch(text[start:end]):
                 continue
-        said = text[start:end].lstrip("-+/")
-        if over or _TIMES.fullmatch(said) or not re.search(r"[A-Za-z].*\d|\d.*[A-Za-z]", said):
+        code = text[start:end].lstrip("-+/")
+        if over or _TIMES.fullmatch(code) or not re.search(r"[A-Za-z].*\d|\d.*[A-Za-z]", code):
             continue
-        idle = bool(_HARMLESS.fullmatch(said))
-        role, at = "idle" if idle else "word", end - len(said)
-        out.append(Lexeme(said, at, end, role, words=(said.lower(),), known=idle))
+        idle = bool(_HARMLESS.fullmatch(code))
+        role, at = "idle" if idle else "word", end - len(code)
+        out.append(Lexeme(code, at, end, role, words=(code.lower(),), known=idle))
     return found + out
-
-
-def _exact_names(text: str, names: Sequence[str]) -> list[Lexeme]:
-    """Part names as they are written in the asset: "SM_Leg.001"."""
-    found = []
-    alone = {re.sub(r"[\s_-]+\d+$", "", name) for name in names}  # "hinge leaf" of hinge_leaf_1
-    for name in sorted({*names, *alone}, key=len, reverse=True):
-        if not re.search(r"[\W\d_]|[a-z][A-Z]", name.strip()):
-            continue  # a plain word is read as one, with its plural
-        written = r"(?:[\s_-]+|, ?)".join(map(re.escape, re.split(r"[\s_-]+", name)))
-        said = part_name_words(name)
-        for m in re.finditer(rf"(?i)(?<!\w){written}(?!\w)", text):
-            found.append(Lexeme(m[0], *m.span(), "part", name, said, part=True))
-    return found
-
-
-def _numbers(text: str) -> list[Lexeme]:
-    found = []
-    for numeral in numerals(text):
-        at = numeral.start, numeral.end
-        role = "number" if numeral.value else "told" if numeral.note else "size"
-        found.append(Lexeme(text[slice(*at)], *at, role, numeral.value, note=numeral.note))
-    return found
-
-
-def _phrases(cut: list[Atom], text: str, lexicon: ReaderLexicon, known: set[str]) -> list[Lexeme]:
-    """Phrases of the table and of the language, at every place the longest of each."""
-    found: list[Lexeme] = []
-    for find in (_material, _connector):
-        for i in range(len(cut)):
-            sizes = range(min(LONGEST_PHRASE, len(cut) - i), 0, -1)
-            candidates = (find(cut, i, size, text, lexicon, known) for size in sizes)
-            best = next((lexeme for lexeme in candidates if lexeme), None)
-            if best:
-                single = best.end == cut[i].end or best.role == "material"
-                part = single and best.words[-1] in known
-                found.append(replace(best, part=part, names=best.names or best.words[-1:] * part))
-    return found
 
 
 def _material(
     cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
 ) -> Lexeme | None:
-    end = _joined(cut, i, size, text)
-    run = cut[i:end] if end else []
-    stems = tuple(a.stem for a in run if a.text[0].isalnum())
+    """A row of the table in ``size`` words from ``i`` on, which only hyphens and the like part."""
+    end, count = i, 0
+    while count < size:
+        if end == len(cut):
+            return None
+        sign = cut[end].text
+        if sign[0].isalnum():
+            count += 1
+        elif end == i or sign not in ("-", "/", "+", ",", "("):
+            return None
+        elif sign in ("/", "-", "+") and not _is_glue(text, cut[end]):
+            return None
+        end += 1
+    run = cut[i:end]
+    stems: Phrase = tuple(a.stem for a in run if a.text[0].isalnum())
     row = lexicon.rows.get(stems) or (None if known & {*stems} else lexicon.turned.get(stems))
     if any(a.text == "," for a in run) and stems not in lexicon.listed:
         return None  # "rubber sole, leather upper" is no sole leather
-    if not row or not _is_meant(run, stems, lexicon):
+    if not row:
+        return None
+    single = len(stems) > 1 and len(stems[0]) == 1  # "A36" and not "a 36"
+    if single and run[0].end != run[1].start:
+        return None
+    if not single and lexicon.needs_capitals(stems) and not run[0].text.isupper():
         return None
     start, stop = run[0].start, run[-1].end
     if text[start - 1 : start].isdigit():  # "Pb" of "CuSn10Pb1"
         return None
     opens = i == 0 or cut[i - 1].text in "|;,\n"  # "spring steel" of a spring, "| saddle leather"
-    divided = opens and stems[0] in known and stems[1:] in lexicon.rows
+    divided = opens and run[0].stem in known and stems[1:] in lexicon.rows
     if divided and known & {atom.stem for atom in cut if atom not in run}:
         return None  # one of a list of parts
     note = words()["confused"].get(text[start:stop].lower(), "")
@@ -264,19 +410,22 @@ def _connector(
     cut: list[Atom], i: int, size: int, text: str, lexicon: ReaderLexicon, known: set[str]
 ) -> Lexeme | None:
     run = cut[i : i + size]
-    said = tuple(a.text.lower() for a in run if size == 1 or a.text != "-")
-    meaning = lexicon.meanings.get(said)
+    phrase = tuple(a.text.lower() for a in run if size == 1 or a.text != "-")
+    meaning = lexicon.meanings.get(phrase)
     if size == 1:
         meaning = meaning or lexicon.meanings.get((run[0].stem,))
         glued = run[0].text in "-/" and _is_glue(text, run[0])
         lists = glued and {a.stem for a in cut[i - 1 : i + 2]} <= {*known, "/"}  # "arms/legs"
-        meaning, said = Meaning("and" if lists else "hyphen") if glued else meaning, (run[0].stem,)
+        meaning, phrase = (
+            Meaning("and" if lists else "hyphen") if glued else meaning,
+            (run[0].stem,),
+        )
     if not meaning or (size > 1 and run[-1].text == "-"):
         return None
     start, stop = run[0].start, run[-1].end
-    share = _SHARE.search(text[:stop]) if meaning.role == "fill" else None
-    note = f"{share[0]!r} is taken as full" if share else ""
-    return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, said, note=note)
+    partly = _PARTLY.search(text[:stop]) if meaning.role == "fill" else None
+    note = f"{partly[0]!r} is taken as full" if partly else ""
+    return Lexeme(text[start:stop], start, stop, meaning.role, meaning.value, phrase, note=note)
 
 
 def _is_glue(text: str, sign: Atom) -> bool:
@@ -285,33 +434,7 @@ def _is_glue(text: str, sign: Atom) -> bool:
     return len(around) == 3 and not any(c.isspace() for c in around)
 
 
-def _joined(cut: list[Atom], start: int, size: int, text: str) -> int | None:
-    """End of a run of ``size`` words that only hyphens, slashes or spaces part."""
-    i, count = start, 0
-    while i < len(cut):
-        if cut[i].text[0].isalnum():
-            count += 1
-            if count == size:
-                return i + 1
-        elif i == start or cut[i].text not in ("-", "/", "+", ",", "("):
-            return None
-        elif cut[i].text in ("/", "-", "+") and not _is_glue(text, cut[i]):
-            return None
-        i += 1
-    return None
-
-
-def _is_meant(run: list[Atom], stems: Phrase, lexicon: ReaderLexicon) -> bool:
-    """Whether a run that is spelt like a phrase of the table means it."""
-    said = run[0].text
-    if len(stems) > 1 and len(stems[0]) == 1:  # "A36" and not "a 36"
-        return run[0].end == run[1].start
-    if lexicon.needs_capitals(stems):
-        return said.isupper()
-    return True
-
-
-# Ranges of parts: "leg_1 to leg_4".
+# Passes over the lexemes: ranges of parts, words that point to others.
 
 _THROUGH = ("to", ".", "..", "...", "-", "–", "through", "until", "thru")
 
@@ -329,25 +452,17 @@ def spelt_out(lexemes: list[Lexeme], names: Sequence[str]) -> list[Lexeme]:
             while out[-1] is not first:
                 out.pop()
             both = replace(first, role="and", words=(), part=False)
-            for words in _between(first.words, lexeme.words, names):
-                out += [both, replace(first, words=words)]
+            # The names between two that count on: the same words, with numbers between theirs
+            stem, (low, high) = first.words[:-1], (first.words[-1], lexeme.words[-1])
+            if stem == lexeme.words[:-1] and low.isdigit() and high.isdigit():
+                numbered = {int(part_name_words(n)[-1]) for n in names if n[-1:].isdigit()}
+                for n in sorted(n for n in numbered if int(low) < n < int(high)):
+                    out += [both, replace(first, words=(*stem, str(n).zfill(len(low))))]
             out.append(both)
         if ends or (first is not None and lexeme.text.lower() not in _THROUGH):
             first = lexeme if ends else None
         out.append(lexeme)
     return out
-
-
-def _between(first: Phrase, last: Phrase, names: Sequence[str]) -> list[Phrase]:
-    """Words of the names between two that count on: the same words, with numbers between theirs."""
-    if first[:-1] != last[:-1] or not (first[-1].isdigit() and last[-1].isdigit()):
-        return []
-    told = {int(part_name_words(name)[-1]) for name in names if name[-1:].isdigit()}
-    inside = sorted(n for n in told if int(first[-1]) < n < int(last[-1]))
-    return [(*first[:-1], str(n).zfill(len(first[-1]))) for n in inside]
-
-
-# Words that point to others: "the latter", and the noun that a text is about.
 
 
 def point_back(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -366,16 +481,13 @@ def point_back(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             ended = True
         elif place is not None and -len(named) <= place < len(named) and len(named) > 1:
             articled = lexeme.text[:3].lower() == "the" or lexemes[i - 1].text.lower() == "the"
-            if articled and _is_subject(lexemes[i + 1 : i + 3]):
+            after = lexemes[i + 1 : i + 3]  # says something of it, and is no noun that it precedes
+            says = bool(after) and after[0].role in ("is", "was", "of", "material")
+            noun = says and after[0].role == "material" and any(x.part for x in after[1:])
+            if articled and says and not noun:
                 lexeme = replace(lexeme, role="part", words=named[place], part=True)
         out.append(lexeme)
     return out
-
-
-def _is_subject(after: Sequence[Lexeme]) -> bool:
-    """Whether what comes next says something of a word, and is no noun that it stands before."""
-    says = bool(after) and after[0].role in ("is", "was", "of", "material")
-    return says and not (after[0].role == "material" and any(x.part for x in after[1:]))
 
 
 def first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
@@ -403,77 +515,53 @@ def first_phrase(lexemes: Sequence[Lexeme], stops: Collection[str]) -> Phrase:
 PLAIN_FACTOR = 2.0  # "stiffer", without a word for how much
 _REACH = 6  # words before a comparative that may say how many times
 _PERCENT = ("%", "percent")
-_COUNTING = (
-    *_PERCENT,
-    "a",
-    "an",
-    "times",
-    "x",
-    "×",
-    "of",
-    "about",
-    "roughly",
-    "only",
-    "at",
-    "least",
-    "as",
-)
+_COUNTING = (*_PERCENT, *"a an times x × of about roughly only at least as".split())
 
 
 def join_comparisons(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the lexemes with every comparison as one: "twice as stiff", "a bit softer"."""
     out: list[Lexeme] = []
     for i, lexeme in enumerate(lexemes):
-        found = words()["compared"].get(lexeme.text.lower())
-        start = _comparison_start(out, lexeme, lexemes[i + 1 : i + 3]) if found else None
-        if found is None or start is None:
+        compared = words()["compared"].get(lexeme.text.lower())
+        last = out[-1].text.lower() if out else ""
+        start = None  # of the word that makes an adjective a comparison
+        if last in ("more", "less"):
+            start = len(out) - 1
+        elif last == "as":
+            times = len(out) > 1 and (
+                out[-2].role == "factors" or out[-2].text.lower() in ("times", "x", "×")
+            )
+            if times or any(x.role == "as" for x in lexemes[i + 1 : i + 3]):
+                start = len(out) - 1
+        elif lexeme.text.lower().endswith("er"):
+            start = len(out)
+        if compared is None or start is None:
             out.append(lexeme)
             continue
-        measure, way = found
+        measure, way = compared
         sign = out[start].text.lower() if start < len(out) else ""
         unlike = sign == "as" and start and out[start - 1].role == "not"
         way = -way if sign == "less" or unlike else way
-        factor, exact, start = _factor(out, start - 1 if unlike else start, way)
+        # How many times, whether a number says so, and where the comparison starts
+        end = start - 1 if unlike else start
+        factor, exact, start = PLAIN_FACTOR, False, end
+        percent = end > 0 and out[end - 1].text.lower() in _PERCENT
+        for k in range(end - 1, max(end - 1 - _REACH, -1), -1):
+            if out[k].role in ("factors", "vague"):
+                factor, exact, start = float(out[k].value), out[k].role == "factors", k
+            elif out[k].role == "digits":
+                factor, exact, start = number(out[k].text) or 1.0, True, k
+                factor = max(1 + way * factor / 100, 0.01) if percent else factor
+            elif out[k].text.lower() not in _COUNTING:
+                break
         if sign == "as" and not (unlike or exact):
             factor, exact = 1.0, True
         factor = 1 / factor if way < 0 and factor > 1 else factor
         began = out[start].start if start < len(out) else lexeme.start
         del out[start:]
-        out.append(
-            replace(
-                lexeme, role="compare", start=began, value=Comparison(measure, factor, exact, ())
-            )
-        )
+        value = Comparison(measure, factor, exact, ())
+        out.append(replace(lexeme, role="compare", start=began, value=value))
     return out
-
-
-def _comparison_start(before: list[Lexeme], lexeme: Lexeme, after: Sequence[Lexeme]) -> int | None:
-    """Index of the word that makes an adjective a comparison, or None where it is none."""
-    last = before[-1].text.lower() if before else ""
-    if last in ("more", "less"):
-        return len(before) - 1
-    if last == "as":
-        times = len(before) > 1 and (
-            before[-2].role == "factors" or before[-2].text.lower() in ("times", "x", "×")
-        )
-        return len(before) - 1 if times or any(x.role == "as" for x in after) else None
-    return len(before) if lexeme.text.lower().endswith("er") else None
-
-
-def _factor(before: list[Lexeme], start: int, way: int) -> tuple[float, bool, int]:
-    """How many times, whether a number says so, and where the comparison starts."""
-    factor, exact, first = PLAIN_FACTOR, False, start
-    percent = start > 0 and before[start - 1].text.lower() in _PERCENT
-    for i in range(start - 1, max(start - 1 - _REACH, -1), -1):
-        lexeme = before[i]
-        if lexeme.role in ("factors", "vague"):
-            factor, exact, first = float(lexeme.value), lexeme.role == "factors", i
-        elif lexeme.role == "digits":
-            factor, exact, first = number(lexeme.text) or 1.0, True, i
-            factor = max(1 + way * factor / 100, 0.01) if percent else factor
-        elif lexeme.text.lower() not in _COUNTING:
-            break
-    return factor, exact, first
 
 
 # Numbers without a word for what they are, told by their neighbours: hardness, grades.
@@ -493,16 +581,22 @@ def bare_numbers(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """
     out: list[Lexeme] = []
     for i, lexeme in enumerate(lexemes):
-        said, note = _HARDNESS.fullmatch(lexeme.text), ""
-        near = lexemes[max(i - 3, 0) : i + 3]
-        rubber = next((x for x in near if _is_rubbery(x)), None)
-        bare = said is not None and not (said[1] or said[3] or "hardness" in lexeme.text)
+        shore, note = _HARDNESS.fullmatch(lexeme.text), ""
+        rubbers = (
+            x for x in lexemes[max(i - 3, 0) : i + 3]
+            if x.role == "material" and isinstance(x.value, Material)
+            and (x.value.category == "elastomer" or _RUBBERY.search(x.value.name))
+        )  # fmt: skip
+        rubber = next(rubbers, None)
+        last = next((x for x in out[:-3:-1] if x.role == "number"), None)  # or a sign after it
+        of_modulus = last and isinstance(last.value, Quantity) and last.value.measure == "E"
+        bare = shore is not None and not (shore[1] or shore[3] or "hardness" in lexeme.text)
         close = not bare or rubber in [x for x in lexemes[:i][-2:] if x.role != "hyphen"][-1:]
-        if said and rubber and close and lexeme.role in ("digits", "word", "told", "material"):
-            measure = "shore_d" if "D" in (said[1], said[3]) else "shore_a"
+        if shore and rubber and close and lexeme.role in ("digits", "word", "told", "material"):
+            measure = "shore_d" if "D" in (shore[1], shore[3]) else "shore_a"
             note = f"{lexeme.text!r} beside {rubber.text!r} is taken as its Shore hardness"
-            value = Quantity(measure, float(said[2]), lexeme.text)
-        elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and _after_modulus(out):
+            value = Quantity(measure, float(shore[2]), lexeme.text)
+        elif lexeme.role == "digits" and 0 < number(lexeme.text) < 0.5 and of_modulus:
             note = f"{lexeme.text!r} after a modulus is taken as Poisson's ratio"
             value = Quantity("nu", number(lexeme.text), lexeme.text)
         out.append(replace(lexeme, role="number", value=value, note=note) if note else lexeme)
@@ -515,31 +609,28 @@ def lone_grades(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     Where the metal stands beside them they are its grades; alone they are told as a guess. A year
     after "in", a number after "model" and a property class without a fastener are plain numbers.
     """
-    out: list[Lexeme] = []
+    out, lone = list[Lexeme](), words()["lone"]
     for i, lexeme in enumerate(lexemes):
         if lexeme.role == "material" and _NUMBER.fullmatch(lexeme.text):
             metal, beside = lexeme.value, lexemes[max(i - 3, 0) : i + 4]
             last = lexemes[i - 1].text.lower() if i else ""
-            if not _is_grade(lexeme, last, lexemes[i + 1 : i + 2], beside):
+            # Whether it may be a grade, by the words before it and around it
+            if last in lone["labels"]:
+                grade = False
+            elif last in lone["dates"] and _YEAR.fullmatch(lexeme.text):
+                grade = any(_is_metal(x) for x in lexemes[i + 1 : i + 2])
+            else:
+                fastener = any({*x.words} & {*lone["fasteners"]} for x in beside)
+                grade = not _CLASS.fullmatch(lexeme.text) or fastener or _is_called(lexeme, beside)
+            if not grade:
                 note = f"{lexeme.text!r} after {last!r} is taken for no grade of a metal"
-                told = last in (*words()["lone"]["labels"], *words()["lone"]["dates"])
-                lexeme = replace(lexeme, role="digits", value=None, note=note if told else "")
+                noted = note if last in (*lone["labels"], *lone["dates"]) else ""
+                lexeme = replace(lexeme, role="digits", value=None, note=noted)
             elif not _is_called(lexeme, lexemes[max(i - 2, 0) : i + 3]):
                 note = f"{lexeme.text!r} without its metal is taken as a grade: {metal.name}"
                 lexeme = replace(lexeme, note=note)
         out.append(lexeme)
     return out
-
-
-def _is_grade(lexeme: Lexeme, last: str, after: Sequence[Lexeme], beside: Sequence[Lexeme]) -> bool:
-    """Whether a number may be a grade, by the words before it and around it."""
-    lone = words()["lone"]
-    if last in lone["labels"]:
-        return False
-    if last in lone["dates"] and _YEAR.fullmatch(lexeme.text):
-        return any(_is_metal(x) for x in after)
-    fastener = any({*x.words} & {*lone["fasteners"]} for x in beside)
-    return not _CLASS.fullmatch(lexeme.text) or fastener or _is_called(lexeme, beside)
 
 
 def _is_called(lexeme: Lexeme, near: Sequence[Lexeme]) -> bool:
@@ -553,18 +644,6 @@ def _is_called(lexeme: Lexeme, near: Sequence[Lexeme]) -> bool:
 def _is_metal(lexeme: Lexeme) -> bool:
     row = lexeme.value if lexeme.role == "material" else None
     return isinstance(row, Material) and row.category == "metal"
-
-
-def _is_rubbery(lexeme: Lexeme) -> bool:
-    row = lexeme.value if lexeme.role == "material" else None
-    named = isinstance(row, Material) and bool(_RUBBERY.search(row.name))
-    return named or (isinstance(row, Material) and row.category == "elastomer")
-
-
-def _after_modulus(before: Sequence[Lexeme]) -> bool:
-    """Whether a modulus came last, with no more than a sign after it."""
-    last = next((x for x in before[:-3:-1] if x.role == "number"), None)
-    return last is not None and isinstance(last.value, Quantity) and last.value.measure == "E"
 
 
 # What treatments and colours say of a matter: "galvanised" is steel, "painted silver" none.

@@ -41,31 +41,24 @@ def in_digits(text: str) -> tuple[str, dict[int, int]]:
     """
     found = [match.span() for pattern in (_WORDS, _MULTIPLE) for match in pattern.finditer(text)]
     starts = {at: start for start, end in found for at in range(start, end)}
-    text = _FRACTION.sub(_divided, _MULTIPLE.sub(_multiplied, text))
-    return _WORDS.sub(_digits, text), starts
 
+    def power(match: re.Match) -> str:  # "10 million" -> "      10e6"
+        of_ten = round(math.log10(_COUNTS[match[2].lower()]))
+        return f"{match[1]}e{of_ten}".rjust(len(match[0]))
 
-def _digits(match: re.Match) -> str:
-    """A number in words as digits, as long as it was: "one point two" -> "          1.2"."""
-    whole = _counted(re.findall(_WORD, match[1]))
-    after = [_COUNTS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
-    after = [5] if match[3] else after
-    if whole is None or any(digit > 9 for digit in after):
-        return match[0]
-    return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
+    def decimals(match: re.Match) -> str:  # as many as fit: "one third" -> "0.3333333"
+        value = 1 / (3 if match[2].lower() == "third" else 4)
+        return match[1] + f"{value:.{len(match[0]) - len(match[1]) - 2}f}"
 
+    def digits(match: re.Match) -> str:  # "one point two" -> "          1.2"
+        whole = _counted(re.findall(_WORD, match[1]))
+        after = [_COUNTS[word.lower()] for word in re.findall(_WORD, match[2] or "")]
+        after = [5] if match[3] else after
+        if whole is None or any(digit > 9 for digit in after):
+            return match[0]
+        return (f"{whole}." + "".join(map(str, after))).rstrip(".").rjust(len(match[0]))
 
-def _divided(match: re.Match) -> str:
-    """A fraction in words with the decimals that fit: "one third" -> "0.3333333"."""
-    share = 1 / (3 if match[2].lower() == "third" else 4)
-    room = len(match[0]) - len(match[1])
-    return match[1] + f"{share:.{room - 2}f}"
-
-
-def _multiplied(match: re.Match) -> str:
-    """A multiple of a number in words, as long as it was: "10 million" -> "      10e6"."""
-    power = round(math.log10(_COUNTS[match[2].lower()]))
-    return f"{match[1]}e{power}".rjust(len(match[0]))
+    return _WORDS.sub(digits, _FRACTION.sub(decimals, _MULTIPLE.sub(power, text))), starts
 
 
 def _counted(said: list[str]) -> int | None:
@@ -186,7 +179,7 @@ def numerals(text: str) -> list[Numeral]:
     text, starts = in_digits(text)
     if _EUROPEAN.search(text):  # a comma before decimals: a point before three digits is none
         text = re.sub(r"(?<![\d.,])(\d{1,3})\.(?=\d{3}(?!\d))", r"\1,", text)
-    for finder in (_temperatures, _triples, _blends, _shores, _measures):
+    for finder in (_special, _measures):
         for numeral in finder(text):
             if all(numeral.end <= f.start or f.end <= numeral.start for f in found):
                 found.append(numeral)
@@ -194,16 +187,21 @@ def numerals(text: str) -> list[Numeral]:
     return sorted(f._replace(start=starts.get(f.start, f.start)) for f in found)
 
 
-def _temperatures(text: str) -> Iterator[Numeral]:
+def _special(text: str) -> Iterator[Numeral]:
+    """Temperatures, triples as programs write them, shares of fibres, hardnesses."""
     for match in _TEMPERATURE.finditer(text):
         degrees = number(match["n"]) * (-1 if match["sign"] else 1)
         celsius = degrees if match["scale"] in "Cc" else (degrees - 32) / 1.8
         odd = not ROOM[0] <= celsius <= ROOM[1]
         note = f"{match[0]!r} is not used: the values are those of room temperature" if odd else ""
         yield Numeral(*match.span(), None, note)
-
-
-def _blends(text: str) -> Iterator[Numeral]:
+    for match in _TRIPLE.finditer(text):
+        E, nu, rho = map(number, match.groups())
+        if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
+            note = f"{match[0]!r} is taken as E in Pa, nu and rho in kg/m3"
+            for k, (symbol, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
+                said = Quantity(cast(Measure, symbol), value, match[k])
+                yield Numeral(*match.span(k), said, note if k == 1 else "")
     for match in _BLEND.finditer(text):
         group = match.groupdict()
         fibre = group["fibre"] or group["fibre2"] or group["fibre4"] or group["fibre5"] or "glass"
@@ -211,26 +209,13 @@ def _blends(text: str) -> Iterator[Numeral]:
         note = "" if share else f"{match[0]!r}: no share is said, {USUAL_SHARE:.0%} is taken"
         blend = Blend(_FIBRE_ROWS[fibre[0].lower()], int(share) / 100 if share else USUAL_SHARE)
         yield Numeral(*match.span(), blend, note)
-
-
-def _triples(text: str) -> Iterator[Numeral]:
-    for match in _TRIPLE.finditer(text):
-        E, nu, rho = map(number, match.groups())
-        if 1e3 < E < _MOST["E"] and 0 <= nu < 0.5 and 1 < rho < _MOST["rho"]:
-            note = f"{match[0]!r} is taken as E in Pa, nu and rho in kg/m3"
-            for k, (measure, value) in enumerate({"E": E, "nu": nu, "rho": rho}.items(), 1):
-                said = Quantity(cast(Measure, measure), value, match[k])
-                yield Numeral(*match.span(k), said, note if k == 1 else "")
-
-
-def _shores(text: str) -> Iterator[Numeral]:
     for match in _SHORE_OTHER.finditer(text):
         yield Numeral(*match.span(), None, f"{match[0]!r}: only Shore A and D have a relation to E")
     for match in _SHORE.finditer(text):
-        number = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
+        degree = next(match[g] for g in ("n1", "n2", "n3", "n4") if match[g])
         scale = next((match[g] for g in (f"s{i}" for i in range(1, 8)) if match[g]), "A")
         measure: Measure = "shore_a" if scale in "Aa" else "shore_d"
-        value = Quantity(measure, float(number), match[0]) if 0 < int(number) <= 100 else None
+        value = Quantity(measure, float(degree), match[0]) if 0 < int(degree) <= 100 else None
         note = "" if value else f"{match[0]!r}: the scale is from 1 to 100"
         yield Numeral(*match.span(), value, note)
 
@@ -239,7 +224,12 @@ def _measures(text: str) -> Iterator[Numeral]:
     """Numbers with the word that says what they measure before them, after them, or with a unit."""
     taken: list[tuple[int, int]] = []
     for pattern in (_BEFORE, _AFTER, _ALONE):
-        for match in _matches(pattern, text):
+        at = 0
+        while match := pattern.search(text, at):
+            at = max(match.end(), at + 1)
+            if match["also"] and number(match["also"]) > 100 * number(match["low"]):
+                at = match.start("also")  # too far apart for one measure: "0.3 / 900"
+                continue
             if any(match.start() < end and start < match.end() for start, end in taken):
                 continue
             read = _read(match, cued=pattern is not _ALONE)
@@ -249,17 +239,6 @@ def _measures(text: str) -> Iterator[Numeral]:
             if read:
                 taken.append(match.span())
                 yield read
-
-
-def _matches(pattern: re.Pattern, text: str) -> Iterator[re.Match]:
-    """Matches from left to right; numbers too far apart for one measure are two: "0.3 / 900"."""
-    at = 0
-    while match := pattern.search(text, at):
-        at = max(match.end(), at + 1)
-        if match["also"] and number(match["also"]) > 100 * number(match["low"]):
-            at = match.start("also")
-        else:
-            yield match
 
 
 def _read(match: re.Match, *, cued: bool) -> Numeral | None:

@@ -90,7 +90,13 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
     """Cut lexemes into connectors and the runs between them, and these into groups."""
     signs, before, last, at, draft = grammar()["signs"], "", (), 0, Draft()
     while at < len(lexemes):
-        end = _run_end(lexemes, at, before)
+        # The run of grouped lexemes; "the legs are oak the seat is foam" are two
+        end, owed = at, False
+        while end < len(lexemes) and _is_grouped(lexemes, end, at):
+            if owed and lexemes[end + 1 : end + 2] and lexemes[end + 1].role == "is":
+                break
+            owed = owed or (before == "=" and lexemes[end].role == "material")
+            end += 1
         after = signs.get(lexemes[end].role, "") if end < len(lexemes) else ""
         if end > at:
             for token in _groups(lexemes[at:end], lexicon, before, after, last):
@@ -118,18 +124,6 @@ def _tokens(lexemes: Sequence[Lexeme], lexicon: ReaderLexicon) -> Iterator[Const
         before, at = sign, at + 1
 
 
-def _run_end(lexemes: Sequence[Lexeme], at: int, before: str) -> int:
-    """Where a run of grouped lexemes ends; "the legs are oak the seat is foam" are two."""
-    end = at
-    while end < len(lexemes) and _is_grouped(lexemes, end, at):
-        after = lexemes[end + 1].role if end + 1 < len(lexemes) else ""
-        owed = before == "=" and any(x.role == "material" for x in lexemes[at:end])
-        if owed and after == "is":
-            break
-        end += 1
-    return end
-
-
 def _is_grouped(lexemes: Sequence[Lexeme], i: int, start: int) -> bool:
     """Whether a lexeme is of a group; a verb is, as the participle before a noun."""
     lexeme, run = lexemes[i], lexemes[start:i]
@@ -152,47 +146,49 @@ def _groups(
     """Tokens of a run, ``before`` and ``after`` which signs stand."""
     opens = after in ("=", "o") or before in ("x", "F")
     owes = before in tuple("=o^cf!mTAW~") and not opens
-    said = next((i for i, x in enumerate(run) if x.text.lower() in ("whole", "entire")), None)
-    if said is not None:
-        if any(x.part for x in run[:said]):
-            yield from _groups(run[:said], lexicon, before, "", last)
-            run = run[said:]
+    at = next((i for i, x in enumerate(run) if x.text.lower() in ("whole", "entire")), None)
+    if at is not None:
+        if any(x.part for x in run[:at]):
+            yield from _groups(run[:at], lexicon, before, "", last)
+            run = run[at:]
         run = [x for x in run if x.role != "word" or x.part]
         yield Constituent("W", Draft("whole", lexemes=[x for x in run if x.role == "all"]))
     for group in groups_of(run, lexicon, owes=owes, opens=opens):
-        part = _full_name(group, last)
+        part = group.part
+        side = part[-1:] and part[-1] in places() and not group.named
+        if last and part and all(word.isdigit() for word in part):  # "leg 1, 2"
+            part = (*(word for word in last if not word.isdigit()), *part)
+        elif last and side and not (group.values and part[-1] in known_parts()):
+            part = (*part, last[-1])  # "the second", but "a glass top"
         if part and part[-1] in words()["attributes"]["matter"] and after == "=":
             part = part[:-1]
             if not part:
                 yield Constituent("W", Draft("whole", lexemes=group.lexemes))
                 continue
-        yield _token(replace(group, part=part), lexicon, last, mixed=is_mixed(run))
+        # How many of a kind are spoken of, 0 for "some": "three legs"
+        counts = map(counted_by, (x.text for x in takewhile(lambda x: not x.part, group.lexemes)))
+        # Nouns before a material that may make another of it: "polymer clay"
+        start = next((m.lexeme.start for m in group.values), 0)
+        nouns = (x for x in group.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
+        draft = Draft(
+            "parts" if part else "none", [part] if part else [], named=group.named, own=group.own,
+            count=next((n for n in counts if n is not None), None), mixed=is_mixed(run),
+            loose=[] if group.named else [x.text for x in nouns if x.end < start],
+            article=any(x.tag in ("DT", "PRP$") for x in group.lexemes),
+            lexemes=list(group.lexemes),
+            # Introduced as the thing that the text is about: "a bookcase"
+            holds=any(x.text.lower() in ("a", "an") for x in group.lexemes)
+            and not (last and group.values),
+        )  # fmt: skip
+        for mention in group.values:
+            draft.take(mention, lexicon)
+        # S a part, V what is said, N that without a matter, B and P both
+        if not part:
+            yield Constituent("V" if draft.material or draft.unknown else "N", draft)
+        else:
+            sign = "S" if group.own or not group.values else "P" if group.part_first else "B"
+            yield Constituent(sign if group.named else sign.lower(), draft)
         last = part or last
-
-
-def _full_name(group: Group, last: Phrase) -> Phrase:
-    """A number or a side alone has the noun that came before it: "leg 1, 2", "the second"."""
-    if last and group.part and all(word.isdigit() for word in group.part):
-        return (*(word for word in last if not word.isdigit()), *group.part)
-    side = group.part[-1:] and group.part[-1] in places() and not group.named
-    own = group.values and side and group.part[-1] in known_parts()  # "a glass top"
-    return (*group.part, last[-1]) if last and side and not own else group.part
-
-
-def _token(group: Group, lexicon: ReaderLexicon, last: Phrase, *, mixed: bool) -> Constituent:
-    """A group as a token: S a part, V what is said, N that without a matter, B and P both."""
-    draft = Draft(
-        "parts" if group.part else "none", [group.part] if group.part else [],
-        named=group.named, count=group.count, mixed=mixed, own=group.own, loose=group.modifiers,
-        article=any(x.tag in ("DT", "PRP$") for x in group.lexemes), lexemes=list(group.lexemes),
-        holds=group.is_thing and not (last and group.values),
-    )  # fmt: skip
-    for mention in group.values:
-        draft.take(mention, lexicon)
-    if not group.part:
-        return Constituent("V" if draft.material or draft.unknown else "N", draft)
-    sign = "S" if group.own or not group.values else "P" if group.part_first else "B"
-    return Constituent(sign if group.named else sign.lower(), draft)
 
 
 # The grammar: constituents of a text, joined by rules over the signs of their sequence.
@@ -301,17 +297,6 @@ def _more(cascade: Cascade, head: Draft, other: Draft) -> None:
     head.add(other)
 
 
-def _owned(_: Cascade, head: Draft, other: Draft) -> None:
-    """Put the owner before a name: "the top of the table" is the table's top."""
-    head.names[-1:] = [(*other.names[-1], *name) for name in head.names[-1:]]
-    head.named = head.named or other.named
-
-
-def _renamed(_: Cascade, head: Draft, other: Draft) -> None:
-    head.scope, head.names, head.named = "parts", other.names, other.named
-    head.add(other)
-
-
 def _fill(cascade: Cascade, head: Draft, other: Draft) -> None:
     row = other.material.name if other.material else None
     head.filling = cascade.lexicon.contents_called(other.said) or row or head.filling
@@ -343,20 +328,21 @@ def _unknown(_: Cascade, head: Draft, other: Draft) -> None:
     head.unknown = " ".join(x.text for x in other.lexemes if x.words)
 
 
-def _negated(cascade: Cascade, head: Draft, other: Draft) -> None:
+def _excluded(cascade: Cascade, head: Draft, other: Draft) -> None:
     other.rule_out(cascade.lexicon)
     _more(cascade, head, other)
 
 
-def _coat(_: Cascade, head: Draft, other: Draft) -> None:
-    head.coating = other.material.name if other.material else other.coating
-
-
 # What a rule's groups say of its head.
-_ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
-    "head": _more, "pure": _names, "names": _names, "bearers": _names, "owner": _owned,
-    "coating": _coat, "filling": _fill, "contents": _fill, "unknown": _unknown,
-    "strange": _unknown, "stuff": _unknown, "excluded": _negated,
+_ROLES: dict[str, Callable[[Cascade, Draft, Draft], object]] = {
+    "head": _more, "pure": _names, "names": _names, "bearers": _names,
+    "owner": lambda _, head, other: head.owned_by(other),
+    "coating": lambda _, head, other: setattr(
+        head, "coating", other.material.name if other.material else other.coating
+    ),
+    "filling": _fill, "contents": _fill, "unknown": _unknown,
+    "strange": _unknown, "stuff": _unknown,
+    "excluded": _excluded,
     "values": lambda _, head, other: head.add(other),
     "made": lambda _, head, other: head.add(other),
     "first": lambda _, head, other: head.add(other),
@@ -364,7 +350,8 @@ _ROLES: dict[str, Callable[[Cascade, Draft, Draft], None]] = {
     "compared": lambda _, head, other: head.compare_with((*other.names, tuple(other.said))[0]),
     "same": lambda _, head, other: setattr(head, "same", (*other.names, ())[0]),
     "exceptions": lambda _, head, other: head.exceptions.extend(other.names),
-    "renamed": _renamed, **dict.fromkeys(("drop", "keep", "last", "outside"), lambda *_: None),
+    "renamed": lambda _, head, other: head.rename(other),
+    **dict.fromkeys(("drop", "keep", "last", "outside"), lambda *_: None),
 }  # fmt: skip
 _GUARDS: dict[str, Callable[[Cascade, Draft, Draft], bool]] = {
     "contents": _holds_contents, "unknown": _is_strange, "stuff": _is_stuff,
@@ -410,24 +397,6 @@ class Group:
     part_first: bool = False  # "hull teak"
     own: bool = False  # what is said of it is its name alone: "bones"
 
-    @property
-    def modifiers(self) -> list[str]:
-        """Nouns before a material that may make another of it: "polymer clay"."""
-        start = next((m.lexeme.start for m in self.values), 0)
-        nouns = (x for x in self.lexemes if x.role == "word" and x.tag in ("NN", "NNP"))
-        return [] if self.named else [x.text for x in nouns if x.end < start]
-
-    @property
-    def count(self) -> int | None:
-        """How many of a kind are spoken of, 0 for "some": "three legs"."""
-        before = takewhile(lambda x: not x.part, self.lexemes)
-        return next((n for n in map(counted_by, (x.text for x in before)) if n is not None), None)
-
-    @property
-    def is_thing(self) -> bool:
-        """Whether its noun is introduced as the thing that the text is about: "a bookcase"."""
-        return any(x.text.lower() in ("a", "an") for x in self.lexemes)
-
 
 def groups_of(
     run: Sequence[Lexeme], lexicon: ReaderLexicon, *, owes: bool, opens: bool
@@ -470,7 +439,10 @@ def groups_of(
         first, *blocks = blocks
         if blocks and first[-1].says != part_first:
             second, *blocks = blocks
-            parts, values = (_up_to_name(first), second) if part_first else (second, first)
+            parts, values = (first, second) if part_first else (second, first)
+            named = [i for i, m in enumerate(parts) if m.lexeme.part]
+            if part_first and named:  # "blade damascus steel" speaks of the blade
+                parts = parts[: named[-1] + 1]
             out.append(_group(parts, values, part_first=part_first))
         else:
             out.append(_group([], first) if first[-1].says else _group(first, []))
@@ -494,16 +466,33 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
             out.append(Mention("material", replace(lexeme, part=False), lexeme.value))
             out.append(Mention("part", replace(lexeme, words=lexeme.names)))
         elif role == "material":
-            out.append(_material(lexeme, run, i, owes=owes, fake=fake))
+            # Or the part that is called after one: "loose soil", "the glass is sapphire"
+            others = any(x.role == "material" for x in run if x is not lexeme)
+            alone = not any(x.role == "word" for x in run if x is not lexeme)
+            owed = owes and not any(x.text.lower() == "the" for x in run[:i])
+            if lexeme.part and not owed and (others or alone or run[-1] is lexeme):
+                out.append(Mention("part", lexeme, None if others else lexeme.value))
+            else:
+                out.append(Mention("coating" if fake else "material", lexeme, lexeme.value))
             fake = False
         elif role == "coat" and puts_hue(lexeme, [m.value for m in out[-1:]], run[i + 1 : i + 2]):
             fake = True
         elif role in ("coat", "coating", "look", "attributes", "fill"):
-            _dress(out, lexeme, role, last=i + 1 == len(run))
+            # It turns the material before it into what it is there for, or goes: "powder-coated"
+            last = out[-1] if out else None
+            if last and last.kind == "material":
+                if role != "coat" or len(out) == 1 or i + 1 < len(run):
+                    out[-1] = replace(last, kind="filling" if role == "fill" else "coating")
+            elif last and not last.says and not last.lexeme.part:
+                if lexeme.start - last.lexeme.end <= 1:
+                    out.pop()
         elif role == "density" and lexeme.text.lower() == "light" and is_hue(run[i + 1 : i + 2]):
             continue  # "light oak", "light grey"
         elif role in ("stiffness", "density", "character"):
-            out.append(Mention("level", lexeme, (role, _scaled(lexeme.value, degree))))
+            level = lexeme.value
+            if isinstance(level, int) and degree == "more":  # outwards: "very soft"
+                level = max(1, level - 1) if level < 3 else min(5, level + 1)
+            out.append(Mention("level", lexeme, (role, level)))
             degree = ""
         elif role in ("number", "compare"):
             out.append(Mention("number", lexeme, lexeme.value))
@@ -514,23 +503,6 @@ def _mentions(run: list[Lexeme], *, owes: bool) -> list[Mention]:
         elif role == "empty" and not any(m.kind in _SAYING for m in out[-2:]):
             out.append(Mention("part" if i + 1 == len(run) else "modifier", lexeme))
     return out
-
-
-def _scaled(level: int | str, degree: str) -> int | str:
-    """Move a level outwards where the degree is high: "very soft"."""
-    if not isinstance(level, int) or degree != "more":
-        return level
-    return max(1, level - 1) if level < 3 else min(5, level + 1)
-
-
-def _material(lexeme: Lexeme, run: list[Lexeme], i: int, *, owes: bool, fake: bool) -> Mention:
-    """A material, or the part that is called after one: "loose soil", "the glass is sapphire"."""
-    others = any(x.role == "material" for x in run if x is not lexeme)
-    alone = not any(x.role == "word" for x in run if x is not lexeme)
-    owes = owes and not any(x.text.lower() == "the" for x in run[:i])
-    if lexeme.part and not owes and (others or alone or run[-1] is lexeme):
-        return Mention("part", lexeme, None if others else lexeme.value)
-    return Mention("coating" if fake else "material", lexeme, lexeme.value)
 
 
 def _word(lexeme: Lexeme, run: list[Lexeme], i: int) -> Mention:
@@ -558,18 +530,6 @@ def _hyphened(run: list[Lexeme], i: int) -> bool:
     return any(x.role == "hyphen" for x in run[max(i - 1, 0) : i + 2])
 
 
-def _dress(out: list[Mention], lexeme: Lexeme, role: str, *, last: bool) -> None:
-    """Turn the material before a coat, a look or "-filled" into what it is there for."""
-    before = out[-1] if out else None
-    if before is None:
-        return
-    close = lexeme.start - before.lexeme.end <= 1
-    if before.kind == "material" and (role != "coat" or len(out) == 1 or not last):
-        out[-1] = replace(before, kind="filling" if role == "fill" else "coating")
-    elif not before.says and close and not before.lexeme.part:
-        out.pop()  # "powder-coated"
-
-
 def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Mention]:
     """Of materials side by side keep the one that is meant: "ABS plastic", "walnut MDF"."""
     out: list[Mention] = []
@@ -581,23 +541,14 @@ def _one_material(mentions: list[Mention], lexicon: ReaderLexicon) -> list[Menti
                 continue
             # The later of two is the head; what the other says is told, but "steel St37".
             repeats = lexicon.repeats(last.value, last.lexeme.words, mention.value)
-            kin = repeats or _is_like(last, mention)
+            # Or says more of it: "beech ply", "music wire A228", a colour.
+            beside = mention.lexeme.start - last.lexeme.end <= 1 and last.lexeme.dep != "punct"
+            alike = last.value.category == mention.value.category and beside
+            hue = last.lexeme.text.lower() in words()["hues"]["colours"]
+            kin = repeats or alike or hue
             out[out.index(last)] = replace(last, kind="kin" if kin else "left", value=None)
         out.append(mention)
     return out
-
-
-def _is_like(said: Mention, after: Mention) -> bool:
-    """Whether one of two only says more of the other: "beech ply", "music wire A228", a colour."""
-    beside = after.lexeme.start - said.lexeme.end <= 1 and said.lexeme.dep != "punct"
-    alike = said.value.category == after.value.category
-    return (alike and beside) or said.lexeme.text.lower() in words()["hues"]["colours"]
-
-
-def _up_to_name(parts: list[Mention]) -> list[Mention]:
-    """Words up to the asset's own: "blade damascus steel" speaks of the blade."""
-    named = [i for i, m in enumerate(parts) if m.lexeme.part]
-    return parts[: named[-1] + 1] if named else parts
 
 
 def _group(parts: list[Mention], values: list[Mention], *, part_first: bool = False) -> Group:
@@ -703,6 +654,16 @@ class Draft:
             )
         self.levels = {k: 2 if v > 3 else 4 for k, v in self.levels.items()}
         self.material, self.kind, self.phrase, self.character, self.unknown = None, None, "", [], ""
+
+    def owned_by(self, other: Draft) -> None:
+        """Put the owner before a name: "the top of the table" is the table's top."""
+        self.names[-1:] = [(*other.names[-1], *name) for name in self.names[-1:]]
+        self.named = self.named or other.named
+
+    def rename(self, other: Draft) -> None:
+        """Speak of what another names, and take what is said of that."""
+        self.scope, self.names, self.named = "parts", other.names, other.named
+        self.add(other)
 
     def like(self, other: Draft) -> None:
         """Take the matter of another; its own kind must not be against it."""

@@ -1,15 +1,12 @@
-"""Sizes of the UniPixie network: those of the paper, and some for a CPU."""
+"""Sizes of the UniPixie network: by default the paper's."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-THETA = 650  # numbers of a skinning body: ten weights of 64 features and a constant each
-ANCHORS = 2048  # of a spring network
 CLASSES = 8  # logits; seven are those of ``fem.mpm.materials``
 MATTER = 3  # log E, nu, log rho
-ELASTIC = 2  # log E, nu
 
 
 @dataclass(frozen=True)
@@ -42,15 +39,7 @@ class UniPixieConfig:
     method: Literal["euler", "heun"] = "heun"
 
 
-# The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and
-# the fusion of the condition are, it does not say: as Table S3's totals allow.
-PAPER = UniPixieConfig()
 SHIPPED = UniPixieConfig(
     features=32, given=389, cells=32, width=128, stem=64, heads=4, encoder_blocks=6,
     decoder_blocks=3, spring_blocks=2, fusion=16, own=True, predicts="x1", steps=2, method="euler",
-)  # fmt: skip
-CPU = UniPixieConfig(
-    features=16, given=389, cells=16, width=32, stem=32, heads=4, latents=8, encoder_blocks=1,
-    decoder_blocks=2, spring_blocks=1, frequencies=4, own=True, predicts="x1", steps=2,
-    method="euler",
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from pathlib import Path
@@ -17,10 +17,10 @@ from jaxtyping import Bool, Float, Int
 from ...fem.errors import InputError
 from ..appearance.features import Appearance
 from ..asset import UpAxis, upright
-from ..field import DEFAULT, Normalisation
+from ..field import Normalisation
 from ..grid import PartVoxels
 from .config import UniPixieConfig
-from .network import SKINNING, UniPixie
+from .network import UniPixie
 
 if TYPE_CHECKING:
     import torch
@@ -94,7 +94,11 @@ class Found:
         """
         part, states = self.cube.part, np.random.SeedSequence(seed).generate_state(count)
         parts = range(int(part.max()) + 1)
-        few = [_evenly(np.flatnonzero(part == p), MEANT) for p in parts]
+        few = [np.flatnonzero(part == p) for p in parts]
+        few = [
+            some[np.linspace(0, len(some) - 1, MEANT).astype(int)] if len(some) > MEANT else some
+            for some in few
+        ]
         tokens = np.concatenate(few)
         mean = np.array([_mean(self.likeliest[0][part == p]) for p in parts])
         drawn = np.empty((count, len(few), 3))
@@ -119,12 +123,7 @@ class Found:
         return coherent_noise(shared[self.cube.part], own)[None]
 
     def _decode(
-        self,
-        alpha: float,
-        noise: torch.Tensor,
-        *,
-        steps: int = 0,
-        tokens: slice | np.ndarray = ALL,
+        self, alpha: float, noise: torch.Tensor, *, steps: int = 0, tokens: slice | np.ndarray = ALL
     ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
         """Values and classes of tokens, some at a time: each sees the latents alone."""
         import torch
@@ -162,35 +161,11 @@ def _mean(values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
     return values.mean(axis=0) if len(values) else np.full(3, np.nan)
 
 
-def _evenly(tokens: Int[np.ndarray, "n"], most: int) -> Int[np.ndarray, "m"]:
-    """At most so many of the tokens, evenly."""
-    if len(tokens) <= most:
-        return tokens
-    return tokens[np.linspace(0, len(tokens) - 1, most).astype(int)]
-
-
 def voxels_on(network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known) -> Voxels:
     """Bring what is known of an asset onto the cube, as the network reads it."""
     import torch
 
-    from .network import Voxels
-
-    own = torch.from_numpy(_learned(network, cube, parts, evidence).astype(np.float32))
-    grid = torch.zeros(cube.cells**3, own.shape[1])
-    share = torch.from_numpy(cube.share.astype(np.float32))[:, None]
-    grid.index_add_(0, torch.from_numpy(cube.at), own * share)
-    side = (cube.cells,) * 3
-    place = torch.from_numpy(cube.place.astype(np.float32))
-    return Voxels(grid.T.reshape(1, -1, *side), place[None], own[None])
-
-
-def _learned(
-    network: UniPixie, cube: Cube, parts: PartVoxels, evidence: Known
-) -> Float[np.ndarray, "n features"]:
-    """What the network learns of every token."""
-    import torch
-
-    from .network import FEATURE, known_of
+    from .network import FEATURE, Voxels, known_of
 
     inside, seen = parts.occupied, evidence.appearance
     label = parts.part[inside]
@@ -210,25 +185,14 @@ def _learned(
             arrays = (vectors, known, colours[begin : begin + CHUNK], shown)
             feature, flag, colour, lit = (torch.from_numpy(np.asarray(a)) for a in arrays)
             found.append(network.project(known_of(feature.float(), flag, colour.float(), lit)))
-    return cube.tokens(torch.cat(found).numpy())
-
-
-class UniPixieModel:
-    """The shipped network, or that of ``weights``."""
-
-    def __init__(self, *, weights: Path | None = None) -> None:
-        self._weights = weights or WEIGHTS
-
-    @cached_property
-    def loaded(self) -> Loaded:
-        """The network and what its numbers mean, read on the first inference."""
-        return load_unipixie(self._weights)
-
-    def find(self, parts: PartVoxels, evidence: Known, *, up: UpAxis = "z") -> Found:
-        """Return what the network finds of an asset with ``up`` pointing up."""
-        network = self.loaded.network
-        cube = Cube.of(parts, up, cells=network.config.cells)
-        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
+    learned = cube.tokens(torch.cat(found).numpy())
+    own = torch.from_numpy(learned.astype(np.float32))
+    grid = torch.zeros(cube.cells**3, own.shape[1])
+    share = torch.from_numpy(cube.share.astype(np.float32))[:, None]
+    grid.index_add_(0, torch.from_numpy(cube.at), own * share)
+    side = (cube.cells,) * 3
+    place = torch.from_numpy(cube.place.astype(np.float32))
+    return Voxels(grid.T.reshape(1, -1, *side), place[None], own[None])
 
 
 # The cells of an asset as tokens on the network's cube: upright, in the middle, as in training.
@@ -300,8 +264,6 @@ class Cube:
 
 # Files of trained weights: float16 safetensors with the network's sizes and normalisation.
 
-_HEAD_OF = {"matter": "mpm", "body": SKINNING, "elastic": "lbs", "springs": "spring"}
-
 
 class RangeCalibration(NamedTuple):
     """What was measured of a network's ranges and samples, and mends them.
@@ -323,29 +285,8 @@ class Loaded(NamedTuple):
     calibration: RangeCalibration
 
 
-def save_unipixie(
-    path: Path,
-    network: UniPixie,
-    *,
-    normalisation: Normalisation = DEFAULT,
-    calibration: RangeCalibration | None = None,
-    facts: dict | None = None,
-) -> None:
-    """Write the network as float16 safetensors, with its config and what its numbers mean."""
-    from safetensors.torch import save_file
-
-    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
-    metadata = {
-        "network": json.dumps(asdict(network.config)),
-        "normalisation": json.dumps(normalisation.to_dict()),
-        "calibration": json.dumps((calibration or RangeCalibration())._asdict()),
-        "facts": json.dumps(facts or {}),
-    }
-    save_file(tensors, path, metadata=metadata)
-
-
 def load_unipixie(path: Path) -> Loaded:
-    """Read what ``save_unipixie`` wrote, in float32 on the CPU, with the heads that it has.
+    """Read a network, in float32 on the CPU.
 
     Raises
     ------
@@ -363,7 +304,6 @@ def load_unipixie(path: Path) -> Loaded:
             tensors = {key: file.get_tensor(key).float() for key in file.keys()}
     except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is not a checkpoint of a UniPixie network: {error}") from error
-    modules = {key.split(".")[0] for key in tensors}
-    network = UniPixie(config, tuple(h for module, h in _HEAD_OF.items() if module in modules))
+    network = UniPixie(config)
     network.load_state_dict(tensors)
     return Loaded(network.eval(), normalisation, calibration)

@@ -1,4 +1,4 @@
-"""The UniPixie network: one encoder, and a head for each of three solvers (supplement, B.1.3)."""
+"""The UniPixie network: an encoder, and a head for MPM (supplement, B.1.3)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .config import ANCHORS, CLASSES, ELASTIC, MATTER, THETA, UniPixieConfig
-
-HEADS = ("mpm", "lbs", "spring")
-SKINNING = "skinning"  # of the second alone what has no flow
+from .config import CLASSES, MATTER, UniPixieConfig
 
 
 class Voxels(NamedTuple):
@@ -62,50 +59,21 @@ class VoxelHead(nn.Module):
         return end, tokens
 
 
-class SpringHead(nn.Module):
-    """Flow of one vector: log stiffness of every anchor, and the softness eta of all."""
+class UniPixie(nn.Module):
+    """The encoder, and the head of the material point method."""
 
     def __init__(self, config: UniPixieConfig) -> None:
-        super().__init__()
-        self.decoder = FlowDecoder(config, ANCHORS + 1, known=0, blocks=config.spring_blocks)
-
-    def forward(self, x: Tensor, time: Tensor, alpha: Tensor, latents: Tensor) -> Tensor:
-        """Return the velocity (batch, 2049), or x1, at ``x`` (batch, 2049)."""
-        nothing, nowhere = x[:, None, :0], latents.new_zeros(())
-        out, _ = self.decoder(x[:, None], time, alpha, latents, nothing, nowhere)
-        return out[:, 0]
-
-
-class UniPixie(nn.Module):
-    """Encoder and heads; ``heads`` are by default all three (the paper's joint network)."""
-
-    def __init__(self, config: UniPixieConfig, heads: tuple[str, ...] = HEADS) -> None:
         super().__init__()
         self.config = config
         if config.given:
             self.project = Projector(config)
         self.encoder = GridEncoder(config)
-        width = config.width
-        if "mpm" in heads:
-            self.matter = VoxelHead(config, MATTER)
-            self.classes = nn.Linear(width, CLASSES)
-        if {"lbs", SKINNING} & set(heads):
-            self.body = nn.Sequential(
-                *(layer for _ in range(3) for layer in (nn.Linear(width, width), nn.SiLU())),
-                nn.Linear(width, THETA),
-            )
-        if "lbs" in heads:
-            self.elastic = VoxelHead(config, ELASTIC)
-        if "spring" in heads:
-            self.springs = SpringHead(config)
+        self.matter = VoxelHead(config, MATTER)
+        self.classes = nn.Linear(config.width, CLASSES)
 
     def encode(self, voxels: Voxels) -> Tensor:
         """Latents (batch, latents, width): the same for every alpha and every head."""
         return self.encoder(voxels.grid)
-
-    def skinning(self, latents: Tensor) -> Tensor:
-        """Numbers theta (batch, 650) of the skinning body; alpha does not move them."""
-        return self.body(latents.mean(1))
 
     @torch.no_grad()
     def sample_matter(
@@ -347,12 +315,6 @@ NOISE = 0.3
 SHARED = 0.8  # of the variance of the noise that the voxels of a part have in common
 
 Velocity = Callable[[Tensor, Tensor], Tensor]
-
-
-def on_the_way(x0: Tensor, x1: Tensor, time: Tensor) -> Tensor:
-    """Return x at ``time`` (batch,) of ``x0`` and ``x1`` (batch, ...)."""
-    t = time.reshape(-1, *(1,) * (x0.ndim - 1))
-    return (1 - t) * x0 + t * x1
 
 
 def coherent_noise(shared: Tensor, own: Tensor) -> Tensor:

@@ -15,13 +15,22 @@ from ...fem.table import FIELDS, MaterialTable, MaterialValue, load_table
 from ..appearance.features import Appearance
 from ..asset import UpAxis
 from ..encoders.registry import TextEncoder
-from ..field import MaterialField, Ranges
+from ..field import Ranges
 from ..grid import PartVoxels
 from ..lookup.lookup import Lookup, lookup_of, nearest_row
 from ..prediction import PartChoice, Prediction
 from ..text.clauses import Sentence, bind
 from ..text.hearing import NamedPart, own_name, vocabulary_of
-from .inference import Found, Known, UniPixieModel, one_torch_thread
+from .inference import (
+    WEIGHTS,
+    Cube,
+    Found,
+    Known,
+    Loaded,
+    load_unipixie,
+    one_torch_thread,
+    voxels_on,
+)
 
 
 class UniPixiePredictor:
@@ -44,19 +53,16 @@ class UniPixiePredictor:
         seed: int = 0,
     ) -> None:
         self.table = table or load_table()
-        self.model = UniPixieModel(weights=weights)
+        self._weights = weights or WEIGHTS
         self.samples, self.seed = samples, seed
-        self._encoder = encoder
         self.lookup = (
             Lookup(table=self.table, encoder=encoder) if encoder else lookup_of(self.table)
         )
 
     @cached_property
-    def encoder(self) -> TextEncoder:
-        """The text encoder that the network was trained with."""
-        from ..encoders.minilm import MiniLM
-
-        return self._encoder or MiniLM()
+    def loaded(self) -> Loaded:
+        """The network and what its numbers mean, read on the first inference."""
+        return load_unipixie(self._weights)
 
     @one_torch_thread()
     def predict(
@@ -89,50 +95,44 @@ class UniPixiePredictor:
                 MaterialValue(*map(float, one))
                 for one in zip(*(v[:, i] for v in drawn), strict=True)
             )
-            decided[i] = replace(self._choose(choices[i], found, i, alpha), draws=draws)
+            # The mean of the network's values over the part, and the row nearest to it
+            mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), i)
+            value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
+            row = nearest_row(self.table, found.normalisation, mean, grades=False)
+            soft, stiff = (_of_part(found, end, i)[0] for end in found.ends)
+            place = 0.5 if alpha is None and stiff <= soft else alpha
+            if place is None:
+                place = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
+            votes = np.bincount(found.likeliest[1][found.cube.part == i])
+            words = choices[i]
+            decided[i] = PartChoice(
+                words.part, row, value, words.weight, place,
+                "network: what it looks like and is called", settled=False, network="UniPixie",
+                guessed=True, unknown=words.unknown, draws=draws,
+                matter=MaterialClass(int(votes.argmax())).name.lower(),
+            )  # fmt: skip
         made = Prediction.of(parts, decided, sentence, alpha=alpha)
-        return replace(made, field=_with_ranges(made.field, found, left_open))
+        field = made.field
+        if field.ranges is None or field.part is None:
+            return made
+        ranges = [np.array(values) for values in field.ranges]
+        for part in left_open:
+            ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
+            for axis in range(len(FIELDS)):
+                ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
+        return replace(made, field=replace(field, ranges=Ranges(*ranges)))
 
     def find(self, parts: PartVoxels, appearance: Appearance, *, up: UpAxis = "z") -> Found:
         """Return all that the network finds of an asset: likeliest, range, samples, classes."""
         vocabulary = vocabulary_of(self.table)
         said = [own_name(NamedPart.of(words, vocabulary, 0.0)) for words in parts.part_labels]
-        names = self.encoder.text([words or "object" for words in said])
+        names = self.lookup.kernel.encoder.text([words or "object" for words in said])
         evidence = Known(names, np.array([bool(words) for words in said]), appearance)
-        return self.model.find(parts, evidence, up=up)
-
-    def _choose(
-        self, words: PartChoice, found: Found, part: int, alpha: float | None
-    ) -> PartChoice:
-        """Choose the mean of the network's values over a part, and the row nearest to it."""
-        mean = _of_part(found, found.likeliest[0] if alpha is None else found.at(alpha), part)
-        value = MaterialValue(*(float(x) for x in found.normalisation.physical(mean)))
-        row = nearest_row(self.table, found.normalisation, mean, grades=False)
-        soft, stiff = (_of_part(found, end, part)[0] for end in found.ends)
-        share = 0.5 if alpha is None and stiff <= soft else alpha
-        if share is None:
-            share = float(np.clip((mean[0] - soft) / (stiff - soft), 0, 1))
-        why = "network: what it looks like and is called"
-        votes = np.bincount(found.likeliest[1][found.cube.part == part])
-        matter = MaterialClass(int(votes.argmax())).name.lower()
-        return PartChoice(
-            words.part, row, value, words.weight, share, why, settled=False, network="UniPixie",
-            guessed=True, unknown=words.unknown, matter=matter,
-        )  # fmt: skip
+        network = self.loaded.network
+        cube = Cube.of(parts, up, cells=network.config.cells)
+        return Found(self.loaded, cube, voxels_on(network, cube, parts, evidence))
 
 
 def _of_part(found: Found, values: np.ndarray, part: int) -> np.ndarray:
     """Mean (3,) of values of tokens over the tokens of a part."""
     return values[found.cube.part == part].mean(axis=0)
-
-
-def _with_ranges(field: MaterialField, found: Found, left_open: Sequence[int]) -> MaterialField:
-    """Return the field with the network's ranges in the parts where it decided."""
-    if field.ranges is None or field.part is None:
-        return field
-    ranges = [np.array(values) for values in field.ranges]
-    for part in left_open:
-        ends = [found.normalisation.physical(_of_part(found, end, part)) for end in found.ends]
-        for axis in range(len(FIELDS)):
-            ranges[axis][field.part == part] = [float(end[axis]) for end in ends]
-    return replace(field, ranges=Ranges(*ranges))

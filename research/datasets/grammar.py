@@ -18,19 +18,11 @@ import numpy as np
 
 from ...fem.table import Material, MaterialValue, load_table
 from ...fem.table import key as key_of
-from ...predictors.text.hearing import (
-    KINDS,
-    Level,
-    PartKind,
-    kind_of,
-    material_at_level,
-    part_kinds,
-    spoken,
-)
-from ...predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from ...predictors.text.hearing import KINDS, kind_of
 from . import frames
 from .frames import split_frames
 from .objects import CATEGORIES, HELD_OUT, category_names
+from .parts import LEVELS, Level, PartKind, material_at_level, part_kinds, spoken
 from .shapes import Solid
 from .wordings import adjective, sentence, wordings
 

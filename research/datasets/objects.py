@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...predictors.text.hearing import part_kinds
 from .categories.clothing import CLOTHING
 from .categories.containers import CONTAINERS
 from .categories.furniture import FURNITURE, umbrella
@@ -15,6 +14,7 @@ from .categories.household import HOUSEHOLD
 from .categories.plants import PLANTS
 from .categories.tools import TOOLS
 from .categories.vehicles import VEHICLES, boat
+from .parts import part_kinds
 from .shapes import MAX_PARTS, Solid, along, pack
 
 Builder = Callable[[np.random.Generator], Solid]

@@ -19,8 +19,8 @@ from ...fem.errors import InputError
 from ...fem.mpm.materials import class_of
 from ...fem.table import NU_CAP, Material, load_colours, load_contents, load_table
 from ...predictors.field import DEFAULT, Normalisation
-from ...predictors.text.hearing import PartKind, part_kinds
 from .grammar import spoken_names
+from .parts import PartKind, part_kinds
 
 MOST_ROWS = 6  # that a kind of part may plausibly be made of
 _PARTS_A_ROW = 6  # kinds of part that a row is named with, beside those it is usual for

@@ -12,10 +12,10 @@ from jaxtyping import Float, Float16, Int
 
 from ...fem.errors import InputError
 from ...predictors.field import DEFAULT, Normalisation
-from ...predictors.text.hearing import FOREIGN, Level, bare_words, part_kinds
-from ...predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from ...predictors.text.hearing import FOREIGN, bare_words
 from .grammar import Phrase, Role, level_value, object_phrases, part_pairs, write_phrases
 from .objects import category_names
+from .parts import LEVELS, Level, part_kinds
 from .real import RealObject
 
 Embed = Callable[[Sequence[str]], np.ndarray]

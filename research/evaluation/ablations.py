@@ -19,8 +19,8 @@ from ...predictors.grid import Grid, PartVoxels, pooled
 from ...predictors.matter import by_look, by_looks, matters, moved, told_values
 from ...predictors.partition import match_clauses
 from ...predictors.text.hearing import HeardClause, NamedPart, Vocabulary, name_evidence, subject
-from ...predictors.text.parser import listen
 from .held_out import HeldOutObject
+from .parser import listen
 from .rows import Setting, VoxelPredictor
 
 if TYPE_CHECKING:

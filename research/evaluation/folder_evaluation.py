@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,14 +13,14 @@ import numpy as np
 from ...fem.errors import UsageError
 from ...predictors.appearance.features import Appearance
 from ...predictors.field import DEFAULT, MaterialField
-from ...predictors.film.inference import with_names
 from ...predictors.film.predictor import FilmPredictor
+from ...predictors.grid import PartVoxels
 from ...predictors.lookup.lookup import RetrievalPredictor
-from ...predictors.text.parser import listen
 from ...predictors.text.reader import parse
 from .examples import Example, load_examples
 from .mass_errors import MassErrors, mass_errors
 from .metrics import Row, Score, boundary_voxels, summary
+from .parser import listen
 
 FOLDER_ROWS = ("film", "film-names", "retrieval", "retrieval-names")
 
@@ -103,3 +104,8 @@ def _score(example: Example, index: int, field: MaterialField, seconds: float) -
     edge = boundary_voxels(part)[known]
     sides = [float(wrong[m].mean()) if m.any() else np.nan for m in (edge, ~edge)]
     return Score(wrong.mean(axis=0), sides[0], sides[1], np.nan, 0, seconds)
+
+
+def with_names(parts: PartVoxels, names: Sequence[str]) -> PartVoxels:
+    """Return the parts under other names: to hide what they are called, or to tell it."""
+    return replace(parts, part_names=tuple(names), labels=())

@@ -23,7 +23,7 @@ from ...fem.solve.statics import solve_static
 from ...predictors.appearance.views import hemisphere, render_views
 from ...predictors.asset import Asset, Part
 from ...predictors.field import DEFAULT
-from ...predictors.grid import TETS_PER_CELL, blocks, voxel_mesh
+from ..voxels import TETS_PER_CELL, blocks, voxel_mesh
 from .ssim import ImageSimilarity, image_similarity
 
 CELLS = 32  # elements along a side, at most

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ...predictors.text.hearing import KINDS, part_kinds
+from ...predictors.text.hearing import KINDS
 from ..datasets.grammar import Role, spoken_names
+from ..datasets.parts import part_kinds
 from ..datasets.real import RealObject, kind_index
 from ..datasets.text_table import TextTable
 from .sentences import Sentences

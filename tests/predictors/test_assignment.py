@@ -23,9 +23,9 @@ from autophyx_tet.predictors.text.hearing import (
     vocabulary_of,
 )
 from autophyx_tet.predictors.text.interpreter import read_sentence
-from autophyx_tet.predictors.text.parser import listen
 from autophyx_tet.research.datasets.objects import make_objects
 from autophyx_tet.research.datasets.shapes import EMPTY, rasterise
+from autophyx_tet.research.evaluation.parser import listen
 
 TABLE = load_table()
 WORDS = vocabulary_of(TABLE)

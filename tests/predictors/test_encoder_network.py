@@ -6,15 +6,15 @@ import torch
 from autophyx_tet.predictors.encoders.network import (
     COLOURS,
     MULTIPLE,
-    SMALLEST,
     STRIDE,
     Widths,
     colours,
     head,
     levels,
-    new_backbone,
 )
 from autophyx_tet.research.training.encoder.head import Head, Linear, shipped_weights
+
+from .backbone import SMALLEST, new_backbone
 
 DIM = 24
 

@@ -14,11 +14,9 @@ from autophyx_tet.predictors.appearance.views import hemisphere, render_views
 from autophyx_tet.predictors.asset import Asset, Part
 from autophyx_tet.predictors.encoders.network import (
     LENGTH,
-    SMALLEST,
     STRIDE,
     head,
     levels,
-    new_backbone,
 )
 from autophyx_tet.predictors.encoders.plain import Embedded
 from autophyx_tet.predictors.text.hearing import KINDS, bare_words, kind_of
@@ -36,6 +34,8 @@ from autophyx_tet.research.training.encoder.head import (
 from autophyx_tet.research.training.encoder.pictures import NO_VARIETY, Variety, draw_pictures
 from trimesh.visual.material import SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
+
+from .backbone import SMALLEST, new_backbone
 
 ROOT = Path(__file__).resolve().parents[2]
 PIXELS = 64

@@ -13,9 +13,7 @@ from autophyx_tet.predictors.film.layers import FilmBlock, MaskedGroupNorm, Modu
 from autophyx_tet.predictors.film.predictor import FilmPredictor
 from autophyx_tet.predictors.film.unet import USELESS, FilmUNet, count_parameters
 from autophyx_tet.predictors.grid import Grid, PartVoxels
-from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, part_kinds, with_lexicon
-from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
-from autophyx_tet.predictors.text.parser import listen
+from autophyx_tet.predictors.text.hearing import CHANNELS, LOUDNESS, with_lexicon
 from autophyx_tet.research.datasets.constraints import holds
 from autophyx_tet.research.datasets.grammar import (
     Grammar,
@@ -25,8 +23,11 @@ from autophyx_tet.research.datasets.grammar import (
     write_phrases,
 )
 from autophyx_tet.research.datasets.objects import CATEGORIES, HELD_OUT, make_objects
+from autophyx_tet.research.datasets.parts import LEVELS, part_kinds
 from autophyx_tet.research.datasets.shapes import EMPTY, Solid, pack, rasterise
 from autophyx_tet.research.datasets.wordings import wordings
+from autophyx_tet.research.evaluation.parser import listen
+from autophyx_tet.research.training.film.recipe import text_values
 
 SMALL = NetworkConfig(widths=(8, 16, 16, 16, 16), text_dim=12, slot_width=16, key_width=8)
 
@@ -275,9 +276,9 @@ def test_what_the_lexicon_is_told_arrives_exactly():
     embedding = torch.zeros(1, config.text_dim)
     hints = torch.cat([torch.ones(1, 1), value, torch.zeros(1, len(CHANNELS) - 4)], 1)
     embedding[:, 4 : 4 + len(CHANNELS)] = hints * LOUDNESS / 4**0.5
-    assert torch.allclose(network.text_values(embedding, torch.tensor([0])), value, atol=1e-6)
+    assert torch.allclose(text_values(network, embedding, torch.tensor([0])), value, atol=1e-6)
     silent = torch.zeros(1, config.text_dim)
-    assert not torch.allclose(network.text_values(silent, torch.tensor([0])), value, atol=0.05)
+    assert not torch.allclose(text_values(network, silent, torch.tensor([0])), value, atol=0.05)
 
 
 def test_a_useless_source_is_not_heard():

@@ -11,7 +11,7 @@ from autophyx_tet.predictors.text.hearing import (
     PlainWords,
     with_lexicon,
 )
-from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
+from autophyx_tet.research.datasets.parts import LEVELS
 from autophyx_tet.research.datasets.wordings import sentence, wordings
 from scipy.stats import spearmanr
 

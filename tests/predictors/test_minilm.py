@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from autophyx_tet.predictors.encoders.minilm import MAX_TOKENS, MiniLM, _gelu, packaged_weights
+from autophyx_tet.research.on_device import minilm
 
 from .torchvision import with_operators
 
@@ -96,7 +97,7 @@ def reference(folder, tokens):
 @pytest.mark.slow
 def test_numpy_and_torch_are_one_network(device):
     """Both libraries give what torch's own layers give, to 1e-5."""
-    embed = MiniLM(device=device)
+    embed = minilm(device)
     rows = [encoding.ids for encoding in embed._tokenizer.encode_batch(SENTENCES)]
     wanted = np.stack([reference(packaged_weights(), row) for row in rows])
     np.testing.assert_allclose(embed.text(SENTENCES), wanted, atol=1e-5)

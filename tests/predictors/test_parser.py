@@ -4,7 +4,7 @@ import pytest
 from autophyx_tet.fem.errors import UsageError
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.text.hearing import name_words, stem, vocabulary_of
-from autophyx_tet.predictors.text.parser import MAX_TEXT, listen
+from autophyx_tet.research.evaluation.parser import MAX_TEXT, listen
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -9,8 +9,8 @@ from autophyx_tet.fem.mesh import box_mesh
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.statics import solve_static
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.grid import voxel_mesh
 from autophyx_tet.research.evaluation.sag_render import SLOPE, SagRender, slowest_period, swing
+from autophyx_tet.research.voxels import voxel_mesh
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 PART = np.full((8, 8, 12), -1)

@@ -5,20 +5,18 @@ import pytest
 from autophyx_tet.fem.table import load_table
 from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.text.hearing import (
-    CATEGORY_NAMES,
     CHANNELS,
+    THINGS,
     Lexicon,
     PlainWords,
     Reader,
     Vocabulary,
     known_words,
-    material_at_level,
-    part_kinds,
     subject,
 )
-from autophyx_tet.predictors.text.hearing import LEVELS_LEVELS as LEVELS
 from autophyx_tet.research.datasets.grammar import Grammar
 from autophyx_tet.research.datasets.objects import CATEGORIES
+from autophyx_tet.research.datasets.parts import LEVELS, material_at_level, part_kinds
 
 READ = Reader(Vocabulary(load_table().phrases))
 
@@ -78,7 +76,7 @@ def test_plain_words_speak_of_the_same_part():
 
 def test_words_for_things_are_those_of_training():
     """The names of whole things, which the reader knows, are the categories that training draws."""
-    assert tuple(CATEGORIES) == CATEGORY_NAMES
+    assert tuple(CATEGORIES) == THINGS
     assert {"potted plant", "backrest"} <= set(known_words())
     assert not {w for k in part_kinds().values() if k.held_out for w in k.words} & set(
         known_words()

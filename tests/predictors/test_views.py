@@ -12,7 +12,6 @@ from autophyx_tet.predictors.appearance.views import (
     hemisphere,
     load_photographs,
     look_at,
-    read_transforms,
     render_views,
     ring,
 )
@@ -235,9 +234,9 @@ def test_intrinsics_of_another_resolution_are_scaled(tmp_path):
     given = {"fl_x": 100.0, "fl_y": 90.0, "cx": 30.0, "cy": 40.0, "w": 64, "h": 72}
     frame = {"file_path": "a.png", "transform_matrix": pose.tolist()}
     (tmp_path / "transforms.json").write_text(json.dumps({**given, "frames": [frame]}))
-    (shot,) = read_transforms(tmp_path / "transforms.json")
+    (camera,) = load_photographs(tmp_path / "transforms.json").cameras
     whole = Camera(pose, (100.0, 90.0), (30.0, 40.0), (72, 64)).resized(24, 32)
-    np.testing.assert_allclose(shot.camera.directions(), whole.directions())
+    np.testing.assert_allclose(camera.directions(), whole.directions())
 
 
 def test_views_of_two_sizes_are_refused():

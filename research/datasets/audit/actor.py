@@ -11,9 +11,9 @@ from jaxtyping import Int
 
 from ....fem.mpm.materials import MaterialClass, class_of
 from ....fem.table import Band, Material, Span
-from ....predictors.text.hearing import part_kinds, spoken
 from ..grammar import spoken_names
 from ..objects import category_names, make_objects
+from ..parts import part_kinds, spoken
 from ..ranges import Named, row_ends
 from ..shapes import EMPTY, rasterise
 from .proposal import PartRange, Proposal

@@ -11,7 +11,7 @@ from itertools import permutations
 from typing import NamedTuple
 
 from ....fem.table import Band, Material, Span
-from ....predictors.text.hearing import part_kinds
+from ..parts import part_kinds
 from .actor import AuditObject, band_of
 from .proposal import PartRange, Proposal
 

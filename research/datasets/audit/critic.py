@@ -15,10 +15,11 @@ import numpy as np
 from ....fem.table import load_colours
 from ....predictors.appearance.features import features_of_views, matter_bounds, render_grid
 from ....predictors.appearance.segmentation import best_segmentation
-from ....predictors.appearance.surface import opaque_density, srgb_of_lab
+from ....predictors.appearance.surface import opaque_density
 from ....predictors.appearance.views import hemisphere
 from ....predictors.encoders.registry import Encoder
 from ....predictors.grid import Grid
+from ..lab import srgb_of_lab
 from .actor import AuditObject
 from .proposal import Proposal
 

@@ -25,7 +25,7 @@ from ....fem.mpm.solver import MpmSolver
 from ....fem.mpm.time_step import Failure, largest_modulus
 from ....fem.scene.supports import find_supports
 from ....fem.solve.statics import solve_static
-from ....predictors.grid import TETS_PER_CELL, blocks, voxel_mesh
+from ...voxels import TETS_PER_CELL, blocks, voxel_mesh
 from .proposal import End, Proposal
 
 ALONG = 2  # voxels a cell of the grid, along each side

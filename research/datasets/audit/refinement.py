@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ....predictors.text.hearing import part_kinds
+from ..parts import part_kinds
 from .actor import AuditObject, band_of
 from .agent import Amendment, respond
 from .findings import DISTINCT, Examiner

@@ -103,14 +103,13 @@ def _joint_row(name, heads, base: MatterConfig, names, store, scored) -> list[Jo
     """Both splits of one row."""
     import torch
 
-    from ....predictors.unipixie.network import UniPixie
     from ...training.trainer import train_network
     from ...training.unipixie import heads as parts
     from ...training.unipixie.loss import MatterLoss
     from ...training.unipixie.recipe import make_matter_objects
 
     torch.manual_seed(base.seed)
-    network = UniPixie(base.network, heads) if heads else parts.ConstantTheta()
+    network = parts.JointUniPixie(base.network, heads) if heads else parts.ConstantTheta()
     matter = make_matter_objects(names, base) if "mpm" in heads else None
     skinning = None if heads == ("mpm",) else store
     generator = torch.Generator(base.device).manual_seed(base.seed)

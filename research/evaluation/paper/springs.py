@@ -24,7 +24,7 @@ from ....fem.scene.scene import Scene
 from ....fem.solve.modal import natural_modes
 from ....fem.springs.body import spring_body
 from ....fem.springs.fit import scale_to_frequency
-from ....predictors.grid import TETS_PER_CELL, voxel_mesh
+from ...voxels import TETS_PER_CELL, voxel_mesh
 from ..metrics import Interval, bootstrap_interval
 from .networks import SCORED_SEED, SPLITS, Split
 

@@ -15,16 +15,17 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ....predictors.unipixie.config import THETA
 from ....predictors.unipixie.inference import WEIGHTS, load_unipixie
-from ....predictors.unipixie.network import SKINNING, UniPixie
 from ...datasets.ranges import RangeTable
 from ...training.trainer import train_network
 from ...training.unipixie.config import MatterConfig
 from ...training.unipixie.heads import (
+    SKINNING,
+    THETA,
     ConstantTheta,
     EncodedBatch,
     EncodedSampler,
+    JointUniPixie,
     shares_of,
     skinning_loss,
 )
@@ -125,7 +126,7 @@ class ThetaHead(torch.nn.Module):
 
     def __init__(self, base: MatterConfig) -> None:
         super().__init__()
-        self.body = UniPixie(base.network, (SKINNING,)).body
+        self.body = JointUniPixie(base.network, (SKINNING,)).body
 
     def forward(self, batch: EncodedBatch) -> torch.Tensor:
         """Return (n, 650)."""

@@ -203,12 +203,7 @@ def _described(specimen: Specimen, pictures: int) -> dict[str, Any]:
         labels = [slot] if slot else []
         labels += [label for label in part.labels if label != slot]
         parts.append({"slot": slot, "labels": labels, "finish": list(finish_of(part.mesh))})
-    return {
-        "name": specimen.name,
-        "source": specimen.source,
-        "pictures": pictures,
-        "parts": parts,
-    }
+    return {"name": specimen.name, "source": specimen.source, "pictures": pictures, "parts": parts}
 
 
 def _text_table(

@@ -59,12 +59,7 @@ class _Light(NamedTuple):
 
 
 def draw_pictures(
-    corpus: Corpus,
-    index: torch.Tensor,
-    *,
-    variety: Variety,
-    side: int,
-    generator: torch.Generator,
+    corpus: Corpus, index: torch.Tensor, *, variety: Variety, side: int, generator: torch.Generator
 ) -> Pictures:
     """Draw the pictures ``index`` (n,) of the corpus, varied, ``side`` pixels wide."""
     import torch

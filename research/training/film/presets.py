@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....predictors.encoders.minilm import MiniLM
 from ....predictors.film.config import NetworkConfig
 from ....predictors.text.hearing import CHANNELS, HintedEncoder
 from ...datasets.real import RealObject
 from ...datasets.text_table import TextTable, build_text_table
+from ...on_device import minilm
 from .config import TrainingConfig
 from .mixture import Mixture
 
@@ -99,13 +99,9 @@ PRESETS = {
 
 
 def device_text_table(
-    *,
-    per_part: int = 2400,
-    seed: int = 0,
-    device: str = "cuda",
-    real: Sequence[RealObject] = (),
+    *, per_part: int = 2400, seed: int = 0, device: str = "cuda", real: Sequence[RealObject] = ()
 ) -> TextTable:
     """Write and embed a corpus of clauses on a device."""
-    encoder = HintedEncoder(MiniLM(device=device), plain=1)
+    encoder = HintedEncoder(minilm(device), plain=1)
     rng = np.random.default_rng(seed)
     return build_text_table(rng, encoder.text, per_part=per_part, real=real)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import logging
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from ....predictors.film.inference import load_matching, save_checkpoint
-from ....predictors.film.unet import FilmUNet
+from ....predictors.field import Normalisation
+from ....predictors.film.unet import FilmUNet, composed
 from ...datasets.objects import make_composites, make_objects
 from ...datasets.real import RealObject, load_real
 from ...datasets.text_table import load_text_table
@@ -23,6 +26,7 @@ from .config import TrainingConfig
 from .loss import FilmLoss, FilmOutput
 from .sampler import VoxelSampler
 
+log = logging.getLogger(__name__)
 _APART = 7919  # between the seeds of two processes
 
 
@@ -81,7 +85,7 @@ def forward(network: FilmUNet, batch: TrainingBatch) -> FilmOutput:
     output, alone = network(batch.scene), batch.alone
     if alone is None:
         return FilmOutput(output, None)
-    return FilmOutput(output, network.text_values(alone.embedding, alone.kind))
+    return FilmOutput(output, text_values(network, alone.embedding, alone.kind))
 
 
 def new_network(config: TrainingConfig, start: Path | None) -> FilmUNet:
@@ -130,3 +134,48 @@ def looks_of(objects: list[RealObject], device: str) -> torch.Tensor | None:
         for o in objects
     ]
     return torch.tensor(np.concatenate(rows), device=device)
+
+
+def load_matching(network: FilmUNet, path: Path) -> None:
+    """Take over the weights of a checkpoint that fit; a network of another shape keeps its own."""
+    from safetensors.torch import load_file
+
+    own = network.state_dict()
+    saved = {
+        k: v.float() for k, v in load_file(path).items() if k in own and own[k].shape == v.shape
+    }
+    log.info("%d of %d tensors taken from %s", len(saved), len(own), path)
+    network.load_state_dict({**own, **saved})
+
+
+def save_checkpoint(
+    path: Path,
+    network: FilmUNet,
+    *,
+    normalisation: Normalisation | None = None,
+    facts: dict | None = None,
+) -> None:
+    """Write the network as float16 safetensors, with its config and what its numbers mean.
+
+    ``normalisation`` is by default the network's own.
+    """
+    from safetensors.torch import save_file
+
+    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
+    metadata = {
+        "network": json.dumps(network.config.to_dict()),
+        "normalisation": json.dumps((normalisation or network.normalisation).to_dict()),
+        "facts": json.dumps(facts or {}),
+    }
+    save_file(tensors, path, metadata=metadata)
+
+
+def text_values(network: FilmUNet, embedding: Tensor, kind: Tensor) -> Tensor:
+    """Values (n, 3) that clauses propose by themselves: embeddings (n, D), slot types (n,)."""
+    heard = embedding[:, None, : network.config.text_dim]
+    hidden = [network.slots(heard, k)[:, 0] for k in (0, 3)]
+    chosen = torch.where((kind == 3)[:, None], hidden[1], hidden[0])
+    says = network.sayings(chosen, heard[:, 0])
+    alone = torch.ones_like(says[:, None, None, None, :1])
+    nothing = torch.zeros_like(says[:, :3, None, None, None])
+    return composed(nothing, alone, says[:, None])[:, :, 0, 0, 0]

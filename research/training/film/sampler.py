@@ -12,8 +12,8 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ....predictors.film.config import VoxelScene
-from ....predictors.text.hearing import part_kinds
 from ...datasets.grammar import Role
+from ...datasets.parts import part_kinds
 from ...datasets.shapes import EMPTY, MAX_PARTS
 from ..sentences import Sentences
 from ..stores import Store, parts_that_exist, take

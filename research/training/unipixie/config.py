@@ -5,11 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Literal
 
-from ....predictors.unipixie.config import CPU as CPU_NETWORK
 from ....predictors.unipixie.config import SHIPPED as SHIPPED_NETWORK
 from ....predictors.unipixie.config import UniPixieConfig
 from ..options import TrainerOptions
 
+# The paper's. Table S2 and S4 give width, blocks, heads, latents; how wide the stem's middle and
+# the fusion of the condition are, it does not say: as Table S3's totals allow.
+PAPER = UniPixieConfig()
+CPU_NETWORK = UniPixieConfig(
+    features=16, given=389, cells=16, width=32, stem=32, heads=4, latents=8, encoder_blocks=1,
+    decoder_blocks=2, spring_blocks=1, frequencies=4, own=True, predicts="x1", steps=2,
+    method="euler",
+)  # fmt: skip
 Model = Literal["flow", "regression", "diffusion"]
 
 

@@ -1,4 +1,4 @@
-"""The head of skinning in training: alone, or with the other head from the start.
+"""The paper's other heads, and that of skinning in training: alone, or with matter's.
 
 A batch is of objects whose parts are called by bare words; E of a part is the middle of its range.
 """
@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from ....predictors.field import DEFAULT
-from ....predictors.unipixie.config import THETA
-from ....predictors.unipixie.network import UniPixie, Voxels, known_of
+from ....predictors.unipixie.config import UniPixieConfig
+from ....predictors.unipixie.network import FlowDecoder, UniPixie, VoxelHead, Voxels, known_of
 from ...datasets.objects import HELD_OUT, Objects, make_objects
 from ..stores import procedural_labels
 from ..trainer import Losses
@@ -25,6 +25,49 @@ from .loss import MatterLoss, MatterOutput, matter_forward
 from .names_on_device import Names
 from .sampler import MatterSampler
 from .skinning import CELLS, CellBodies, cell_bodies, compliance_share
+
+THETA = 650  # numbers of a skinning body: ten weights of 64 features and a constant each
+ANCHORS = 2048  # of a spring network
+ELASTIC = 2  # log E, nu
+HEADS = ("mpm", "lbs", "spring")
+SKINNING = "skinning"  # of the second alone what has no flow
+
+
+class SpringHead(nn.Module):
+    """Flow of one vector: log stiffness of every anchor, and the softness eta of all."""
+
+    def __init__(self, config: UniPixieConfig) -> None:
+        super().__init__()
+        self.decoder = FlowDecoder(config, ANCHORS + 1, known=0, blocks=config.spring_blocks)
+
+    def forward(self, x: Tensor, time: Tensor, alpha: Tensor, latents: Tensor) -> Tensor:
+        """Return the velocity (batch, 2049), or x1, at ``x`` (batch, 2049)."""
+        nothing, nowhere = x[:, None, :0], latents.new_zeros(())
+        out, _ = self.decoder(x[:, None], time, alpha, latents, nothing, nowhere)
+        return out[:, 0]
+
+
+class JointUniPixie(UniPixie):
+    """Encoder and heads; ``heads`` are by default all three (the paper's joint network)."""
+
+    def __init__(self, config: UniPixieConfig, heads: tuple[str, ...] = HEADS) -> None:
+        super().__init__(config)
+        width = config.width
+        if "mpm" not in heads:
+            del self.matter, self.classes
+        if {"lbs", SKINNING} & set(heads):
+            self.body = nn.Sequential(
+                *(layer for _ in range(3) for layer in (nn.Linear(width, width), nn.SiLU())),
+                nn.Linear(width, THETA),
+            )
+        if "lbs" in heads:
+            self.elastic = VoxelHead(config, ELASTIC)
+        if "spring" in heads:
+            self.springs = SpringHead(config)
+
+    def skinning(self, latents: Tensor) -> Tensor:
+        """Numbers theta (batch, 650) of the skinning body; alpha does not move them."""
+        return self.body(latents.mean(1))
 
 
 class SkinningBatch(NamedTuple):
@@ -134,7 +177,7 @@ def latents_of(network: UniPixie, batch: SkinningBatch) -> Tensor:
     return network.encode(Voxels(cube.movedim(-1, 1), own[..., :3], own))
 
 
-def skinning_forward(network: UniPixie, batch: SkinningBatch) -> Tensor:
+def skinning_forward(network: JointUniPixie, batch: SkinningBatch) -> Tensor:
     """Numbers theta (n, 650) of a batch."""
     return network.skinning(latents_of(network, batch))
 
@@ -187,7 +230,7 @@ class HeadsOutput(NamedTuple):
     theta: Tensor | None
 
 
-def heads_forward(network: UniPixie | ConstantTheta, batch: HeadsBatch) -> HeadsOutput:
+def heads_forward(network: JointUniPixie | ConstantTheta, batch: HeadsBatch) -> HeadsOutput:
     """Return what each head that is trained makes of its batch."""
     if isinstance(network, ConstantTheta):
         return HeadsOutput(None, batch.skinning and network(batch.skinning))

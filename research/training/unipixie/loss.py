@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ....predictors.unipixie.inference import ANY
-from ....predictors.unipixie.network import UniPixie, on_the_way
+from ....predictors.unipixie.network import UniPixie
 from ..trainer import Losses
 from .batch import MatterBatch, voxels_of
 
@@ -25,6 +25,12 @@ CLASS_WEIGHT = 0.05  # of the cross-entropy: begins at the size of the squared e
 CONSISTENCY = 1e-4  # lambda_KL of Table S4
 PERTURBATION = 0.01  # deviation of the perturbed input
 CONSISTENCY_SHARE = 8  # one object in so many is encoded twice
+
+
+def on_the_way(x0: Tensor, x1: Tensor, time: Tensor) -> Tensor:
+    """Return x at ``time`` (batch,) of ``x0`` and ``x1`` (batch, ...)."""
+    t = time.reshape(-1, *(1,) * (x0.ndim - 1))
+    return (1 - t) * x0 + t * x1
 
 
 class MatterOutput(NamedTuple):

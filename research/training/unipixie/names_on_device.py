@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....predictors.appearance.surface import D65, LINEAR_OF_XYZ
+from ...datasets.lab import D65, LINEAR_OF_XYZ
 from ...datasets.ranges import RangeTable
 
 CLASSES = 8

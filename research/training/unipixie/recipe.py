@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from ....predictors.unipixie.inference import save_unipixie
+from ....predictors.field import DEFAULT, Normalisation
+from ....predictors.unipixie.inference import RangeCalibration
 from ....predictors.unipixie.network import UniPixie
 from ...datasets.objects import HELD_OUT, Objects, make_objects
 from ...datasets.ranges import RangeTable
@@ -82,7 +84,7 @@ def train_matter(
 def new_matter_network(config: MatterConfig) -> MatterNetwork:
     """Return the network of a run with its first weights."""
     if config.model == "flow":
-        return UniPixie(config.network, ("mpm",))
+        return UniPixie(config.network)
     return (RegressionUNet if config.model == "regression" else DiffusionUNet)(config.network)
 
 
@@ -133,3 +135,24 @@ def real_shapes(objects: list[RealObject], config: MatterConfig) -> Shapes:
     kind = torch.full_like(row, -1)
     columns = (kind.to(config.device), row.to(config.device), colour.to(config.device))
     return Shapes(coarsened(label, config.network.cells), *columns)
+
+
+def save_unipixie(
+    path: Path,
+    network: UniPixie,
+    *,
+    normalisation: Normalisation = DEFAULT,
+    calibration: RangeCalibration | None = None,
+    facts: dict | None = None,
+) -> None:
+    """Write the network as float16 safetensors, with its config and what its numbers mean."""
+    from safetensors.torch import save_file
+
+    tensors = {k: v.detach().half().cpu().contiguous() for k, v in network.state_dict().items()}
+    metadata = {
+        "network": json.dumps(asdict(network.config)),
+        "normalisation": json.dumps(normalisation.to_dict()),
+        "calibration": json.dumps((calibration or RangeCalibration())._asdict()),
+        "facts": json.dumps(facts or {}),
+    }
+    save_file(tensors, path, metadata=metadata)

@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....predictors.unipixie.simplicits import FEATURES, HANDLES, frozen_body
 from ...datasets.objects import Objects
 from ...datasets.shapes import EMPTY, rasterise
+from .simplicits import FEATURES, HANDLES, frozen_body
 
 CELLS = 16  # along a side, of which a margin is empty
 SOFTEST = 1e-4  # of the largest E: softer parts are taken as this soft

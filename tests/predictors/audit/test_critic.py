@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from autophyx_tet.predictors.appearance.surface import srgb_of_lab
 from autophyx_tet.research.datasets.audit import critic as module
 from autophyx_tet.research.datasets.audit.actor import AuditObject, draw_object, propose_by_table
-from autophyx_tet.research.datasets.audit.critic import COHERENT, Review, critic_of
+from autophyx_tet.research.datasets.audit.critic import COHERENT, Review, critic_of, srgb_of_lab
 
 PLANT = draw_object(0, 9)  # replaced in shape: two boxes, one on the other
 

@@ -10,7 +10,7 @@ TABLE = load_table()
 
 def test_every_row_is_kept():
     missing = {row_text(row) for row in TABLE if not row.grade} - set(kept_vectors())
-    assert not missing, "run `python -m autophyx_tet.predictors.lookup.similarity`"
+    assert not missing, "run `python -m autophyx_tet.research.row_vectors`"
 
 
 def test_they_are_the_encoders_own():

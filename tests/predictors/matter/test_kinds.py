@@ -10,10 +10,14 @@ from autophyx_tet.predictors.matter import (
     PLAIN,
     SHIPPED,
     KindsByLooks,
-    Regression,
     measure,
 )
 from autophyx_tet.predictors.text.hearing import KINDS
+from autophyx_tet.research.training.kinds_by_looks import (
+    fit_kinds,
+    fit_regression,
+    save_kinds,
+)
 
 from .test_looks import table
 
@@ -27,7 +31,7 @@ def drawn(n=600, seed=0):
 def test_at_the_optimum_every_kind_is_met_as_often_as_it_was():
     """The slope along the biases, which no penalty holds, is zero: mean answers are frequencies."""
     features, kind = drawn()
-    fit = Regression.fit(features, kind, penalty=1.0)
+    fit = fit_regression(features, kind, penalty=1.0)
     x = (features - fit.mean) / fit.deviation @ fit.weight + fit.bias
     share = np.exp(x) / np.exp(x).sum(axis=1, keepdims=True)
     # 1e-4: L-BFGS stops at a slope of 1e-5 in each of 66 numbers, over 600 samples
@@ -36,15 +40,15 @@ def test_at_the_optimum_every_kind_is_met_as_often_as_it_was():
 
 def test_what_tells_nothing_makes_nothing_likelier():
     _, kind = drawn()
-    fit = Regression.fit(np.zeros((len(kind), 3)), kind, penalty=1.0)
+    fit = fit_regression(np.zeros((len(kind), 3)), kind, penalty=1.0)
     assert fit.log_ratio(np.zeros((1, 3)))[0] == pytest.approx(0, abs=1e-3)
 
 
 def test_files_hold_five_digits(tmp_path):
     rng = np.random.default_rng(2)
     features = rng.standard_normal((300, len(FEATURES)))
-    kinds = KindsByLooks.fit(features, rng.integers(0, len(KINDS), 300), penalty=10.0)
-    kinds.save(tmp_path / "kinds.json")
+    kinds = fit_kinds(features, rng.integers(0, len(KINDS), 300), penalty=10.0)
+    save_kinds(tmp_path / "kinds.json", kinds)
     again = KindsByLooks.load(tmp_path / "kinds.json")
     # 1e-3: 29 products of numbers of five digits
     assert again.log_ratio(features) == pytest.approx(kinds.log_ratio(features), abs=1e-3)

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.config import CPU
+from autophyx_tet.research.training.unipixie.config import CPU_NETWORK as CPU
 from autophyx_tet.research.training.unipixie.diffusion import (
     EASE,
     NOISINGS,

@@ -7,7 +7,6 @@ from autophyx_tet.predictors.appearance.features import Appearance
 from autophyx_tet.predictors.field import DEFAULT
 from autophyx_tet.predictors.grid import Grid, PartVoxels
 from autophyx_tet.predictors.unipixie import inference
-from autophyx_tet.predictors.unipixie.config import CPU
 from autophyx_tet.predictors.unipixie.inference import (
     Cube,
     Found,
@@ -15,16 +14,17 @@ from autophyx_tet.predictors.unipixie.inference import (
     Loaded,
     RangeCalibration,
     load_unipixie,
-    save_unipixie,
     voxels_on,
 )
 from autophyx_tet.predictors.unipixie.network import UniPixie
+from autophyx_tet.research.training.unipixie.config import CPU_NETWORK as CPU
+from autophyx_tet.research.training.unipixie.recipe import save_unipixie
 
 
 @pytest.fixture(scope="module")
 def network():
     torch.manual_seed(0)
-    made = UniPixie(CPU, ("mpm",))
+    made = UniPixie(CPU)
     for parameter in made.parameters():
         if not parameter.any():
             torch.nn.init.normal_(parameter, std=0.1)

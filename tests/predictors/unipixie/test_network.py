@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.config import CPU, PAPER
 from autophyx_tet.predictors.unipixie.network import (
-    HEADS,
     Attention,
     SteeredBlock,
-    UniPixie,
     Voxels,
     integrate,
-    on_the_way,
     velocity_towards,
 )
+from autophyx_tet.research.training.unipixie.config import CPU_NETWORK as CPU
+from autophyx_tet.research.training.unipixie.config import PAPER
+from autophyx_tet.research.training.unipixie.heads import HEADS, JointUniPixie
+from autophyx_tet.research.training.unipixie.loss import on_the_way
 
 
 def size_of(*heads):
     """Parameters of a network, counted without making them."""
     with torch.device("meta"):
-        return sum(p.numel() for p in UniPixie(PAPER, heads).parameters())
+        return sum(p.numel() for p in JointUniPixie(PAPER, heads).parameters())
 
 
 def some_voxels(n=40, batch=2, seed=0):
@@ -33,7 +33,7 @@ def some_voxels(n=40, batch=2, seed=0):
 def made(seed=0):
     """A network whose gates and outputs are open."""
     torch.manual_seed(seed)
-    network = UniPixie(CPU)
+    network = JointUniPixie(CPU)
     for parameter in network.parameters():
         if not parameter.any():
             torch.nn.init.normal_(parameter, std=0.1)
@@ -50,7 +50,7 @@ def test_the_papers_network_has_the_papers_size():
 def test_table_s2():
     """Layers, width and heads of every module of Table S2."""
     with torch.device("meta"):
-        network = UniPixie(PAPER)
+        network = JointUniPixie(PAPER)
     width, heads = 512, 8
     assert len(network.encoder.blocks) == 6
     assert len(network.matter.decoder.blocks) == len(network.elastic.decoder.blocks) == 6

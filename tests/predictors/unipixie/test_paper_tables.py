@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 from autophyx_tet.fem.material import ElementMaterial
-from autophyx_tet.predictors.grid import voxel_mesh
 from autophyx_tet.research.evaluation.paper.feedback import belief_of, feedback_table, riddles
 from autophyx_tet.research.evaluation.paper.joint import JOINT_ROWS, joint_table
 from autophyx_tet.research.evaluation.paper.networks import ROWS, SPLITS, paper_table
@@ -18,6 +17,7 @@ from autophyx_tet.research.evaluation.paper.springs import (
 )
 from autophyx_tet.research.evaluation.paper.theta import AFFINE, CONSTANT, HEAD, theta_table
 from autophyx_tet.research.training.unipixie.config import CPU
+from autophyx_tet.research.voxels import voxel_mesh
 
 
 def test_the_truth_of_s5_is_a_draw_of_what_the_words_leave_open(names):

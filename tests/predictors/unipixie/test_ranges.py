@@ -6,7 +6,7 @@ import torch
 from autophyx_tet.fem.mpm.materials import MaterialClass, class_of
 from autophyx_tet.fem.table import load_contents, load_table
 from autophyx_tet.predictors.field import DEFAULT
-from autophyx_tet.predictors.text.hearing import part_kinds
+from autophyx_tet.research.datasets.parts import part_kinds
 from autophyx_tet.research.datasets.ranges import RangeTable, build_range_table, name_things
 from autophyx_tet.research.training.unipixie.names_on_device import rgb_of_lab
 

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 import torch
-from autophyx_tet.predictors.unipixie.simplicits import FEATURES, HANDLES
 from autophyx_tet.research.datasets.objects import Objects
 from autophyx_tet.research.datasets.shapes import MAX_PARTS, Solid, pack
+from autophyx_tet.research.training.unipixie.simplicits import (
+    BODY_HASH,
+    FEATURES,
+    HANDLES,
+    frozen_body,
+    hash_of,
+)
 from autophyx_tet.research.training.unipixie.skinning import (
     NU,
     CellBodies,
@@ -92,3 +98,11 @@ def test_one_stiffness_is_as_good_as_another():
     theta = thetas(1).expand(2, -1)
     found = compliance_share(theta, same._replace(stiff=same.stiff / 10, full=10 * same.full))
     torch.testing.assert_close(found, compliance_share(theta, same), rtol=1e-6, atol=0)
+
+
+def test_the_body_is_the_one_of_the_hash():
+    """Its numbers are drawn anew here, and any other number has another hash."""
+    body = frozen_body()
+    assert hash_of(body) == BODY_HASH
+    changed = body[0]._replace(b=body[0].b + np.float32(1e-6))
+    assert hash_of((changed, *body[1:])) != BODY_HASH

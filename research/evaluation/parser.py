@@ -1,7 +1,10 @@
-"""The parser: which material words of a text stand by which part words.
+"""The parser of the training's sentences: which material words stand by which part words.
+
+The product reads with ``predictors.text.reader``; this one is what the ablations were measured
+with.
 
 "oak legs and back, with a seat of soft foam" gives (oak: leg, back) and (soft foam: seat). The
-parser is a left-to-right scan over a handful of word roles (``words.py``): a material before its
+parser is a left-to-right scan over a handful of word roles: a material before its
 nouns ("oak legs"), after a link ("legs are oak", "legs of oak") or after its part in a list of
 pairs ("legs oak, seat foam"). It knows no grammar beyond that and never fails: what it cannot
 bind becomes a clause without parts or without a material.
@@ -17,10 +20,28 @@ from typing import Literal, NamedTuple
 
 from ...fem.errors import UsageError
 from ...fem.table import MaterialTable
-from . import hearing as words
-from .hearing import TOKEN, HeardClause, HeardSentence, Vocabulary, stem, vocabulary_of
+from ...predictors.text import hearing as words
+from ...predictors.text.hearing import (
+    TOKEN,
+    HeardClause,
+    HeardSentence,
+    Vocabulary,
+    stem,
+    vocabulary_of,
+)
 
 MAX_TEXT = 4000  # characters: longer than any description of one object; bounds the work
+PARTICIPLES = frozenset("filled stuffed padded upholstered covered wrapped lined made".split())
+NEGATIONS = frozenset("not no non without instead than".split())
+# How stiff or dense.
+LEVELS = {
+    "soft": "soft softer squishy squashy squeezable plush flexible bendy pliable floppy supple "
+    "elastic springy",
+    "stiff": "stiff stiffer rigid firm hard inflexible unyielding sturdy",
+    "dense": "dense heavy",
+    "light": "light lightweight",
+}
+LEVEL_OF = {word: level for level, words in LEVELS.items() for word in words.split()}
 
 
 @dataclass
@@ -104,7 +125,7 @@ def _scan(tokens: list[Token]) -> list[_Draft]:
             after_of = at > 0 and tokens[at - 1].word == "of"  # "oak legs of the chair"
             draft = draft if after_of else _open(drafts)
         elif token.role == "level":
-            draft.level = words.LEVEL_OF[token.word]
+            draft.level = LEVEL_OF[token.word]
         elif token.role == "link":
             draft = _link(drafts, token, ahead)
         elif token.role == "noun":
@@ -300,7 +321,7 @@ def tokenise(text: str, vocabulary: Vocabulary) -> list[Token]:
             said = " ".join(raw[at:end])
             tokens.append(Token(phrase, "material", tuple(stems[at:end]), said, span))
         else:
-            follows_participle = bool(tokens) and tokens[-1].stems[0] in words.PARTICIPLES
+            follows_participle = bool(tokens) and tokens[-1].stems[0] in PARTICIPLES
             role = _role(raw[at], stems[at], follows_participle)
             tokens.append(Token(raw[at], role, (stems[at],), raw[at], span))
         at = end
@@ -331,8 +352,8 @@ def _role(word: str, stem: str, follows_participle: bool) -> Role:
         return "joint"
     if stem in words.DETERMINERS:
         return "start"
-    if word in words.LEVEL_OF:
+    if word in LEVEL_OF:
         return "level"
-    if word in words.NEGATIONS:
+    if word in NEGATIONS:
         return "not"
     return "filler" if stem in words.FILLERS or word.isdigit() else "noun"

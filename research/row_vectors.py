@@ -1,0 +1,25 @@
+"""``python -m autophyx_tet.research.row_vectors`` embeds the table's rows anew."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from ..fem.table import MaterialTable, load_table
+from ..predictors.lookup.similarity import FILE, row_text
+
+
+def keep_vectors(table: MaterialTable) -> None:
+    """Embed the rows that are no grade, and write them."""
+    from safetensors.numpy import save_file
+
+    from ..predictors.encoders.minilm import MiniLM
+
+    texts = [row_text(row) for row in table if not row.grade]
+    vectors = MiniLM().text(texts).astype(np.float16)
+    save_file({"vectors": vectors}, FILE, metadata={"texts": json.dumps(texts)})
+
+
+if __name__ == "__main__":
+    keep_vectors(load_table())
