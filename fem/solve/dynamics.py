@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..deprecation import renamed_options
 from ..device import checked_device, one_thread
 from ..elements.assembly import discretise
 from ..elements.constraints import node_supports
@@ -68,7 +67,6 @@ class Dynamics:
         Residual of a step over the external and inertial force.
     """
 
-    @renamed_options(gravity="gravity_vector")
     def __init__(
         self,
         mesh: TetMesh,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..deprecation import renamed_options
 from ..device import checked_device
 from ..elements.assembly import Discretisation, discretise, stiffness
 from ..elements.constraints import node_supports, reduced_load
@@ -95,7 +94,6 @@ def _function(
     return result
 
 
-@renamed_options(gravity="gravity_vector")
 def static_displacement(
     mesh: TetMesh,
     supports: Supports,
@@ -146,7 +144,6 @@ def static_displacement(
     return _function(forward, backward, (E, nu, rho))
 
 
-@renamed_options(gravity="gravity_vector")
 def implicit_step(
     make: Callable[[TetMesh], Dynamics],
     mesh: TetMesh,

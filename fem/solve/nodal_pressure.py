@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..deprecation import renamed_options
 from ..device import start_warp
 from ..elements.assembly import BlockMatrix, Discretisation, stiffness
 from ..elements.constraints import reduced_load
@@ -79,7 +78,6 @@ def _matrix(grid: Discretisation, mesh: TetMesh, pressures: Pressures) -> BlockM
     )
 
 
-@renamed_options(gravity="gravity_vector")
 def solve_averaged(
     mesh: TetMesh,
     supports: Supports,

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from ..deprecation import renamed_options
 from ..device import single_threaded
 from ..elements.assembly import BlockMatrix, Discretisation, add_diagonal
 from ..elements.constraints import apply_supports
@@ -248,7 +247,6 @@ class Potential:
         return self.contact.longest_step(u, step) if self.contact else np.inf
 
 
-@renamed_options(gravity="gravity_vector")
 @single_threaded
 def solve_nonlinear(
     mesh: TetMesh,

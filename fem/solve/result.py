@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..deprecation import say_renamed
 from ..elements.elastic import von_mises
 from ..elements.space import Space
 from ..mesh import TetMesh, material_of
@@ -166,12 +165,6 @@ class SagResult:
     def von_mises(self) -> Float[np.ndarray, "tets"]:
         """Von Mises stress [Pa] of every tet."""
         return self.static.von_mises
-
-    @property
-    def gap(self) -> DiscretisationError:
-        """Old name of ``discretisation_error``."""
-        say_renamed("SagResult", "gap", "discretisation_error")
-        return self.discretisation_error
 
 
 @dataclass(frozen=True, eq=False)

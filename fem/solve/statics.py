@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..deprecation import renamed_options
 from ..device import checked_device, single_threaded
 from ..elements.assembly import Discretisation, discretise
 from ..elements.constraints import held_stiffness, keep_stiffness, node_supports
@@ -55,7 +54,6 @@ def discrete_problem(
     return StaticProblem(grid, held, load_vector(mesh, grid, **loads))
 
 
-@renamed_options(gravity="gravity_vector")
 @single_threaded
 def solve_static(
     mesh: TetMesh,
