@@ -11,12 +11,13 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 from .errors import InputError
 
 Parameters = ParamSpec("Parameters")
 Answer = TypeVar("Answer")
+Value = TypeVar("Value")
 
 # Linux: what a process has mapped, the libraries of warp there that nobody writes to (address
 # first and last, offset in the file), and the advice that its pages are not needed.
@@ -79,6 +80,27 @@ class Recorder:
         """Return a launch command of ``kernel``."""
         dim = self.size if size is None else size
         return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
+
+
+class Recent(Generic[Value]):
+    """The last ``most`` values that were made of the same arrays, told by identity."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.items = most, []
+
+    def get(self, *key: Any) -> Value | None:
+        """Value of ``key``, if it was kept: names in it are compared, all else is the same."""
+        for kept, value in self.items:
+            pairs = zip(kept, key, strict=True)
+            if all(a is b or (isinstance(a, str | int) and a == b) for a, b in pairs):
+                return value
+        return None
+
+    def keep(self, value: Value, *key: Any) -> Value:
+        """Keep ``value`` for ``key``, forget the oldest, and return it."""
+        self.items.insert(0, (key, value))
+        del self.items[self.most :]
+        return value
 
 
 def checked_device(device: str) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from ..elements.kernels_field import find_slot, row_times
+from ..elements.kernels_field import find_slot
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
@@ -357,79 +357,6 @@ def remainder(
     """Residual of the original system of the ``product`` of the scaled one."""
     i = wp.tid()
     rest[i] = b[i] - lower[i] * product[i]
-
-
-@wp.kernel
-def chebyshev_start(
-    b: wp.array(dtype=wp.vec3d),
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-):
-    """First step from x = 0."""
-    i = wp.tid()
-    r[i] = b[i]
-    d[i] = b[i] * scale
-    x[i] = b[i] * scale
-
-
-@wp.kernel
-def chebyshev_restart(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    b: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-):
-    """First step from a given x; the x itself moves in `add`, after all rows have read it."""
-    i = wp.tid()
-    res = b[i] - row_times(rows, columns, values, x, i)
-    r[i] = res
-    d[i] = res * scale
-
-
-@wp.kernel
-def chebyshev_step(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    old: wp.array(dtype=wp.vec3d),
-    keep: wp.float64,
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-):
-    """Update r = r - A old, d = keep old + scale r, x = x + d."""
-    i = wp.tid()
-    res = r[i] - row_times(rows, columns, values, old, i)
-    r[i] = res
-    step = keep * old[i] + scale * res
-    d[i] = step
-    x[i] = x[i] + step
-
-
-@wp.kernel
-def add(x: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.vec3d)):
-    i = wp.tid()
-    x[i] = x[i] + d[i]
-
-
-@wp.kernel
-def subtract(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    d: wp.array(dtype=wp.vec3d),
-    r: wp.array(dtype=wp.vec3d),
-):
-    """Update r = r - A d."""
-    i = wp.tid()
-    r[i] = r[i] - row_times(rows, columns, values, d, i)
 
 
 @wp.kernel

@@ -1,8 +1,11 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels that make the coarse space: rigid motions, smoothing, Galerkin product."""
+"""Warp kernels of the V-cycle: the coarse space, its transfers and inverse; Chebyshev steps."""
+
+from typing import Any, NamedTuple
 
 import warp as wp
 
+from ..elements.kernels_field import row_times
 from .kernels_krylov import mat36d, single_row_times, vec6d
 
 # Loops over six motions are unrolled: their blocks then live in registers.
@@ -241,91 +244,102 @@ def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
         matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
 
 
-# Warp kernels of the V-cycle as a GPU runs it: in single precision, a thread a scalar.
-#
-# The cycle only shapes a search direction of CG, whose residual stays double: half the bytes, and
-# as many iterations. Vectors and blocks are flat: 9 numbers a block of A, 18 of P. The coarse
-# matrix is inverted, in double precision.
+class ChebyshevSteps(NamedTuple):
+    """Kernels of the smoother: first step from x = 0, and from a given x; one more; r -= A d."""
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 6})
+    start: Any
+    restart: Any
+    step: Any
+    subtract: Any
+
+
+def chebyshev_steps(
+    row_times: Any, block: Any, wide: Any, entry: Any, number: Any
+) -> ChebyshevSteps:
+    """Kernels of a matrix of ``block``, by its ``row_times``, and of ``entry`` for ``wide``.
+
+    ``wide`` are those outside, in double precision. The V-cycle only shapes a search direction of
+    CG, whose residual stays double: a GPU runs it in single precision, a thread a scalar, for half
+    the bytes and as many iterations.
+    """
+
+    @wp.kernel
+    def chebyshev_start(
+        b: wp.array(dtype=wide),
+        scale: number,
+        r: wp.array(dtype=entry),
+        d: wp.array(dtype=entry),
+        x: wp.array(dtype=entry),
+    ):
+        i = wp.tid()
+        here = entry(b[i])
+        r[i] = here
+        d[i] = scale * here
+        x[i] = scale * here
+
+    @wp.kernel
+    def chebyshev_restart(
+        rows: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=block),
+        b: wp.array(dtype=wide),
+        x: wp.array(dtype=entry),
+        scale: number,
+        r: wp.array(dtype=entry),
+        d: wp.array(dtype=entry),
+    ):
+        """The x takes its step in with the next: others read it now."""
+        i = wp.tid()
+        res = entry(b[i]) - row_times(rows, columns, values, x, i)
+        r[i] = res
+        d[i] = scale * res
+
+    @wp.kernel
+    def chebyshev_step(
+        rows: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=block),
+        old: wp.array(dtype=entry),
+        keep: number,
+        scale: number,
+        owed: number,
+        r: wp.array(dtype=entry),
+        d: wp.array(dtype=entry),
+        x: wp.array(dtype=entry),
+        z: wp.array(dtype=wide),
+    ):
+        """Update r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
+        i = wp.tid()
+        res = r[i] - row_times(rows, columns, values, old, i)
+        r[i] = res
+        change = keep * old[i] + scale * res
+        d[i] = change
+        here = x[i] + owed * old[i] + change
+        x[i] = here
+        z[i] = wide(here)
+
+    @wp.kernel
+    def chebyshev_subtract(
+        rows: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=block),
+        d: wp.array(dtype=entry),
+        r: wp.array(dtype=entry),
+    ):
+        i = wp.tid()
+        r[i] = r[i] - row_times(rows, columns, values, d, i)
+
+    return ChebyshevSteps(chebyshev_start, chebyshev_restart, chebyshev_step, chebyshev_subtract)
+
+
+DOUBLE_STEPS = chebyshev_steps(row_times, wp.mat33d, wp.vec3d, wp.vec3d, wp.float64)
+SINGLE_STEPS = chebyshev_steps(single_row_times, wp.float32, wp.float64, wp.float32, wp.float32)
 
 
 @wp.kernel
-def narrow(given: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
+def narrow(numbers: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
     i = wp.tid()
-    out[i] = wp.float32(given[i])
-
-
-@wp.kernel
-def single_start(
-    b: wp.array(dtype=wp.float64),
-    scale: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-):
-    """First Chebyshev step from x = 0."""
-    i = wp.tid()
-    here = wp.float32(b[i])
-    r[i] = here
-    d[i] = scale * here
-    x[i] = scale * here
-
-
-@wp.kernel
-def single_restart(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    b: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float32),
-    scale: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-):
-    """First Chebyshev step from a given x, which takes it in with the next: others read it now."""
-    i = wp.tid()
-    res = wp.float32(b[i]) - single_row_times(base, columns, values, x, i)
-    r[i] = res
-    d[i] = scale * res
-
-
-@wp.kernel
-def single_step(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    old: wp.array(dtype=wp.float32),
-    keep: wp.float32,
-    scale: wp.float32,
-    owed: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-    z: wp.array(dtype=wp.float64),
-):
-    """Chebyshev step: r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
-    i = wp.tid()
-    res = r[i] - single_row_times(base, columns, values, old, i)
-    r[i] = res
-    change = keep * old[i] + scale * res
-    d[i] = change
-    here = x[i] + owed * old[i] + change
-    x[i] = here
-    z[i] = wp.float64(here)
-
-
-@wp.kernel
-def single_subtract(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    r: wp.array(dtype=wp.float32),
-):
-    """Update r -= A d."""
-    i = wp.tid()
-    r[i] = r[i] - single_row_times(base, columns, values, d, i)
+    out[i] = wp.float32(numbers[i])
 
 
 @wp.kernel

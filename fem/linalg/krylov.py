@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..device import Recorder, start_warp
+from ..device import Recent, Recorder, start_warp
 from ..elements.assembly import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
 BLOCK = 256
 
 
-# Where slices begin and their columns, of the last patterns, by the identity of these.
-_SLICED: list[tuple[Any, Any, Any]] = []
-_KEPT = 4
+# Where slices begin and their columns, of the last patterns.
+_RECENT_SLICES: Recent[tuple[Any, Any]] = Recent(4)
 
 
 class SlicedMatrix:
@@ -31,36 +30,26 @@ class SlicedMatrix:
     def __init__(self, matrix: BlockMatrix, dtype: Any) -> None:
         from . import kernels_krylov as k
 
-        wp, device = start_warp(), matrix.values.device
-        base, columns = _sliced_pattern(matrix)
+        wp, device, size = start_warp(), matrix.values.device, int(k.SLICE)
+        pattern = _RECENT_SLICES.get(matrix.columns)
+        if pattern is None:
+            lengths = np.diff(matrix.rows.numpy())
+            widths = np.maximum.reduceat(lengths, np.arange(0, len(lengths), size))
+            starts = np.concatenate([[0], np.cumsum(widths)])
+            base = wp.array(starts, dtype=wp.int32, device=device)
+            columns = wp.zeros(size * int(starts[-1]), dtype=wp.int32, device=device)
+            inputs = [matrix.rows, matrix.columns, base, columns]
+            Recorder(matrix.nodes, device)(k.slice_columns, inputs).launch()
+            pattern = _RECENT_SLICES.keep((base, columns), matrix.columns)
+        base, columns = pattern
         values = wp.empty(9 * len(columns), dtype=dtype, device=device)
         self.arrays = (base, columns, values)
-        given = [matrix.rows, base, matrix.values.view(wp.float64).flatten(), values]
-        self.command = Recorder(3 * matrix.nodes, device)(k.slice_values, given)
+        inputs = [matrix.rows, base, matrix.values.view(wp.float64).flatten(), values]
+        self.command = Recorder(3 * matrix.nodes, device)(k.slice_values, inputs)
 
     def refresh(self) -> None:
         """Take the numbers that the matrix has now."""
         self.command.launch()
-
-
-def _sliced_pattern(matrix: BlockMatrix) -> tuple[Any, Any]:
-    """Where the slices of the pattern of ``matrix`` begin, and its columns in their order."""
-    from . import kernels_krylov as k
-
-    for known, base, columns in _SLICED:
-        if known is matrix.columns:
-            return base, columns
-    wp, device, size = start_warp(), matrix.values.device, int(k.SLICE)
-    lengths = np.diff(matrix.rows.numpy())
-    widths = np.maximum.reduceat(lengths, np.arange(0, len(lengths), size))
-    starts = np.concatenate([[0], np.cumsum(widths)])
-    base = wp.array(starts, dtype=wp.int32, device=device)
-    columns = wp.zeros(size * int(starts[-1]), dtype=wp.int32, device=device)
-    given = [matrix.rows, matrix.columns, base, columns]
-    Recorder(matrix.nodes, device)(k.slice_columns, given).launch()
-    _SLICED.insert(0, (matrix.columns, base, columns))
-    del _SLICED[_KEPT:]
-    return base, columns
 
 
 def whole_blocks(size: int) -> int:
@@ -218,36 +207,23 @@ class ConjugateGradients:
         self.open = launch(k.cg_open, [0.0, 0, self.scalars, self.state], size=1)
         self.close = launch(k.cg_close, [self.scalars, self.state], size=1)
         self.along = Inner(r, z, self.scalars, 2)
-        known = (matrix, lower, q, r)
-        self.forward = self._fused(*known) if r.device.is_cuda else self._plain(*known)
-
-    def _plain(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
-        """Along the direction p: q = A p, curvature, new x and r, size of r unscaled."""
-        from . import kernels_krylov as k
-
-        unscaled = start_warp().zeros_like(r)
-        advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
-        return [
-            matrix.product(self.p, q),
-            Inner(self.p, q, self.scalars, 1),
-            Recorder(matrix.nodes, self.device)(k.cg_advance, advance),
-            Inner(unscaled, unscaled, self.scalars, 3),
-        ]
-
-    def _fused(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
-        """The same in two launches of whole blocks of threads."""
-        from . import kernels_krylov as k
-
-        wp = start_warp()
-        self.sliced = SlicedMatrix(matrix, wp.float64)
-        launch = Recorder(0, self.device)
-        flat = [v.view(wp.float64).flatten() for v in (self.p, q)]
-        product = [*self.sliced.arrays, *flat, self.scalars]
-        advance = [self.p, q, lower, self.scalars, self.x, r]
-        return [
-            launch(k.multiply_and_measure, product, size=whole_blocks(3 * matrix.nodes)),
-            launch(k.advance_and_measure, advance, size=whole_blocks(matrix.nodes)),
-        ]
+        if r.device.is_cuda:  # along p: q = A p, curvature, new x and r, size of r unscaled
+            self.sliced = SlicedMatrix(matrix, wp.float64)
+            flat = [v.view(wp.float64).flatten() for v in (self.p, q)]
+            product = [*self.sliced.arrays, *flat, self.scalars]
+            advance = [self.p, q, lower, self.scalars, self.x, r]
+            self.forward = [
+                launch(k.multiply_and_measure, product, size=whole_blocks(3 * matrix.nodes)),
+                launch(k.advance_and_measure, advance, size=whole_blocks(matrix.nodes)),
+            ]
+        else:
+            unscaled = wp.zeros_like(r)
+            self.forward = [
+                matrix.product(self.p, q),
+                Inner(self.p, q, self.scalars, 1),
+                launch(k.cg_advance, [self.p, q, lower, self.scalars, self.x, r, unscaled]),
+                Inner(unscaled, unscaled, self.scalars, 3),
+            ]
 
     def step(self) -> None:
         """One iteration: a new direction p, and as far along it as is best."""
