@@ -517,8 +517,9 @@ def corner_pattern(edges: np.ndarray, nodes: int) -> Pattern:
     i, j = np.concatenate([edges, edges[:, ::-1], np.stack([own, own], axis=1)]).T
     graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(corners,) * 2).tocsr()
     graph.sort_indices()
-    arrays = (wp.array(a, dtype=wp.int32, device="cpu") for a in (graph.indptr, graph.indices))
-    return _RECENT_CORNERS.keep(Pattern(*arrays, None), edges)
+    rows = wp.array(graph.indptr, dtype=wp.int32, device="cpu")
+    columns = wp.array(graph.indices, dtype=wp.int32, device="cpu")
+    return _RECENT_CORNERS.keep(Pattern(rows, columns, None), edges)
 
 
 class CornerLevel:
