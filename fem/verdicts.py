@@ -14,17 +14,18 @@ from .safety import Safety
 from .scene.scene import Scene
 from .scene.up import up_vector
 from .solve.contact import foothold
-from .solve.energy import EnergyBalance, energy_balance
 from .solve.result import (
     BENDS_ALIKE,
     LOCKING,
     MOTION_LIMIT,
+    EnergyBalance,
     LoadFactor,
     Modes,
     MotionResult,
     ParticleRun,
     SagResult,
     StaticResult,
+    energy_balance,
     too_coarse,
 )
 from .uncertainty import Interval, Likely

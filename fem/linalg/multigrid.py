@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..device import Recent, Recorder, start_warp
-from ..elements.assembly import BlockMatrix, Pattern
-from ..elements.constraints import apply_supports, free_components
+from ..elements.assembly import BlockMatrix, Pattern, apply_supports, free_components
 from ..errors import ConvergenceError
 from .cholesky import CholeskyFactor, planned_elimination
 from .krylov import BLOCK, LargestEigenvalue, SlicedMatrix, whole_blocks

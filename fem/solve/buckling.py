@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device import single_threaded, start_warp
-from ..elements.assembly import Discretisation, discretise
-from ..elements.constraints import held_stiffness, node_supports
+from ..elements.assembly import Discretisation, discretise, held_stiffness, node_supports
 from ..elements.elastic import displacement_gradients, linear_stress
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..device import checked_device, one_thread
-from ..elements.assembly import discretise
-from ..elements.constraints import node_supports
+from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
 from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities
 from ..errors import ConvergenceError, InputError

@@ -20,10 +20,9 @@ from .buckling import find_load_factor
 from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
-from .nodal_pressure import solve_averaged
 from .nonlinear import solve_nonlinear
 from .result import LoadFactor, SagResult, StaticResult, locking_share
-from .statics import solve_static
+from .statics import solve_averaged, solve_static
 
 logger = logging.getLogger(__name__)
 

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
-from ..elements.assembly import discretise
-from ..elements.constraints import held_stiffness, node_supports
+from ..elements.assembly import discretise, held_stiffness, node_supports
 from ..elements.space import (
     EDGES,
     LARGEST_MOVING,

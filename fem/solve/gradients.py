@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..device import checked_device
-from ..elements.assembly import Discretisation, discretise, stiffness
-from ..elements.constraints import node_supports, reduced_load
+from ..elements.assembly import Discretisation, discretise, node_supports, reduced_load, stiffness
 from ..elements.elastic import displacement_gradients, first_piola
 from ..elements.forces import mass_shares
 from ..elements.space import TET_POINTS, affordable_order, element_points, shape_functions

@@ -13,10 +13,12 @@ from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
     add_diagonal,
+    apply_supports,
     discretise,
+    held_stiffness,
     linear_stiffness,
+    node_supports,
 )
-from ..elements.constraints import apply_supports, held_stiffness, node_supports
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
-from ..elements.assembly import BlockMatrix, Discretisation, add_diagonal
-from ..elements.constraints import apply_supports
+from ..elements.assembly import BlockMatrix, Discretisation, add_diagonal, apply_supports
 from ..elements.elastic import ElasticBody, displacement_gradients
 from ..elements.forces import lumped_mass
 from ..elements.space import EDGES, element_points

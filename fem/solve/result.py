@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from ..elements.elastic import von_mises
 from ..elements.space import Space
 from ..mesh import TetMesh, material_of
+from ..scene.scene import Scene
 from .self_contact import ContactPressures, PieceForce, in_time, largest_ever
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
@@ -364,4 +365,54 @@ def too_coarse(stiffening: float) -> str | None:
         return None
     return (
         f"the mesh is too coarse for linear elements: {stiffening:.2g} times too stiff in bending"
+    )
+
+
+# The energy of a motion beside what it was given: what was made of nothing, and what is lost.
+
+# A body strained by this share has an energy that is worth no word.
+UNSEEN = 1e-10
+
+
+class EnergyBalance(NamedTuple):
+    """Energies of a motion [J].
+
+    ``given`` is what it had at the start and what loads and moving obstacles put in, at most at any
+    time; ``excess`` what it had beyond what it was given until then, at most; ``lost`` what is
+    missing at the end. Of that ``dropped`` went in one frame, the one that ends at ``time`` [s].
+    """
+
+    given: float
+    excess: float
+    lost: float
+    dropped: float
+    time: float
+
+
+def energy_balance(motion: MotionResult, scene: Scene) -> EnergyBalance | None:
+    """Balance of kinetic, elastic and potential energy; None where supports of particles move.
+
+    Loads are dead, so that their work is in the potential; a moving obstacle works by its force
+    over the frame, and one that stands gives nothing.
+    """
+    if motion.particles is not None and scene.held.values[scene.held.fixed].any():
+        return None
+    frames = motion.frames
+    body = np.array([f.kinetic + f.elastic + f.barrier for f in frames])
+    potential = np.array([f.potential for f in frames])
+    given = body[0] + potential[0] - potential
+    if scene.obstacles:  # work of those that move, until every frame
+        speeds = np.array([obstacle.velocity for obstacle in scene.obstacles], dtype=float)
+        power = np.einsum("foi,oi->f", motion.obstacle_forces, speeds)
+        given += motion.dt * np.concatenate([[0.0], np.cumsum(power[1:])])
+    missing = given - body
+    drops = np.diff(missing)
+    worst = int(np.argmax(drops)) + 1
+    floor = UNSEEN**2 * float(material_of(scene.mesh).E @ scene.mesh.volumes)
+    return EnergyBalance(
+        max(float(given.max()), floor),
+        float(max(0.0, -missing.min())),
+        float(max(0.0, missing[-1])),
+        float(max(0.0, drops[worst - 1])),
+        frames[worst].time,
     )

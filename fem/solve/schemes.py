@@ -10,8 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import start_warp
-from ..elements.assembly import BlockMatrix, add_diagonal
-from ..elements.constraints import apply_supports, drop_rows, free_components
+from ..elements.assembly import (
+    BlockMatrix,
+    add_diagonal,
+    apply_supports,
+    drop_rows,
+    free_components,
+)
 from ..elements.space import Space
 from ..linalg.krylov import DeviceVector, length, whole_blocks
 from ..mesh import TetMesh, material_of
