@@ -74,7 +74,28 @@ class TetMesh:
         points = _frozen(self.points, np.float64)
         tets = _frozen(self.tets, np.int32)
         region = _frozen(self.region, np.int32)
-        _check_arrays(points, tets, region, self.region_names)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"points must have shape (points, 3), got {points.shape}")
+        if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
+            raise InputError(
+                f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}"
+            )
+        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if bad.size:
+            raise InputError(
+                f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+            )
+        if tets.min() < 0 or tets.max() >= len(points):
+            raise InputError(
+                f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
+            )
+        if region.shape != (len(tets),):
+            raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
+        if len(set(self.region_names)) != len(self.region_names):
+            raise InputError(f"region names must be unique, got {list(self.region_names)}")
+        if region.min() < 0 or region.max() >= len(self.region_names):
+            ids, names = f"{region.min()}..{region.max()}", len(self.region_names)
+            raise InputError(f"region ids {ids} but {names} region names")
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
         if bad.size:
@@ -193,30 +214,6 @@ def _frozen(given, dtype: type) -> np.ndarray:
         array = np.array(given, dtype=dtype, order="C")
         array.flags.writeable = False
     return array
-
-
-def _check_arrays(points, tets, region, region_names) -> None:
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points must have shape (points, 3), got {points.shape}")
-    if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
-        raise InputError(f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}")
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
-        )
-    if tets.min() < 0 or tets.max() >= len(points):
-        raise InputError(
-            f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
-        )
-    if region.shape != (len(tets),):
-        raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
-    if len(set(region_names)) != len(region_names):
-        raise InputError(f"region names must be unique, got {list(region_names)}")
-    if region.min() < 0 or region.max() >= len(region_names):
-        raise InputError(
-            f"region ids {region.min()}..{region.max()} but {len(region_names)} region names"
-        )
 
 
 # Components of a mesh: what is joined firmly enough to move as one body.

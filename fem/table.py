@@ -141,21 +141,17 @@ def stated_material(value: MaterialValue) -> Material:
     return Material(AS_STATED, AS_STATED, E, nu, rho, source=AS_STATED)
 
 
-def _band_of(category: str) -> Band:
-    """What is possible in a category; of what is only stated, in any."""
-    if category != AS_STATED:
-        return CATEGORIES[category]
-    spans = zip(*CATEGORIES.values(), strict=True)
-    return Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
-
-
 def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
     """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
     if category not in {*CATEGORIES, AS_STATED}:
         raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
+    if category in CATEGORIES:
+        band = CATEGORIES[category]
+    else:  # what is only stated may be of any
+        spans = zip(*CATEGORIES.values(), strict=True)
+        band = Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
     complaints = []
-    for field, value in zip(FIELDS, (E, nu, rho), strict=True):
-        low, high = getattr(_band_of(category), field)
+    for field, value, (low, high) in zip(FIELDS, (E, nu, rho), band, strict=True):
         limit = "nu < 0.5 and " if field == "nu" and value >= 0.5 else ""
         if limit or not low <= value <= high:  # a NaN is outside too
             unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]
@@ -456,19 +452,20 @@ def _records(table: str) -> list[dict[str, str]]:
 @lru_cache(maxsize=1)
 def load_strengths() -> Mapping[str, Strength]:
     """Return the strengths by the name of the row."""
-    return {record["name"]: _strength(record) for record in _records("strength")}
-
-
-def _strength(record: Mapping[str, str]) -> Strength:
-    def span(side: str) -> Span:
-        return Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
-
-    kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
-    if kind is None:
-        raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
-    brittle = bool(record["compression_min_Pa"])
-    compression = span("compression") if brittle else None
-    return Strength(kind, span("tension"), compression, record["source"])
+    strengths = {}
+    for record in _records("strength"):
+        kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
+        if kind is None:
+            raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
+        tension, compression = (
+            Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
+            if record[f"{side}_min_Pa"]
+            else None
+            for side in ("tension", "compression")
+        )
+        assert tension is not None
+        strengths[record["name"]] = Strength(kind, tension, compression, record["source"])
+    return strengths
 
 
 @lru_cache(maxsize=1)
@@ -490,10 +487,7 @@ def load_colours() -> Mapping[str, Colour]:
     """Return the typical colours by the name of the row."""
     return {
         record["name"]: Colour(
-            L=float(record["L"]),
-            a=float(record["a"]),
-            b=float(record["b"]),
-            spread=float(record["spread"]),
+            *(float(record[column]) for column in ("L", "a", "b", "spread")),
             source=record["source"],
         )
         for record in _records("colour")

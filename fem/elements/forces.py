@@ -38,7 +38,7 @@ def gravity_force(
     share = wp.array(share, dtype=wp.float64, device=grid.device)
     mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
     inputs = [grid.points, grid.elements, grid.constant(rho), share, mass]
-    wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
+    wp.launch(k.spread_scalar, len(rho), inputs=inputs, device=grid.device)
     each, force = mass.numpy(), np.zeros((len(mass), 3))
     for axis in np.flatnonzero(gravity_vector):  # a few times faster than all at once
         force[:, axis] = each * gravity_vector[axis]
@@ -64,7 +64,7 @@ def body_force(
     share = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
     force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
     inputs = [grid.points, grid.elements, each, share, force]
-    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device=grid.device)
+    wp.launch(k.spread_vector, len(mesh.tets), inputs=inputs, device=grid.device)
     return force.numpy()
 
 
@@ -138,24 +138,6 @@ def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
         return np.broadcast_to(vector, (len(space.nodes), 3))
     rows = checked_rows("velocity", given, node_counts(space), "m/s")
     return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
-
-
-def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
-    """Share of the surface [m^2] of every node, zero inside.
-
-    P1: a third of the faces around it; P2: corners get a twelfth and edges a quarter of a face, so
-    that none is without weight.
-    """
-    faces = mesh.boundary.faces
-    one = np.broadcast_to([1.0, 0.0, 0.0], faces.shape)
-    spread = traction_force(mesh, space, Traction(faces, one))[:, 0]
-    if space.order == 1:
-        return spread
-    corners = np.zeros(len(space.nodes))
-    area = face_areas(mesh.points, faces)
-    for k in range(3):
-        np.add.at(corners, faces[:, k], area / 12)
-    return 0.75 * spread + corners
 
 
 # Mass of the nodes: lumped for dynamics, consistent for modes.

@@ -13,7 +13,16 @@ import warp as wp
 from ..laws.kernels_tensor import mat99d, positive_part
 from ..laws.law import ElasticLaw
 from ..laws.linear import stiffness_block
-from .kernels_field import gradients, gradients_p2, mat43d, mat103d, row3, row10, six_volumes
+from .kernels_field import (
+    gradient_at,
+    gradients,
+    gradients_p2,
+    mat43d,
+    row3,
+    row10,
+    shape_gradients,
+    six_volumes,
+)
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
@@ -31,29 +40,6 @@ class ElasticKernels(NamedTuple):
     projected_at: Any
     stiffness_p1: Any
     stiffness_p2: Any
-
-
-@wp.func
-def shape_gradients(g: mat43d, elements: wp.array2d(dtype=wp.int32), q: wp.vec4d) -> mat103d:
-    """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
-    d = mat103d()
-    if elements.shape[1] == 10:
-        d = gradients_p2(g, q)
-    else:
-        for a in range(4):
-            for c in range(3):
-                d[a, c] = g[a, c]
-    return d
-
-
-@wp.func
-def gradient_at(
-    d: mat103d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
-) -> wp.mat33d:
-    H = wp.mat33d()
-    for a in range(elements.shape[1]):
-        H += wp.outer(u[elements[t, a]], row10(d, a))
-    return H
 
 
 @wp.func
@@ -303,8 +289,6 @@ def _stiffness_p2(law: ElasticLaw, stiffness_block: Any) -> Any:
 # ``finite``: E is Green's strain and P = F S, which leaves turns of any size alone (St Venant and
 # Kirchhoff); else E is the small strain and P = S.
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
-
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 mat63d = wp.types.matrix(shape=(6, 3), dtype=wp.float64)
@@ -445,8 +429,6 @@ def anisotropic_stiffness(
 #
 # ``along`` is the displacement that the strain changed from, or with ``rate`` the velocity: then D
 # is the rate of strain sym(F^T grad v). Neither changes with a turn of the body.
-
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 
 @wp.func

@@ -1,39 +1,136 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels of loads on the nodes of tets, of displacement gradients, and of steps in time."""
+"""Warp kernels of tets and their nodes: gradients, loads, steps in time, block matrices."""
+
+from typing import Any
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 
-@wp.kernel
-def spread(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    density: wp.array(dtype=wp.float64),
-    share: wp.array(dtype=wp.float64),
-    total: wp.array(dtype=wp.float64),
-):
-    """Add the integral of a density, constant on every tet: every node takes its ``share``."""
-    t = wp.tid()
-    amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
-    for a in range(elements.shape[1]):
-        wp.atomic_add(total, elements[t, a], share[a] * amount)
+# Barycentric gradients of a tet: row k is d lambda_k / dx.
+mat43d = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
+mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
 
 
-@wp.kernel
-def body_force(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    density: wp.array(dtype=wp.vec3d),
-    share: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
-):
-    """Add the force of a density, constant on every tet: every node takes its ``share``."""
-    t = wp.tid()
-    total = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+@wp.func
+def gradients(
+    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
+) -> mat43d:
+    """Gradients of the barycentric coordinates, times six volumes."""
+    a = points[elements[t, 0]]
+    x = points[elements[t, 1]] - a
+    y = points[elements[t, 2]] - a
+    z = points[elements[t, 3]] - a
+    gx = wp.cross(y, z)
+    gy = wp.cross(z, x)
+    gz = wp.cross(x, y)
+    g0 = -(gx + gy + gz)
+    return mat43d(
+        g0[0], g0[1], g0[2], gx[0], gx[1], gx[2], gy[0], gy[1], gy[2], gz[0], gz[1], gz[2]
+    )
+
+
+@wp.func
+def six_volumes(
+    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
+) -> wp.float64:
+    a = points[elements[t, 0]]
+    x = points[elements[t, 1]] - a
+    y = points[elements[t, 2]] - a
+    z = points[elements[t, 3]] - a
+    return wp.dot(x, wp.cross(y, z))
+
+
+@wp.func
+def row3(g: mat43d, k: int) -> wp.vec3d:
+    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
+
+
+@wp.func
+def edge_ends(k: int):
+    """Corners of edge k, in the order of VTK's quadratic tetrahedron."""
+    i = 0
+    j = 1
+    if k == 1:
+        i = 1
+        j = 2
+    elif k == 2:
+        j = 2
+    elif k == 3:
+        j = 3
+    elif k == 4:
+        i = 1
+        j = 3
+    elif k == 5:
+        i = 2
+        j = 3
+    return i, j
+
+
+@wp.func
+def gradients_p2(g: mat43d, q: wp.vec4d) -> mat103d:
+    """Gradients of the ten shape functions at barycentric coordinates q."""
+    d = mat103d()
+    for a in range(4):
+        s = wp.float64(4.0) * q[a] - wp.float64(1.0)
+        for c in range(3):
+            d[a, c] = s * g[a, c]
+    for k in range(6):
+        i, j = edge_ends(k)
+        for c in range(3):
+            d[4 + k, c] = wp.float64(4.0) * (q[i] * g[j, c] + q[j] * g[i, c])
+    return d
+
+
+@wp.func
+def row10(g: mat103d, k: int) -> wp.vec3d:
+    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
+
+
+@wp.func
+def shape_gradients(g: mat43d, elements: wp.array2d(dtype=wp.int32), q: wp.vec4d) -> mat103d:
+    """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
+    d = mat103d()
+    if elements.shape[1] == 10:
+        d = gradients_p2(g, q)
+    else:
+        for a in range(4):
+            for c in range(3):
+                d[a, c] = g[a, c]
+    return d
+
+
+@wp.func
+def gradient_at(
+    d: mat103d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
+) -> wp.mat33d:
+    H = wp.mat33d()
     for a in range(elements.shape[1]):
-        wp.atomic_add(force, elements[t, a], share[a] * total)
+        H += wp.outer(u[elements[t, a]], row10(d, a))
+    return H
+
+
+def spreading(kind: Any) -> Any:
+    """Kernel that adds the integral of a density of this ``kind`` to the nodes."""
+
+    @wp.kernel
+    def spread(
+        points: wp.array(dtype=wp.vec3d),
+        elements: wp.array2d(dtype=wp.int32),
+        density: wp.array(dtype=kind),  # constant on every tet
+        fraction: wp.array(dtype=wp.float64),  # that every node of a tet takes
+        total: wp.array(dtype=kind),
+    ):
+        t = wp.tid()
+        amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+        for a in range(elements.shape[1]):
+            wp.atomic_add(total, elements[t, a], fraction[a] * amount)
+
+    return spread
+
+
+spread_scalar, spread_vector = spreading(wp.float64), spreading(wp.vec3d)
 
 
 @wp.kernel
@@ -49,15 +146,7 @@ def displacement_gradient(
     s = wp.float64(1.0) / six_volumes(points, elements, t)
     g = gradients(points, elements, t) * s
     for q in range(quadrature.shape[0]):
-        total = wp.mat33d()
-        if elements.shape[1] == 4:
-            for a in range(4):
-                total += wp.outer(u[elements[t, a]], row3(g, a))
-        else:
-            d = gradients_p2(g, quadrature[q])
-            for a in range(10):
-                total += wp.outer(u[elements[t, a]], row10(d, a))
-        grad[t, q] = total
+        grad[t, q] = gradient_at(shape_gradients(g, elements, quadrature[q]), elements, u, t)
 
 
 @wp.kernel
@@ -77,17 +166,11 @@ def geometric_stiffness(
     size = elements.shape[1]
     for q in range(quadrature.shape[0]):
         s = w * stress[t, q]
-        if size == 4:
-            for a in range(4):
-                p = s * row3(g, a)
-                for b in range(4):
-                    wp.atomic_add(values, slots[t, 4 * a + b], wp.dot(p, row3(g, b)))
-        else:
-            d = gradients_p2(g, quadrature[q])
-            for a in range(10):
-                p = s * row10(d, a)
-                for b in range(10):
-                    wp.atomic_add(values, slots[t, 10 * a + b], wp.dot(p, row10(d, b)))
+        d = shape_gradients(g, elements, quadrature[q])
+        for a in range(size):
+            p = s * row10(d, a)
+            for b in range(size):
+                wp.atomic_add(values, slots[t, size * a + b], wp.dot(p, row10(d, b)))
 
 
 @wp.kernel
@@ -201,93 +284,7 @@ def end_of_step(
             new = new - old
 
 
-# Warp functions of one tet: volume, gradients of its shape functions, of a displacement.
-
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
-
-# Barycentric gradients of a tet: row k is d lambda_k / dx.
-mat43d = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
-mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
-
-
-@wp.func
-def gradients(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> mat43d:
-    """Gradients of the barycentric coordinates, times six volumes."""
-    a = points[elements[t, 0]]
-    x = points[elements[t, 1]] - a
-    y = points[elements[t, 2]] - a
-    z = points[elements[t, 3]] - a
-    gx = wp.cross(y, z)
-    gy = wp.cross(z, x)
-    gz = wp.cross(x, y)
-    g0 = -(gx + gy + gz)
-    return mat43d(
-        g0[0], g0[1], g0[2], gx[0], gx[1], gx[2], gy[0], gy[1], gy[2], gz[0], gz[1], gz[2]
-    )
-
-
-@wp.func
-def six_volumes(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> wp.float64:
-    a = points[elements[t, 0]]
-    x = points[elements[t, 1]] - a
-    y = points[elements[t, 2]] - a
-    z = points[elements[t, 3]] - a
-    return wp.dot(x, wp.cross(y, z))
-
-
-@wp.func
-def row3(g: mat43d, k: int) -> wp.vec3d:
-    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
-
-
-@wp.func
-def edge_ends(k: int):
-    """Corners of edge k, in the order of VTK's quadratic tetrahedron."""
-    i = 0
-    j = 1
-    if k == 1:
-        i = 1
-        j = 2
-    elif k == 2:
-        j = 2
-    elif k == 3:
-        j = 3
-    elif k == 4:
-        i = 1
-        j = 3
-    elif k == 5:
-        i = 2
-        j = 3
-    return i, j
-
-
-@wp.func
-def gradients_p2(g: mat43d, q: wp.vec4d) -> mat103d:
-    """Gradients of the ten shape functions at barycentric coordinates q."""
-    d = mat103d()
-    for a in range(4):
-        s = wp.float64(4.0) * q[a] - wp.float64(1.0)
-        for c in range(3):
-            d[a, c] = s * g[a, c]
-    for k in range(6):
-        i, j = edge_ends(k)
-        for c in range(3):
-            d[4 + k, c] = wp.float64(4.0) * (q[i] * g[j, c] + q[j] * g[i, c])
-    return d
-
-
-@wp.func
-def row10(g: mat103d, k: int) -> wp.vec3d:
-    return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
-
-
-# Warp kernels of block matrices: pattern, where an element's blocks go, products, supports.
-
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+# Block matrices: pattern, where an element's blocks go, products, supports.
 
 
 @wp.kernel

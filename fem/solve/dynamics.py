@@ -98,8 +98,7 @@ class Dynamics:
         self.contact = Contact(
             mesh, grid.space, obstacles, friction, thickness, self_contact=self_contact
         )
-        known = (grid, material_of(mesh), self.mass)
-        self.damping = Rayleigh(*known, damping) if damping else None
+        self.damping = Rayleigh(grid, material_of(mesh), self.mass, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
         self.rigidity = nodal_rigidity(mesh, grid.space)
@@ -193,7 +192,10 @@ class Dynamics:
         step = Step.of(*made)
         self.contact.begin(state.u, state.time + dt, dt)
         u, iterations = self._solve(step)
-        if leapt := self._leaps(step, u):  # what was before it is of no use
+        # Where contact stops or throws the body within the step, what was before is of no use
+        touches = self.contact.acts and (state.barrier > 0 or self.contact.barrier(u) > 0)
+        energy = state.kinetic + state.elastic + state.barrier
+        if leapt := touches and step.leaps(u, self.mass[:, None], energy):
             self._forecast = Forecast()
             if step.before is not None:
                 made, step = (*made[:3], None), step.restarted
@@ -204,13 +206,6 @@ class Dynamics:
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
         self._before, self._dt, self._step_made = None if leapt else now, dt, made
         self._forecast.add(a)
-
-    def _leaps(self, step: Step, u: np.ndarray) -> bool:
-        """Whether contact stops or throws the body within the ``step`` to ``u``."""
-        old = self.state
-        touches = self.contact.acts and (old.barrier > 0 or self.contact.barrier(u) > 0)
-        energy = old.kinetic + old.elastic + old.barrier
-        return touches and step.leaps(u, self.mass[:, None], energy)
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
@@ -255,7 +250,25 @@ class DynamicMethod:
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         order, stiffening = motion_elements(scene.mesh, scene.supports, order)
-        body = _body_of(scene, law or Law.NEO_HOOKEAN, order, device, scheme)
+        forces = scene.forces
+        if scene.tractions:
+            grid = discretise(scene.mesh, order, checked_device(device))
+            forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
+        body = Dynamics(
+            scene.mesh,
+            supports=scene.supports,
+            gravity_vector=scene.gravity_vector,
+            forces=forces,
+            obstacles=scene.obstacles,
+            friction=scene.friction,
+            thickness=scene.thickness,
+            self_contact=scene.self_contact,
+            velocity=scene.velocity,
+            law=law or Law.NEO_HOOKEAN,
+            order=order,
+            scheme=scheme,
+            device=device,
+        )
         states, halved = [body.state], 0
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
@@ -263,31 +276,16 @@ class DynamicMethod:
             if progress is not None:
                 progress(frame, frames)
         locks, notes = locking_share(scene.mesh) if order == 1 else 0.0, body.contact.notes
-        smaller, kept = halving_notes(halved, frames), scene.self_contact and not notes
-        known = {"kept_apart": kept, "notes": notes + smaller, "stiffening": stiffening}
-        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locks, **known)
+        return MotionResult(
+            tuple(states),
+            dt,
+            len(scene.mesh.points),
+            order,
+            locks,
+            kept_apart=scene.self_contact and not notes,
+            notes=notes + halving_notes(halved, frames),
+            stiffening=stiffening,
+        )
 
 
 METHOD = DynamicMethod()
-
-
-def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) -> Dynamics:
-    grid = discretise(scene.mesh, order, checked_device(device))
-    forces = scene.forces
-    if scene.tractions:
-        forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
-    return Dynamics(
-        scene.mesh,
-        supports=scene.supports,
-        gravity_vector=scene.gravity_vector,
-        forces=forces,
-        obstacles=scene.obstacles,
-        friction=scene.friction,
-        thickness=scene.thickness,
-        self_contact=scene.self_contact,
-        velocity=scene.velocity,
-        law=law,
-        order=order,
-        scheme=scheme,
-        device=device,
-    )

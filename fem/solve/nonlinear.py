@@ -1,4 +1,7 @@
-"""Static equilibrium under large deformation."""
+"""Static equilibrium under large deformation: the minimum of an energy.
+
+By Newton's method with backtracking, and by dynamic relaxation.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
-from ..elements.assembly import BlockMatrix, Discretisation, add_diagonal, apply_supports
+from ..elements.assembly import BlockMatrix, add_diagonal, apply_supports
 from ..elements.elastic import ElasticBody, displacement_gradients
 from ..elements.forces import lumped_mass
 from ..elements.space import EDGES, element_points
@@ -24,8 +27,6 @@ from ..scene.supports import Supports
 from .contact import Contact
 from .result import StaticResult
 from .statics import check_held, discrete_problem, static_result
-
-# The minimum of a nodal energy: Newton's method with backtracking, and dynamic relaxation.
 
 logger = logging.getLogger(__name__)
 
@@ -132,15 +133,15 @@ def backtrack(objective: Objective, u: Any, step: Any, here: Point) -> tuple[Any
     slope = inner_product(here.gradient, step)  # no number where the step has one that is none
     if not (np.isfinite(slope) and slope < 0):
         return None
-    share = min(1.0, objective.longest_step(u, step))
+    fraction = min(1.0, objective.longest_step(u, step))
     for _ in range(HALVINGS):
-        trial = u + share * step
+        trial = u + fraction * step
         there = objective.evaluate(trial)
         change = there.energy - here.energy
         unclear = abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
-        if change <= SUFFICIENT * share * slope or (unclear and there.residual < here.residual):
+        if change <= SUFFICIENT * fraction * slope or (unclear and there.residual < here.residual):
             return trial, there
-        share /= 2
+        fraction /= 2
     return None
 
 
@@ -178,9 +179,9 @@ def relax(
         if moved is None:
             dt *= SHORTER
             continue
-        share = float(np.linalg.norm(moved[0] - u) / (np.linalg.norm(move) or 1.0))
+        fraction = float(np.linalg.norm(moved[0] - u) / (np.linalg.norm(move) or 1.0))
         u, here = moved
-        dt *= SHORTER if share < CUT else LONGER if share > 1 - CUT else 1.0
+        dt *= SHORTER if fraction < CUT else LONGER if fraction > 1 - CUT else 1.0
         logger.debug("relaxation %d: dt %.2g s, residual %.3g N", step, dt, here.residual)
     raise ConvergenceError(
         f"it did not come to rest in {RELAXATIONS} steps: the forces still differ by "
@@ -303,7 +304,15 @@ def solve_nonlinear(
         found = _find_rest(potential, u, mass, limit=iterations, **options)
     else:
         found = minimise(potential, u, limit=iterations, **options)
-    _check_orientation(grid, found.u)
+    # No tet may be inside out in a corner, along an edge, or where it was integrated
+    middles = np.eye(4)[EDGES].mean(axis=1)
+    where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
+    J = np.linalg.det(displacement_gradients(grid, found.u, where) + np.eye(3)).min(axis=1)
+    if not (J > 0).all():
+        raise ConvergenceError(
+            f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
+            "the mesh is too coarse for so large a deformation, or it folds onto itself"
+        )
     pushed = load + contact.forces(found.u, len(found.u)) if contact else load
     residual = found.residual / scale
     return static_result(mesh, elastic, found.u, pushed, held, residual, found.iterations)
@@ -339,18 +348,6 @@ def _find_rest(
     size = float(np.linalg.norm(np.ptp(potential.body.grid.space.nodes, axis=0)))
     force = float(np.abs(load.sum(axis=0)).max()) or potential.scale
     dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
-    held = potential.held.fixed
-    found = relax(potential, u, mass=mass, fixed=held, dt=dt, solve=solve, tolerance=tolerance)
+    options = {"fixed": potential.held.fixed, "solve": solve, "tolerance": tolerance}
+    found = relax(potential, u, mass=mass, dt=dt, **options)
     return found._replace(iterations=count + found.iterations)
-
-
-def _check_orientation(grid: Discretisation, u: np.ndarray) -> None:
-    """Raise if a tet is inside out in a corner, along an edge, or where it was integrated."""
-    middles = np.eye(4)[EDGES].mean(axis=1)
-    where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
-    J = np.linalg.det(displacement_gradients(grid, u, where) + np.eye(3)).min(axis=1)
-    if not (J > 0).all():
-        raise ConvergenceError(
-            f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
-            "the mesh is too coarse for so large a deformation, or it folds onto itself"
-        )

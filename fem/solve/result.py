@@ -15,7 +15,7 @@ from ..elements.elastic import von_mises
 from ..elements.space import Space
 from ..mesh import TetMesh, material_of
 from ..scene.scene import Scene
-from .self_contact import ContactPressures, PieceForce, in_time, largest_ever
+from .self_contact import ContactPressures, PieceForce
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
 LOCKING = 0.4
@@ -260,12 +260,20 @@ class MotionResult:
     @property
     def piece_forces(self) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
         """Force [N] on one piece by another, by their numbers, in every frame."""
-        return in_time([frame.piece_forces for frame in self.frames])
+        out: dict[tuple[int, int], np.ndarray] = {}
+        for i, frame in enumerate(self.frames):
+            for on, by, force in frame.piece_forces:
+                out.setdefault((on, by), np.zeros((len(self.frames), 3)))[i] = force
+        return dict(sorted(out.items()))
 
     @property
     def largest_pressures(self) -> ContactPressures | None:
         """Largest contact pressures [Pa] ever, where they are known."""
-        return largest_ever([frame.pressures for frame in self.frames])
+        known = [frame.pressures for frame in self.frames if frame.pressures is not None]
+        if not known:
+            return None
+        obstacles = np.max([pressures.obstacles for pressures in known], axis=0)
+        return ContactPressures(obstacles, max(pressures.own for pressures in known))
 
     @property
     def smallest_gap(self) -> float:

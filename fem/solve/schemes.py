@@ -271,56 +271,50 @@ class DeviceSteps:
 
     def advance(self, dt: float) -> Motion:
         """The state after a step of ``dt`` [s] from that of the body."""
+        from ..elements import kernels_field as k
+
         body = self.of
         if dt != self._dt or body.state is not self._ended:
             self._forget(dt)
             arrays = (body.state.u, body.state.v, body.state.a)
             self._now = Kinematics(*(DeviceVector.of(x, self.device) for x in arrays))
         step = Step.of(body.scheme, dt, self._now, self._before)
-        aim, start = self._foreseen(step)
-        # Inertia of a step and springs [N/m], an array of vec3d
-        factor = step.factor
-        if self._diagonal[0] != factor:
-            diagonal = factor * self.of.mass[:, None] + self.of.held.springs
-            self._diagonal = (factor, DeviceVector.of(diagonal, self.device).array)
-        there = DeviceIncremental(body, self.known, step.factor, aim, self._diagonal[1])
-        found = minimise(there, start, solve=body.solver, tolerance=body.tolerance)
-        known = (there.elastic, found.iterations)
-        self._ended = self._settled(body.state.time + dt, step.ended(found.u), *known)
-        return self._ended
-
-    def _foreseen(self, step: Step) -> tuple[Any, DeviceVector]:
-        """Target with what is held in its place, and where the forecast leads."""
-        from ..elements import kernels_field as k
-
-        wp, old = start_warp(), step.now.u.array
+        wp, (mass, _, load, springs, free) = start_warp(), self.known
+        # Target with what is fixed in its place, and where the forecast leads
+        old, nodes = step.now.u.array, len(mass)
         aim, start = wp.empty_like(old), wp.empty_like(old)
         ahead = [self._differences, self._terms, wp.float64(1 / step.factor)]
-        given = [old, step.target.array, self.known.free, *ahead, aim, start]
-        wp.launch(k.foresee, len(old), inputs=given, device=self.device)
-        return aim, DeviceVector(start)
-
-    def _settled(self, time: float, ended: Kinematics, elastic: float, iterations: int) -> Motion:
-        """The motion that a step ended with, and its part in the next forecast."""
-        from ..elements import kernels_field as k
-
-        wp, (mass, _, load, springs, free) = start_warp(), self.known
+        inputs = [old, step.target.array, free, *ahead, aim, start]
+        wp.launch(k.foresee, nodes, inputs=inputs, device=self.device)
+        if self._diagonal[0] != step.factor:  # inertia of a step and springs [N/m]
+            diagonal = step.factor * body.mass[:, None] + body.held.springs
+            self._diagonal = (step.factor, DeviceVector.of(diagonal, self.device).array)
+        there = DeviceIncremental(body, self.known, step.factor, aim, self._diagonal[1])
+        options = {"solve": body.solver, "tolerance": body.tolerance}
+        minimum = minimise(there, DeviceVector(start), **options)
+        # The motion that the step ended with, and its part in the next forecast
+        u, v, a = step.ended(minimum.u)
         self._count = min(self._count + 1, DEGREE + 1)
-        nodes = len(mass)
         motion = wp.empty((3, nodes), dtype=wp.vec3d, device=self.device)
         sums = wp.zeros(3 + self._count, dtype=wp.float64, device=self.device)
-        moved = [ended.u.array, ended.v.raw, wp.float64(ended.v.factor), ended.a.raw]
-        given = [*moved, wp.float64(ended.a.factor), free, mass, load, springs, self._count]
-        out = [motion, self._differences, sums]
-        wp.launch(k.end_of_step, whole_blocks(nodes), inputs=[*given, *out], device=self.device)
+        inputs = [u.array, v.raw, wp.float64(v.factor), a.raw, wp.float64(a.factor), free, mass]
+        inputs += [load, springs, self._count, motion, self._differences, sums]
+        wp.launch(k.end_of_step, whole_blocks(nodes), inputs=inputs, device=self.device)
         kinetic, sprung, lifted, *squares = sums.numpy().tolist()
         self._terms = int(np.argmin(squares))
         self._before, rows = self._now, motion.numpy()
         self._now = Kinematics(*(DeviceVector(motion[row]) for row in range(3)))
-        known = dict(zip(("u", "v", "a"), rows, strict=True)) | {"iterations": iterations}
-        energies = {"kinetic": kinetic, "elastic": elastic + sprung, "potential": lifted}
-        # What the state says of contact stays: there is none.
-        return replace(self.of.state, time=time, **known, **energies)
+        ended = replace(  # what the state says of contact stays: there is none
+            body.state,
+            time=body.state.time + dt,
+            **dict(zip(("u", "v", "a"), rows, strict=True)),
+            kinetic=kinetic,
+            elastic=there.elastic + sprung,
+            potential=lifted,
+            iterations=minimum.iterations,
+        )
+        self._ended = ended
+        return ended
 
 
 def nodal_rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -39,17 +38,6 @@ class PieceForce(NamedTuple):
     on: int
     by: int
     force: np.ndarray
-
-
-def in_time(
-    frames: Sequence[tuple[PieceForce, ...]],
-) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
-    """Force [N] on one piece by another, by their numbers, in every frame."""
-    found: dict[tuple[int, int], np.ndarray] = {}
-    for i, forces in enumerate(frames):
-        for on, by, force in forces:
-            found.setdefault((on, by), np.zeros((len(frames), 3)))[i] = force
-    return dict(sorted(found.items()))
 
 
 class _Near(NamedTuple):
@@ -182,17 +170,15 @@ class SelfContact:
             return np.zeros_like(x)
         return self.potential.gradient(pairs, self.surface.mesh, x).reshape(-1, 3) / self.unit
 
-    def _rub(self, u: np.ndarray) -> np.ndarray | float:
-        if self._sliding is None:
-            return 0.0
-        rubbed, potential = self._sliding
-        slope = potential.gradient(rubbed, self.surface.mesh, self._slip(u))
-        return slope.reshape(-1, 3) / self.unit
-
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
         """Add the gradient [N] of the energy to ``out`` (nodes, 3)."""
+        rub = 0.0
+        if self._sliding is not None:
+            rubbed, potential = self._sliding
+            slope = potential.gradient(rubbed, self.surface.mesh, self._slip(u))
+            rub = slope.reshape(-1, 3) / self.unit
         if self._here(u)[1] is not None or self._sliding is not None:
-            out[self.nodes] += self.push(u) + self._rub(u)
+            out[self.nodes] += self.push(u) + rub
 
     def with_hessian(self, u: np.ndarray, matrix: BlockMatrix) -> BlockMatrix:
         """``matrix`` with the positive part of the Hessian [N/m], grown by the pairs that meet."""
@@ -247,33 +233,29 @@ class SelfContact:
 
     def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
         """Force of every piece on every other that it touches."""
-        total: dict[tuple[int, int], np.ndarray] = {}
-        for ids, slope in self._pair_slopes(u):
-            piece, each = self.piece[ids], slope.reshape(-1, 3)
-            a, b = int(piece.min()), int(piece.max())
-            if a != b:
-                force = -each[piece == b].sum(axis=0) / self.unit
-                total[a, b] = total.get((a, b), 0.0) + force
-        return tuple(
-            found
-            for (a, b), force in sorted(total.items())
-            for found in (PieceForce(b, a, force), PieceForce(a, b, -force))
-        )
-
-    def _pair_slopes(self, u: np.ndarray) -> Iterator[tuple[list[int], np.ndarray]]:
-        """Vertices of every pair that pushes or rubs, and the slope of its energy by them."""
         x, pairs = self._here(u)
         if self.piece.max() == 0 or pairs is None:
-            return
-        kinds = [(pairs, self.potential, x)]
+            return ()
+        pushing = [(pairs, self.potential, x)]
         if self._sliding is not None:
-            kinds.append((*self._sliding, self._slip(u)))
+            pushing.append((*self._sliding, self._slip(u)))
         edges, faces = self.surface.edges, self.surface.faces
-        for found, potential, at in kinds:
-            for k in range(len(found)):
-                pair = found[k]
+        total: dict[tuple[int, int], np.ndarray] = {}
+        for collisions, potential, at in pushing:
+            for k in range(len(collisions)):
+                pair = collisions[k]
                 ids = [i for i in pair.vertex_ids(edges, faces) if i >= 0]
-                yield ids, potential.gradient(pair, at[ids].reshape(-1))
+                slope = potential.gradient(pair, at[ids].reshape(-1)).reshape(-1, 3)
+                piece = self.piece[ids]
+                a, b = int(piece.min()), int(piece.max())
+                if a != b:
+                    force = -slope[piece == b].sum(axis=0) / self.unit
+                    total[a, b] = total.get((a, b), 0.0) + force
+        return tuple(
+            piece_force
+            for (a, b), force in sorted(total.items())
+            for piece_force in (PieceForce(b, a, force), PieceForce(a, b, -force))
+        )
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:
@@ -282,8 +264,6 @@ def _moved(before: np.ndarray, after: np.ndarray) -> float:
     move -= move.mean(axis=0)
     return float(np.sqrt(np.einsum("nd,nd->n", move, move).max()))
 
-
-# The surface of a body as the IPC toolkit wants it: flat faces, pieces, and who may meet whom.
 
 # Faces of one piece that are closer than so many thicknesses of the barrier at rest are the two
 # sides of a wall: they cannot meet without crushing it.
@@ -405,19 +385,15 @@ def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:
         for a in range(count):
             for b in range(a, count):
                 meet = (boxes[a, 0] <= boxes[b, 1]).all() and (boxes[b, 0] <= boxes[a, 1]).all()
-                if meet and _cross(surface, a, b):
+                if not meet:
+                    continue
+                faces = surface.faces[np.isin(surface.piece[surface.faces[:, 0]], (a, b))]
+                both = ipc.CollisionMesh(rest, ipc.edges(faces), np.asfortranarray(faces))
+                if a != b:
+                    both.can_collide = ipc.make_vertex_patches_filter(surface.piece)
+                if ipc.has_intersections(both, rest):
                     found |= {a, b}
     return sorted(found)
-
-
-def _cross(surface: CollisionSurface, a: int, b: int) -> bool:
-    """Whether the piece ``a`` goes through the piece ``b``, or through itself."""
-    ipc, rest = ipc_toolkit(), surface.rest
-    faces = surface.faces[np.isin(surface.piece[surface.faces[:, 0]], (a, b))]
-    mesh = ipc.CollisionMesh(rest, ipc.edges(faces), np.asfortranarray(faces))
-    if a != b:
-        mesh.can_collide = ipc.make_vertex_patches_filter(surface.piece)
-    return ipc.has_intersections(mesh, rest)
 
 
 def _close(surface: CollisionSurface, reach: float) -> list[list[int]]:
@@ -436,23 +412,11 @@ def _close(surface: CollisionSurface, reach: float) -> list[list[int]]:
     ]
 
 
-# Contact pressure: nodal forces over the surface that faces them.
-
-
 class ContactPressures(NamedTuple):
     """Largest contact pressures [Pa]: by every one of the ``obstacles``, by the body's ``own``."""
 
     obstacles: Float[np.ndarray, "obstacles"]
     own: float
-
-
-def largest_ever(known: Sequence[ContactPressures | None]) -> ContactPressures | None:
-    """Largest of all that are known; None where none are."""
-    found = [pressures for pressures in known if pressures is not None]
-    if not found:
-        return None
-    obstacles = np.max([pressures.obstacles for pressures in found], axis=0)
-    return ContactPressures(obstacles, max(pressures.own for pressures in found))
 
 
 def largest_pressure(
