@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from ..laws.kernels_tensor import mat99d, positive_part
+from ..laws.kernels_tensor import (
+    Barycentric,
+    Blocks,
+    DoubleRows,
+    Doubles,
+    IntRows,
+    Vectors,
+    mat99d,
+    positive_part,
+)
 from ..laws.law import ElasticLaw
 from ..laws.linear import stiffness_block
 from .kernels_field import (
@@ -43,9 +52,7 @@ class ElasticKernels(NamedTuple):
 
 
 @wp.func
-def gradient_p1(
-    g: mat43d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
-) -> wp.mat33d:
+def gradient_p1(g: mat43d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
     H = wp.mat33d()
     for a in range(4):
         H += wp.outer(u[elements[t, a]], row3(g, a))
@@ -94,13 +101,7 @@ def _stress(law: ElasticLaw) -> Any:
     energy_and_stress = law.energy_and_stress
 
     @wp.kernel(module=energy_and_stress.module)
-    def stress(
-        H: wp.array(dtype=wp.mat33d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        W: wp.array(dtype=wp.float64),
-        P: wp.array(dtype=wp.mat33d),
-    ):
+    def stress(H: Blocks, lam: Doubles, mu: Doubles, W: Doubles, P: Blocks):
         i = wp.tid()
         energy, here = energy_and_stress(H[i], lam[i], mu[i])
         W[i] = energy
@@ -114,14 +115,14 @@ def _energy_and_force(law: ElasticLaw) -> Any:
 
     @wp.kernel(module=energy_and_stress.module)
     def energy_and_force(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        u: wp.array(dtype=wp.vec3d),
-        energy: wp.array(dtype=wp.float64),
-        force: wp.array(dtype=wp.vec3d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        u: Vectors,
+        energy: Doubles,
+        force: Vectors,
     ):
         """Elastic energy of every tet; add dW/du, with which nodes resist, to ``force``."""
         t = wp.tid()
@@ -183,12 +184,7 @@ def _change_of_linear(energy_and_stress: Any) -> Any:
 
 def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
-    def tangent_at(
-        H: wp.array(dtype=wp.mat33d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        out: wp.array2d(dtype=wp.float64),
-    ):
+    def tangent_at(H: Blocks, lam: Doubles, mu: Doubles, out: DoubleRows):
         """Second derivative by F_ic and F_jd, at 27 i + 9 c + 3 j + d of a row."""
         t = wp.tid()
         A = second_derivative(H[t], lam[t], mu[t])
@@ -202,14 +198,14 @@ def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
 def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def tangent(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        u: wp.array(dtype=wp.vec3d),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        u: Vectors,
+        slots: IntRows,
+        values: Blocks,
     ):
         """Add the blocks of every tet to the tangent stiffness."""
         t = wp.tid()
@@ -234,12 +230,12 @@ def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
 def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def stiffness_p1(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        lam: Doubles,
+        mu: Doubles,
+        slots: IntRows,
+        values: Blocks,
     ):
         t = wp.tid()
         g = gradients(points, elements, t)
@@ -260,13 +256,13 @@ def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
 def _stiffness_p2(law: ElasticLaw, stiffness_block: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def stiffness_p2(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        slots: IntRows,
+        values: Blocks,
     ):
         t = wp.tid()
         g = gradients(points, elements, t)
@@ -335,14 +331,14 @@ def strain_columns(p: wp.vec3d) -> mat63d:
 
 @wp.kernel
 def grain_response(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
     finite: bool,
-    u: wp.array(dtype=wp.vec3d),
-    energy: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    energy: Doubles,
+    force: Vectors,
 ):
     """Add E : C : E / 2 of every tet, and P along the shape gradients."""
     t = wp.tid()
@@ -366,14 +362,14 @@ def grain_response(
 
 @wp.kernel
 def grain_tangent(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
-    u: wp.array(dtype=wp.vec3d),
+    u: Vectors,
     projected: bool,
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add the finite one's (p . S q) I + F B_p^T C B_q F^T of every pair of shape gradients.
 
@@ -403,12 +399,12 @@ def grain_tangent(
 
 @wp.kernel
 def anisotropic_stiffness(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add the tangent of small strains."""
     t = wp.tid()
@@ -447,14 +443,7 @@ def viscous_stress(D: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
 
 
 @wp.kernel
-def stress(
-    H: wp.array(dtype=wp.mat33d),
-    G: wp.array(dtype=wp.mat33d),
-    rate: bool,
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
-    P: wp.array(dtype=wp.mat33d),
-):
+def stress(H: Blocks, G: Blocks, rate: bool, lam: Doubles, mu: Doubles, P: Blocks):
     i = wp.tid()
     S = viscous_stress(strain_change(H[i], G[i], rate), lam[i], mu[i])
     P[i] = S + H[i] * S
@@ -462,17 +451,17 @@ def stress(
 
 @wp.kernel
 def energy_and_force(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    lam: Doubles,
+    mu: Doubles,
     scale: wp.float64,
-    u: wp.array(dtype=wp.vec3d),
-    along: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    along: Vectors,
     rate: bool,
-    energy: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
+    energy: Doubles,
+    force: Vectors,
 ):
     """S : D / 2 of every tet, the potential of P in a step; add P along the shape gradients."""
     t = wp.tid()
@@ -494,17 +483,17 @@ def energy_and_force(
 
 @wp.kernel
 def tangent(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    lam: Doubles,
+    mu: Doubles,
     scale: wp.float64,
-    u: wp.array(dtype=wp.vec3d),
-    along: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    along: Vectors,
     projected: bool,
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add (p . S q) I + F C(p, q) F^T of every pair of shape gradients, C of Hooke's law.
 

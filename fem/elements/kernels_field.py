@@ -5,6 +5,8 @@ from typing import Any
 
 import warp as wp
 
+from ..laws.kernels_tensor import Barycentric, Blocks, Doubles, IntRows, Ints, Vectors
+
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 
@@ -14,9 +16,7 @@ mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
 
 
 @wp.func
-def gradients(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> mat43d:
+def gradients(points: Vectors, elements: IntRows, t: int) -> mat43d:
     """Gradients of the barycentric coordinates, times six volumes."""
     a = points[elements[t, 0]]
     x = points[elements[t, 1]] - a
@@ -32,9 +32,7 @@ def gradients(
 
 
 @wp.func
-def six_volumes(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> wp.float64:
+def six_volumes(points: Vectors, elements: IntRows, t: int) -> wp.float64:
     a = points[elements[t, 0]]
     x = points[elements[t, 1]] - a
     y = points[elements[t, 2]] - a
@@ -89,7 +87,7 @@ def row10(g: mat103d, k: int) -> wp.vec3d:
 
 
 @wp.func
-def shape_gradients(g: mat43d, elements: wp.array2d(dtype=wp.int32), q: wp.vec4d) -> mat103d:
+def shape_gradients(g: mat43d, elements: IntRows, q: wp.vec4d) -> mat103d:
     """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
     d = mat103d()
     if elements.shape[1] == 10:
@@ -102,9 +100,7 @@ def shape_gradients(g: mat43d, elements: wp.array2d(dtype=wp.int32), q: wp.vec4d
 
 
 @wp.func
-def gradient_at(
-    d: mat103d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
-) -> wp.mat33d:
+def gradient_at(d: mat103d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
     H = wp.mat33d()
     for a in range(elements.shape[1]):
         H += wp.outer(u[elements[t, a]], row10(d, a))
@@ -116,10 +112,10 @@ def spreading(kind: Any) -> Any:
 
     @wp.kernel
     def spread(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
+        points: Vectors,
+        elements: IntRows,
         density: wp.array(dtype=kind),  # constant on every tet
-        fraction: wp.array(dtype=wp.float64),  # that every node of a tet takes
+        fraction: Doubles,  # that every node of a tet takes
         total: wp.array(dtype=kind),
     ):
         t = wp.tid()
@@ -135,10 +131,10 @@ spread_scalar, spread_vector = spreading(wp.float64), spreading(wp.vec3d)
 
 @wp.kernel
 def displacement_gradient(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    u: wp.array(dtype=wp.vec3d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    u: Vectors,
     grad: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
 ):
     """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
@@ -151,12 +147,12 @@ def displacement_gradient(
 
 @wp.kernel
 def geometric_stiffness(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
+    slots: IntRows,
+    values: Doubles,
 ):
     """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
     t = wp.tid()
@@ -175,14 +171,14 @@ def geometric_stiffness(
 
 @wp.kernel
 def foresee(
-    old: wp.array(dtype=wp.vec3d),
-    target: wp.array(dtype=wp.vec3d),
-    free: wp.array(dtype=wp.vec3d),
+    old: Vectors,
+    target: Vectors,
+    free: Vectors,
     differences: wp.array2d(dtype=wp.vec3d),
     terms: wp.int32,
     share: wp.float64,
-    aim: wp.array(dtype=wp.vec3d),
-    start: wp.array(dtype=wp.vec3d),
+    aim: Vectors,
+    start: Vectors,
 ):
     """``target`` of a step where a component is free, and with the acceleration to expect."""
     i = wp.tid()
@@ -195,17 +191,17 @@ def foresee(
 
 @wp.kernel
 def incremental(
-    u: wp.array(dtype=wp.vec3d),
-    target: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    target: Vectors,
     factor: wp.float64,
-    mass: wp.array(dtype=wp.float64),
-    rigidity: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
-    load: wp.array(dtype=wp.vec3d),
-    springs: wp.array(dtype=wp.vec3d),
-    free: wp.array(dtype=wp.vec3d),
-    gradient: wp.array(dtype=wp.vec3d),
-    sums: wp.array(dtype=wp.float64),
+    mass: Doubles,
+    rigidity: Doubles,
+    force: Vectors,
+    load: Vectors,
+    springs: Vectors,
+    free: Vectors,
+    gradient: Vectors,
+    sums: Doubles,
 ):
     """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
 
@@ -237,19 +233,19 @@ def incremental(
 
 @wp.kernel
 def end_of_step(
-    u: wp.array(dtype=wp.vec3d),
-    v: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    v: Vectors,
     by_v: wp.float64,
-    a: wp.array(dtype=wp.vec3d),
+    a: Vectors,
     by_a: wp.float64,
-    free: wp.array(dtype=wp.vec3d),
-    mass: wp.array(dtype=wp.float64),
-    load: wp.array(dtype=wp.vec3d),
-    springs: wp.array(dtype=wp.vec3d),
+    free: Vectors,
+    mass: Doubles,
+    load: Vectors,
+    springs: Vectors,
     count: wp.int32,
     motion: wp.array2d(dtype=wp.vec3d),
     differences: wp.array2d(dtype=wp.vec3d),
-    sums: wp.array(dtype=wp.float64),
+    sums: Doubles,
 ):
     """Motion at the end of a step, ``v`` and ``a`` times their factors, and what ``sums`` takes.
 
@@ -289,11 +285,11 @@ def end_of_step(
 
 @wp.kernel
 def sorted_rows(
-    start: wp.array(dtype=wp.int32),  # (nodes + 1), into `incident`
-    incident: wp.array(dtype=wp.int32),  # elements around every node
-    elements: wp.array2d(dtype=wp.int32),
-    scratch: wp.array(dtype=wp.int32),  # room for all neighbours, with repetitions
-    count: wp.array(dtype=wp.int32),
+    start: Ints,  # (nodes + 1), into `incident`
+    incident: Ints,  # elements around every node
+    elements: IntRows,
+    scratch: Ints,  # room for all neighbours, with repetitions
+    count: Ints,
 ):
     """Sorted distinct neighbours of every node, by insertion."""
     i = wp.tid()
@@ -319,20 +315,14 @@ def sorted_rows(
 
 
 @wp.kernel
-def copy_rows(
-    start: wp.array(dtype=wp.int32),
-    size: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-):
+def copy_rows(start: Ints, size: wp.int32, scratch: Ints, rows: Ints, columns: Ints):
     i = wp.tid()
     for k in range(rows[i + 1] - rows[i]):
         columns[rows[i] + k] = scratch[start[i] * size + i + k]
 
 
 @wp.func
-def find_slot(rows: wp.array(dtype=wp.int32), columns: wp.array(dtype=wp.int32), i: int, j: int):
+def find_slot(rows: Ints, columns: Ints, i: int, j: int):
     """Position of column j in the sorted row i."""
     lo = rows[i]
     hi = rows[i + 1] - 1
@@ -347,10 +337,10 @@ def find_slot(rows: wp.array(dtype=wp.int32), columns: wp.array(dtype=wp.int32),
 
 @wp.kernel
 def element_slots(
-    elements: wp.array2d(dtype=wp.int32),
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    slots: wp.array2d(dtype=wp.int32),  # (tets, size * size)
+    elements: IntRows,
+    rows: Ints,
+    columns: Ints,
+    slots: IntRows,  # (tets, size * size)
 ):
     t = wp.tid()
     size = elements.shape[1]
@@ -360,54 +350,37 @@ def element_slots(
 
 
 @wp.kernel
-def add_diagonal(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_diagonal(rows: Ints, columns: Ints, blocks: Blocks, values: Blocks):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
     values[s] = values[s] + blocks[i]
 
 
 @wp.kernel
-def add_diagonal_numbers(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.vec3d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_diagonal_numbers(rows: Ints, columns: Ints, numbers: Vectors, values: Blocks):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
     values[s] = values[s] + wp.diag(numbers[i])
 
 
 @wp.kernel
-def add_pairs(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    i: wp.array(dtype=wp.int32),
-    j: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_pairs(rows: Ints, columns: Ints, i: Ints, j: Ints, blocks: Blocks, values: Blocks):
     n = wp.tid()
     wp.atomic_add(values, find_slot(rows, columns, i[n], j[n]), blocks[n])
 
 
 @wp.kernel
-def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: wp.array(dtype=wp.float64)):
+def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: Doubles):
     i = wp.tid()
     free[i] = wp.float64(1.0) - wp.float64(fixed[i])
 
 
 @wp.kernel
 def fix_rows(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    free: wp.array(dtype=wp.vec3d),  # 1 where free, 0 where prescribed
-    values: wp.array(dtype=wp.mat33d),
+    rows: Ints,
+    columns: Ints,
+    free: Vectors,  # 1 where free, 0 where prescribed
+    values: Blocks,
 ):
     """Drop prescribed rows and columns; their own diagonal entry stays, to keep the scale.
 
@@ -430,13 +403,7 @@ def fix_rows(
 
 
 @wp.func
-def row_times(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    i: int,
-) -> wp.vec3d:
+def row_times(rows: Ints, columns: Ints, values: Blocks, x: Vectors, i: int) -> wp.vec3d:
     """Row i of A x, two blocks at a time: on a GPU their loads overlap."""
     end = rows[i + 1]
     s = rows[i]
@@ -452,13 +419,7 @@ def row_times(
 
 
 @wp.kernel
-def multiply_scalars(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    y: wp.array(dtype=wp.float64),
-):
+def multiply_scalars(rows: Ints, columns: Ints, values: Doubles, x: Doubles, y: Doubles):
     """Product y = A x, a thread a scalar: threads of a GPU then read what lies together."""
     i = wp.tid()
     node = i // 3
@@ -472,12 +433,6 @@ def multiply_scalars(
 
 
 @wp.kernel
-def multiply(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    y: wp.array(dtype=wp.vec3d),
-):
+def multiply(rows: Ints, columns: Ints, values: Blocks, x: Vectors, y: Vectors):
     i = wp.tid()
     y[i] = row_times(rows, columns, values, x, i)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from ..elements.kernels_field import row_times
+from ..laws.kernels_tensor import Blocks, DoubleRows, Doubles, Ints, Singles, Vectors
 from .kernels_krylov import mat36d, single_row_times, vec6d
 
 # Loops over six motions are unrolled: their blocks then live in registers.
@@ -19,14 +20,14 @@ RANK = wp.constant(wp.float64(1e-12))
 
 @wp.kernel
 def couplings(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    label: wp.array(dtype=wp.int32),
-    free: wp.array(dtype=wp.vec3d),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    label: Ints,
+    free: Vectors,
     limit: wp.float64,
-    strength: wp.array(dtype=wp.float64),
-    weak: wp.array(dtype=wp.int32),
+    strength: Doubles,
+    weak: Ints,
 ):
     """Strength |A_ij| of every coupling, 1 to a node that is held; count the weak ones in a box."""
     i = wp.tid()
@@ -46,12 +47,12 @@ def couplings(
 
 @wp.kernel
 def rigid_motions(
-    points: wp.array(dtype=wp.vec3d),
-    label: wp.array(dtype=wp.int32),
-    centre: wp.array(dtype=wp.vec3d),
-    extent: wp.array(dtype=wp.float64),
-    lower: wp.array(dtype=wp.mat33d),
-    free: wp.array(dtype=wp.vec3d),
+    points: Vectors,
+    label: Ints,
+    centre: Vectors,
+    extent: Doubles,
+    lower: Blocks,
+    free: Vectors,
     motion: wp.array(dtype=mat36d),
     gram: wp.array(dtype=mat66d),
 ):
@@ -98,22 +99,14 @@ def orthonormalise(gram: wp.array(dtype=mat66d), weight: wp.array(dtype=mat66d))
 
 
 @wp.kernel
-def weigh(
-    label: wp.array(dtype=wp.int32), weight: wp.array(dtype=mat66d), motion: wp.array(dtype=mat36d)
-):
+def weigh(label: Ints, weight: wp.array(dtype=mat66d), motion: wp.array(dtype=mat36d)):
     """Turn motions into orthonormal ones, in place."""
     i = wp.tid()
     motion[i] = motion[i] * weight[label[i]]
 
 
 @wp.func
-def next_label(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    label: wp.array(dtype=wp.int32),
-    i: int,
-    last: int,
-) -> int:
+def next_label(rows: Ints, columns: Ints, label: Ints, i: int, last: int) -> int:
     """Smallest label above ``last`` in row i, or -1."""
     found = int(-1)  # noqa: RUF046, UP018
     for s in range(rows[i], rows[i + 1]):
@@ -124,12 +117,7 @@ def next_label(
 
 
 @wp.kernel
-def count_labels(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    label: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
-):
+def count_labels(rows: Ints, columns: Ints, label: Ints, count: Ints):
     """Distinct aggregates among the neighbours of every node, which is its own neighbour."""
     i = wp.tid()
     n = int(0)  # noqa: RUF046, UP018
@@ -142,14 +130,14 @@ def count_labels(
 
 @wp.kernel
 def smooth(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    label: wp.array(dtype=wp.int32),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    label: Ints,
     motion: wp.array(dtype=mat36d),
     omega: wp.float64,
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
 ):
     """Rows of P = (1 - omega A) ``motion``."""
@@ -171,19 +159,13 @@ def smooth(
 
 
 @wp.kernel
-def count_members(aggregates: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)):
+def count_members(aggregates: Ints, count: Ints):
     """Entries of P in the columns of every aggregate."""
     wp.atomic_add(count, aggregates[wp.tid()], 1)
 
 
 @wp.kernel
-def list_members(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
-    place: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-):
+def list_members(start: Ints, aggregates: Ints, place: Ints, member: Ints, owner: Ints):
     """Entries of P and their rows, by aggregate; ``place`` is where the next one of each goes."""
     i = wp.tid()
     for s in range(start[i], start[i + 1]):
@@ -194,13 +176,13 @@ def list_members(
 
 @wp.kernel
 def galerkin(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
-    matrix: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows,
 ):
     """Add the blocks on and above the diagonal of P^T A P, dense, to ``matrix``.
 
@@ -231,7 +213,7 @@ def galerkin(
 
 
 @wp.kernel
-def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
+def mend(share: wp.float64, matrix: DoubleRows):
     """Copy the upper triangle down; the diagonal is 1 where a motion does not exist.
 
     Elsewhere it is raised by ``share``.
@@ -279,8 +261,8 @@ def chebyshev_steps(
 
     @wp.kernel
     def chebyshev_restart(
-        rows: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
+        rows: Ints,
+        columns: Ints,
         values: wp.array(dtype=block),
         b: wp.array(dtype=wide),
         x: wp.array(dtype=entry),
@@ -296,8 +278,8 @@ def chebyshev_steps(
 
     @wp.kernel
     def chebyshev_step(
-        rows: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
+        rows: Ints,
+        columns: Ints,
         values: wp.array(dtype=block),
         old: wp.array(dtype=entry),
         keep: number,
@@ -320,8 +302,8 @@ def chebyshev_steps(
 
     @wp.kernel
     def chebyshev_subtract(
-        rows: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
+        rows: Ints,
+        columns: Ints,
         values: wp.array(dtype=block),
         d: wp.array(dtype=entry),
         r: wp.array(dtype=entry),
@@ -337,19 +319,14 @@ SINGLE_STEPS = chebyshev_steps(single_row_times, wp.float32, wp.float64, wp.floa
 
 
 @wp.kernel
-def narrow(numbers: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
+def narrow(numbers: Doubles, out: Singles):
     i = wp.tid()
     out[i] = wp.float32(numbers[i])
 
 
 @wp.kernel
 def single_restrict(
-    first: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-    transfer: wp.array(dtype=wp.float32),
-    r: wp.array(dtype=wp.float32),
-    coarse: wp.array(dtype=wp.float64),
+    first: Ints, member: Ints, owner: Ints, transfer: Singles, r: Singles, coarse: Doubles
 ):
     """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
     a, lane = wp.tid()
@@ -365,13 +342,7 @@ def single_restrict(
 
 
 @wp.kernel
-def single_prolong(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
-    transfer: wp.array(dtype=wp.float32),
-    coarse: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float32),
-):
+def single_prolong(start: Ints, aggregates: Ints, transfer: Singles, coarse: Doubles, x: Singles):
     """Add P ``coarse`` to ``x``."""
     i = wp.tid()
     node = i // 3
@@ -386,11 +357,7 @@ def single_prolong(
 
 
 @wp.kernel
-def dense_multiply(
-    matrix: wp.array2d(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    y: wp.array(dtype=wp.float64),
-):
+def dense_multiply(matrix: DoubleRows, x: Doubles, y: Doubles):
     """Product y = matrix x, one block of threads a row."""
     i, lane = wp.tid()
     total = wp.float64(0.0)
@@ -448,23 +415,19 @@ PIVOT = 16
 
 @wp.func_native(_PIVOT)
 def pivot_entry(
-    matrix: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows,
     first: int,
     width: int,
     rank: wp.float64,
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
+    row: DoubleRows,
+    column: DoubleRows,
     index: int,
 ): ...
 
 
 @wp.kernel
 def take_pivot(
-    matrix: wp.array2d(dtype=wp.float64),
-    first: wp.int32,
-    width: wp.int32,
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows, first: wp.int32, width: wp.int32, row: DoubleRows, column: DoubleRows
 ):
     """Block Gauss-Jordan: ``row`` = pivot^-1 times rows of the matrix, ``column`` its columns.
 
@@ -475,11 +438,7 @@ def take_pivot(
 
 @wp.kernel
 def eliminate(
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
-    first: wp.int32,
-    width: wp.int32,
-    matrix: wp.array2d(dtype=wp.float64),
+    row: DoubleRows, column: DoubleRows, first: wp.int32, width: wp.int32, matrix: DoubleRows
 ):
     """Block Gauss-Jordan: one step towards the inverse of ``matrix``, in place."""
     i, j = wp.tid()

@@ -5,17 +5,17 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ..errors import InputError, UsageError
 from ..mesh import TetMesh
-from .loads import Traction, pressure, spread_force, spread_torque
+from .loads import pressure, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from .scene import Hold, Scene
 from .supports import Supports
@@ -87,53 +87,54 @@ class BoundaryConditions:
             values = np.where(free, value, held.values[place.points])[:, place.axes]
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
-        ground = None if self.fix else scene.ground
-        return replace(
-            replace(scene, supports=held, holds=tuple(holds), ground=ground),
-            tractions=(*scene.tractions, *self._tractions(scene, warnings)),
-            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
-            gravity_vector=self._gravity(scene),
-            warnings=tuple(warnings),
-        )
-
-    def _tractions(self, scene: Scene, warnings: list[str]) -> Iterator[Traction]:
-        make = {"load": spread_force, "torque": spread_torque, "pressure": pressure}
-        for kind in LOADS:
+        tractions = [*scene.tractions]
+        make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
+        for kind, spread in make.items():
             for place, value in self._placed(scene, kind):
-                said = f"--{kind} {place.words}"
+                option = f"--{kind} {place.words}"
                 if not len(place.faces):
-                    raise UsageError(f"{said}: it has no face on the surface, where loads act")
+                    raise UsageError(f"{option}: it has no face on the surface, where loads act")
                 if not place.whole:
                     warnings.append(
-                        f"{said}: no whole face lies there; the {len(place.faces)} faces that "
+                        f"{option}: no whole face lies there; the {len(place.faces)} faces that "
                         "touch it are loaded"
                     )
-                given = float(value[0]) if kind == "pressure" else value
+                number = float(value[0]) if kind == "pressure" else value
                 try:
-                    load = make[kind](scene.mesh, place.faces, given)
+                    load = spread(mesh, place.faces, number)
                 except InputError as error:
-                    raise UsageError(f"{said}: {error}") from error
-                yield load._replace(name=place.words)
+                    raise UsageError(f"{option}: {error}") from error
+                tractions.append(load._replace(name=place.words))
+        obstacles = (*scene.obstacles, *map(stated_obstacle, self.obstacle))
+        gravity = np.asarray(scene.gravity_vector, dtype=float)
+        if self.gravity_dir is not None:
+            way = np.asarray(self.gravity_dir, dtype=float)
+            if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
+                raise UsageError(
+                    f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0"
+                )
+            if not gravity.any():
+                raise UsageError("--gravity-dir: this scene has no gravity to turn")
+            gravity = float(np.linalg.norm(gravity)) * way / np.linalg.norm(way)
+        return replace(
+            scene,
+            supports=held,
+            holds=tuple(holds),
+            ground=None if self.fix else scene.ground,
+            tractions=tuple(tractions),
+            obstacles=obstacles,
+            gravity_vector=gravity,
+            warnings=tuple(warnings),
+        )
 
     def _placed(self, scene: Scene, kind: str) -> Iterator[tuple[Selection, np.ndarray]]:
         for words in getattr(self, kind):
             place, equals, value = words.rpartition("=")
             if not equals:
-                wanted = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
-                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={wanted}")
-            found = numbers(value, COUNTS[kind], f"--{kind} {words}")
-            yield _selected(scene, kind, place), found
-
-    def _gravity(self, scene: Scene) -> np.ndarray:
-        size = float(np.linalg.norm(scene.gravity_vector))
-        if self.gravity_dir is None:
-            return np.asarray(scene.gravity_vector, dtype=float)
-        way = np.asarray(self.gravity_dir, dtype=float)
-        if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
-            raise UsageError(f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0")
-        if size == 0:
-            raise UsageError("--gravity-dir: this scene has no gravity to turn")
-        return size * way / np.linalg.norm(way)
+                form = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
+                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={form}")
+            given = numbers(value, COUNTS[kind], f"--{kind} {words}")
+            yield _selected(scene, kind, place), given
 
 
 def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
@@ -142,11 +143,10 @@ def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
         return (given,)
     if not isinstance(given, Mapping):
         return tuple(given)
-    return tuple(f"{place}={_joined(value)}" for place, value in given.items())
-
-
-def _joined(value: float | Sequence[float] | np.ndarray) -> str:
-    return ",".join(repr(float(x)) for x in np.atleast_1d(np.asarray(value, dtype=float)))
+    rows = [
+        (place, np.atleast_1d(np.asarray(value, dtype=float))) for place, value in given.items()
+    ]
+    return tuple(f"{place}={','.join(repr(float(x)) for x in row)}" for place, row in rows)
 
 
 def _selected(scene: Scene, kind: str, words: str) -> Selection:
@@ -156,15 +156,11 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
         raise UsageError(f"--{kind} {error}") from error
 
 
-# Selections: places of a mesh in words, as points to hold and faces to load.
-
 AXES = "xyz"
 FORMS = "part:NAME, box:x0,y0,z0,x1,y1,z1, plane:z<0.01 (or x>1), near:x,y,z,r or all"
 # Places reach this share of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
-
-Distance = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
 
 
 class Selection(NamedTuple):
@@ -191,7 +187,12 @@ def select(mesh: TetMesh, words: str) -> Selection:
         Where the words are not understood or nothing of the mesh lies there: it names the nearest
         part and the box of the mesh.
     """
-    place, axes = _split_axes(mesh, words)
+    # Directions stand after the last colon; a part may be called 'lid:x'
+    place, axes = words, (0, 1, 2)
+    before, _, last = words.rpartition(":")
+    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
+    if not is_part and last and re.fullmatch("x?y?z?", last) and (":" in before or before == "all"):
+        place, axes = before, tuple(AXES.index(axis) for axis in last)
     kind, _, rest = place.partition(":")
     if kind == "part":
         folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
@@ -207,12 +208,27 @@ def select(mesh: TetMesh, words: str) -> Selection:
         boundary = mesh.boundary
         faces = boundary.faces[inside[boundary.tet]]
         return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
-    if kind not in _PLACES:
+    x = mesh.points
+    if kind == "box":
+        corners = numbers(rest, 6, words).reshape(2, 3)
+        lo, hi = corners.min(axis=0), corners.max(axis=0)
+        away = np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
+    elif kind == "plane":
+        axis, sign, level = half_space(rest, words)
+        away = np.maximum(sign * (x[:, axis] - level), 0.0)
+    elif kind == "near":
+        *centre, radius = numbers(rest, 4, words)
+        if not radius > 0:
+            raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
+        away = np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
+    elif kind == "all":
+        if rest:
+            raise UsageError(f"{words!r}: wanted all, or all:xy")
+        away = np.zeros(len(x))
+    else:
         raise UsageError(f"{words!r}: no place is called {kind!r}; wanted {FORMS}")
-    distance = _PLACES[kind](rest, words)
     touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     used = np.unique(mesh.tets)
-    away = distance(mesh.points)
     ids = used[away[used] <= touch]
     if not ids.size:
         nearest = used[np.argmin(away[used])]
@@ -247,22 +263,6 @@ def described_bounds(mesh: TetMesh) -> str:
     return ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans) + " m"
 
 
-def _split_axes(mesh: TetMesh, words: str) -> tuple[str, tuple[int, ...]]:
-    """The place, and the directions after the last colon; a part may be called 'lid:x'."""
-    place, colon, last = words.rpartition(":")
-    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
-    if not is_part and colon and place and re.fullmatch("x?y?z?", last) and last:
-        if ":" in place or place == "all":
-            return place, tuple(AXES.index(axis) for axis in last)
-    return words, (0, 1, 2)
-
-
-def _box(text: str, words: str) -> Distance:
-    corners = numbers(text, 6, words).reshape(2, 3)
-    lo, hi = corners.min(axis=0), corners.max(axis=0)
-    return lambda x: np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
-
-
 class HalfSpace(NamedTuple):
     """Where sign * x[axis] is below sign * ``level`` [m]."""
 
@@ -280,39 +280,11 @@ def half_space(text: str, words: str) -> HalfSpace:
     return HalfSpace(AXES.index(found[1]), sign, float(numbers(found[3], 1, words)[0]))
 
 
-def _plane(text: str, words: str) -> Distance:
-    axis, sign, level = half_space(text, words)
-    return lambda x: np.maximum(sign * (x[:, axis] - level), 0.0)
-
-
-def _near(text: str, words: str) -> Distance:
-    *centre, radius = numbers(text, 4, words)
-    if not radius > 0:
-        raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
-    return lambda x: np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
-
-
-def _all(text: str, words: str) -> Distance:
-    if text:
-        raise UsageError(f"{words!r}: wanted all, or all:xy")
-    return lambda x: np.zeros(len(x))
-
-
-_PLACES: dict[str, Callable[[str, str], Distance]] = {
-    "box": _box,
-    "plane": _plane,
-    "near": _near,
-    "all": _all,
-}
-
-
 def _around(mesh: TetMesh, most: int = 8) -> str:
     names = ", ".join(mesh.region_names[:most])
     more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
     return f"parts are {names}{more}; the mesh spans {described_bounds(mesh)}"
 
-
-# Obstacles in words: 'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s.
 
 OBSTACLES = (
     "plane:z<0 (or x>1), sphere:x,y,z,r, box:x0,y0,z0,x1,y1,z1 or capsule:x0,y0,z0,x1,y1,z1,r"
@@ -322,7 +294,8 @@ OBSTACLES = (
 def stated_obstacle(words: str) -> Obstacle:
     """Find the obstacle that ``words`` mean [m], with its velocity [m/s] after '=', if it moves.
 
-    A plane is solid where its words hold: 'plane:z<0' is the ground.
+    'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s. A plane is solid where its words
+    hold: 'plane:z<0' is the ground.
 
     Raises
     ------
@@ -356,8 +329,6 @@ def _positive(size: float, said: str) -> float:
         raise UsageError(f"{said}: it has the size {size:g} m, wanted > 0")
     return size
 
-
-# A TOML file of boundary conditions: what `--scene` reads.
 
 SCALARS = ("gravity", "gravity_dir")
 
