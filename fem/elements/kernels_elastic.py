@@ -31,6 +31,7 @@ from .kernels_field import (
     row10,
     shape_gradients,
     six_volumes,
+    weighted_gradients,
 )
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
@@ -126,9 +127,7 @@ def _energy_and_force(law: ElasticLaw) -> Any:
     ):
         """Elastic energy of every tet; add dW/du, with which nodes resist, to ``force``."""
         t = wp.tid()
-        six = six_volumes(points, elements, t)
-        g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-        w = six / wp.float64(6 * quadrature.shape[0])
+        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
         if elements.shape[1] == 4:
             W, P = energy_and_stress(gradient_p1(g, elements, u, t), w * lam[t], w * mu[t])
             energy[t] = W
@@ -209,9 +208,7 @@ def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
     ):
         """Add the blocks of every tet to the tangent stiffness."""
         t = wp.tid()
-        six = six_volumes(points, elements, t)
-        g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-        w = six / wp.float64(6 * quadrature.shape[0])
+        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
         size = elements.shape[1]
         for n in range(quadrature.shape[0]):
             d = shape_gradients(g, elements, quadrature[n])
@@ -342,9 +339,8 @@ def grain_response(
 ):
     """Add E : C : E / 2 of every tet, and P along the shape gradients."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    C = six / wp.float64(6 * quadrature.shape[0]) * tensor[t]
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
+    C = w * tensor[t]
     total = wp.float64(0.0)
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -376,9 +372,8 @@ def grain_tangent(
     ``projected``: of S its positive part alone, so that no tet has a negative one.
     """
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    C = six / wp.float64(6 * quadrature.shape[0]) * tensor[t]
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
+    C = w * tensor[t]
     size = elements.shape[1]
     eye = wp.identity(n=3, dtype=wp.float64)
     for n in range(quadrature.shape[0]):
@@ -408,9 +403,7 @@ def anisotropic_stiffness(
 ):
     """Add the tangent of small strains."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
     size = elements.shape[1]
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -465,9 +458,8 @@ def energy_and_force(
 ):
     """S : D / 2 of every tet, the potential of P in a step; add P along the shape gradients."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = scale * six / wp.float64(6 * quadrature.shape[0])
+    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
+    w = scale * volume
     total = wp.float64(0.0)
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -500,9 +492,8 @@ def tangent(
     ``projected``: of S its positive part alone, so that no tet has a negative one.
     """
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = scale * six / wp.float64(6 * quadrature.shape[0])
+    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
+    w = scale * volume
     size = elements.shape[1]
     eye = wp.identity(n=3, dtype=wp.float64)
     for n in range(quadrature.shape[0]):

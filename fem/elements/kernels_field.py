@@ -41,6 +41,14 @@ def six_volumes(points: Vectors, elements: IntRows, t: int) -> wp.float64:
 
 
 @wp.func
+def weighted_gradients(points: Vectors, elements: IntRows, t: int, count: int):
+    """Gradients of the barycentric coordinates; weight of each of ``count`` points, a volume."""
+    six = six_volumes(points, elements, t)
+    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
+    return g, six / wp.float64(6 * count)
+
+
+@wp.func
 def row3(g: mat43d, k: int) -> wp.vec3d:
     return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
 
@@ -139,8 +147,7 @@ def displacement_gradient(
 ):
     """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
     t = wp.tid()
-    s = wp.float64(1.0) / six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * s
+    g, _w = weighted_gradients(points, elements, t, 1)
     for q in range(quadrature.shape[0]):
         grad[t, q] = gradient_at(shape_gradients(g, elements, quadrature[q]), elements, u, t)
 
@@ -156,9 +163,7 @@ def geometric_stiffness(
 ):
     """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
     size = elements.shape[1]
     for q in range(quadrature.shape[0]):
         s = w * stress[t, q]
