@@ -8,7 +8,7 @@ import functools
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, ParamSpec, TypeVar
@@ -26,20 +26,6 @@ _UNWRITTEN = re.compile(r"([0-9a-f]+)-([0-9a-f]+) r-(x|-)p ([0-9a-f]+) .*/warp(?
 MADV_DONTNEED = 4
 
 
-@contextlib.contextmanager
-def _quiet_stderr() -> Iterator[None]:
-    """Close the process's stderr for a moment: warp's native start-up writes there unasked."""
-    sys.stderr.flush()
-    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(null)
-
-
 @functools.cache
 def start_warp() -> ModuleType:
     """Return warp, initialised without a word; kernels are compiled once and cached on disk."""
@@ -49,25 +35,26 @@ def start_warp() -> ModuleType:
         wp.config.log_level = wp.LOG_ERROR
     else:  # older warp
         wp.config.quiet = True  # type: ignore
-    with _quiet_stderr():
+    # Without the process's stderr for a moment: warp's native start-up writes there unasked.
+    sys.stderr.flush()
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
         wp.init()
-    _forget_start_up()
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)
+    # Give back some 90 MB of warp's libraries that their start-up alone read: clean pages of code,
+    # and of the head of a file. What is needed again comes back from it by itself; other pages that
+    # are not written to may have been, while the library was linked.
+    if MAPPED.exists():
+        advise = ctypes.CDLL(None).madvise
+        advise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+        for low, high, code, offset in _UNWRITTEN.findall(MAPPED.read_text()):
+            if code == "x" or int(offset, 16) == 0:
+                advise(int(low, 16), int(high, 16) - int(low, 16), MADV_DONTNEED)
     return wp
-
-
-def _forget_start_up() -> None:
-    """Give back some 90 MB of warp's libraries that their start-up alone read.
-
-    They are clean pages of code, and of the head of a file: what is needed again comes back from it
-    by itself. The other pages that are not written to may have been, while the library was linked.
-    """
-    if not MAPPED.exists():
-        return
-    advise = ctypes.CDLL(None).madvise
-    advise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    for low, high, code, offset in _UNWRITTEN.findall(MAPPED.read_text()):
-        if code == "x" or int(offset, 16) == 0:
-            advise(int(low, 16), int(high, 16) - int(low, 16), MADV_DONTNEED)
 
 
 class Recorder:

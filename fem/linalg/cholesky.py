@@ -57,7 +57,16 @@ class CholeskyFactor:
         along = np.arange(first[-1]) - np.repeat(first[:-1], width)
         self._diagonal = np.repeat(panel, width) + along * np.repeat(width + 1, width)
         self._before = numbers.numpy()[self._diagonal]
-        self._panels = self._views(numbers.numpy())
+        # Of every supernode: square and lower part, columns from ... to, rows; of scalars
+        start, ends, views = plan.start.numpy(), plan.panel.numpy(), numbers.numpy()
+        below = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
+        self._panels: list[tuple[Any, Any, int, int, Any]] = []
+        for t, k_ in enumerate(width):
+            low, high, middle = 3 * start[t], 3 * start[t + 1], ends[t] + k_ * k_
+            square = views[ends[t] : middle].reshape(k_, k_).T
+            lower = views[middle : ends[t + 1]].reshape(k_, high - low).T
+            own = int(first[t]), int(first[t + 1])
+            self._panels.append((square, lower, *own, below[low:high]))
         stack = wp.empty(plan.stack, dtype=wp.float64, device="cpu")
         inputs = [0, plan.first, plan.start, plan.local, plan.child_start, plan.children]
         inputs += [plan.panel, plan.update, stack, numbers]
@@ -76,20 +85,6 @@ class CholeskyFactor:
                 dsyrk(-1.0, lower, beta=1.0, c=own, lower=1, overwrite_c=1)
         if not np.isfinite(numbers.numpy()[self._diagonal]).all():  # LAPACK lets NaN pass
             raise NotPositive("the matrix has entries that are no numbers")
-
-    def _views(self, numbers: np.ndarray) -> list[tuple[Any, Any, int, int, Any]]:
-        """Of every supernode: square and lower part, columns from ... to, rows; of scalars."""
-        plan = self.plan
-        first, start, panel = (3 * plan.first.numpy(), plan.start.numpy(), plan.panel.numpy())
-        rows = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
-        panels = []
-        for t in range(len(first) - 1):
-            k, low, high = first[t + 1] - first[t], 3 * start[t], 3 * start[t + 1]
-            middle = panel[t] + k * k
-            square = numbers[panel[t] : middle].reshape(k, k).T
-            lower = numbers[middle : panel[t + 1]].reshape(k, high - low).T
-            panels.append((square, lower, int(first[t]), int(first[t + 1]), rows[low:high]))
-        return panels
 
     @property
     def smallest_pivot(self) -> float:

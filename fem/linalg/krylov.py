@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -325,7 +326,11 @@ def lanczos(
         projected = grown
         basis.take_off(column, rest)
         weighed = mass(rest)
-        pairs = _ritz(projected, basis, rest, weighed)
+        values, y = np.linalg.eigh((projected + projected.T) / 2)
+        values, y = values[::-1], y[:, ::-1]
+        last, gram = y[-width:], rest.T @ weighed
+        errors = np.sqrt(np.maximum(np.einsum("ip,ij,jp->p", last, gram, last), 0.0))
+        pairs = RitzPairs(values, errors, partial(_ritz_vectors, values, y, basis, rest))
         steps -= 1
         if not steps or enough(pairs):
             return pairs
@@ -350,21 +355,12 @@ class _Columns(list):
             first += block.shape[1]
 
 
-def _ritz(
-    projected: np.ndarray, basis: _Columns, rest: np.ndarray, weighed: np.ndarray
-) -> RitzPairs:
-    values, y = np.linalg.eigh((projected + projected.T) / 2)
-    values, y = values[::-1], y[:, ::-1]
-    last = y[-rest.shape[1] :]
-    gram = rest.T @ weighed
-    errors = np.sqrt(np.maximum(np.einsum("ip,ij,jp->p", last, gram, last), 0.0))
-
-    def vectors(first: int) -> np.ndarray:
-        found = rest @ (last[:, :first] / values[:first])
-        basis.take_off(-y[:, :first], found)
-        return found
-
-    return RitzPairs(values, errors, vectors)
+def _ritz_vectors(
+    values: np.ndarray, y: np.ndarray, basis: _Columns, rest: np.ndarray, first: int
+) -> np.ndarray:
+    out = rest @ (y[-rest.shape[1] :, :first] / values[:first])
+    basis.take_off(-y[:, :first], out)
+    return out
 
 
 def _orthonormal(

@@ -132,7 +132,9 @@ class AggregateLevel:
 
         wp = start_warp()
         self.device = device = scaled.matrix.values.device
-        self.coarse = coarse = coarsen(scaled.matrix, scaled.lower, points, fixed, scaled.largest)
+        coarse = coarsen(scaled.matrix, scaled.lower, points, fixed, scaled.largest)
+        assert coarse is not None  # it is a new one
+        self.coarse = coarse
         self.load, self.solution = (
             wp.zeros(coarse.count, dtype=k.vec6d, device=device) for _ in range(2)
         )
@@ -162,7 +164,7 @@ class AggregateLevel:
         False where it has other groups of nodes.
         """
         system = (scaled.matrix, scaled.lower, points, fixed, scaled.largest)
-        if not coarsen_again(self.coarse, *system):
+        if coarsen(*system, like=self.coarse) is None:
             return False
         self.narrow.launch()
         return True
@@ -396,73 +398,54 @@ def _motions(groups: Groups, lower: Any, free: Any) -> Any:
 
 
 def coarsen(
-    A: BlockMatrix, lower: Any, points: np.ndarray, fixed: np.ndarray, largest: float
-) -> Coarse:
-    """Smoothed aggregation with rigid motions for the matrix ``A`` scaled by ``lower``.
-
-    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes, ``largest`` is the
-    largest eigenvalue of A.
-    """
-    from . import kernels_multigrid as k
-
-    wp = start_warp()
-    device, pattern = A.values.device, [A.rows, A.columns]
-    free = free_components(fixed, device)
-    groups = _groups(A, points, free)
-    motion = _motions(groups, lower, free)
-    launch = Recorder(A.nodes, device)
-    start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
-    launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()
-    wp.utils.array_scan(start, start, inclusive=True)
-    total = int(start[A.nodes :].numpy()[0])
-    aggregates = wp.empty(total, dtype=wp.int32, device=device)
-    transfer = wp.empty(total, dtype=k.mat36d, device=device)
-    count = len(groups.extent)
-    made = Coarse(groups, start, aggregates, transfer, None, count, None, None)
-    matrix = _galerkin(A, groups, motion, largest, made)
-    if not device.is_cuda:
-        return replace(made, factor=_raised_factor(matrix.numpy()))
-    members = _members(start, aggregates, count)
-    return replace(made, members=members, inverse=inversion(len(matrix), str(device))(matrix))
-
-
-def coarsen_again(
-    like: Coarse,
     A: BlockMatrix,
     lower: Any,
     points: np.ndarray,
     fixed: np.ndarray,
     largest: float,
-) -> bool:
-    """Make the space ``like`` that of another matrix of its pattern, in the same arrays, on a GPU.
+    like: Coarse | None = None,
+) -> Coarse | None:
+    """Smoothed aggregation with rigid motions for the matrix ``A`` scaled by ``lower``.
 
-    False where its groups would be others.
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes, ``largest`` is the
+    largest eigenvalue of A. On a GPU a space ``like`` of another matrix of its pattern becomes that
+    of this one, in the same arrays: None where its groups would be others.
     """
-    free = free_components(fixed, A.values.device)
-    groups = _groups(A, points, free)
-    if groups is not like.groups and not np.array_equal(
-        groups.label.numpy(), like.groups.label.numpy()
-    ):
-        return False
-    matrix = _galerkin(A, groups, _motions(groups, lower, free), largest, like)
-    start_warp().copy(like.inverse, inversion(len(matrix), str(matrix.device))(matrix))
-    return True
-
-
-def _galerkin(A: BlockMatrix, groups: Groups, motion: Any, largest: float, made: Coarse) -> Any:
-    """Smooth the ``motion`` of the groups into the P of ``made``; the coarse matrix P^T A P."""
     from . import kernels_multigrid as k
 
-    wp, device = start_warp(), A.values.device
-    launch, pattern = Recorder(A.nodes, device), [A.rows, A.columns]
+    wp = start_warp()
+    device, pattern = A.values.device, [A.rows, A.columns]
+    launch, free = Recorder(A.nodes, device), free_components(fixed, device)
+    groups = _groups(A, points, free)
+    if like is None:
+        start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
+        launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()
+        wp.utils.array_scan(start, start, inclusive=True)
+        total = int(start[A.nodes :].numpy()[0])
+        aggregates = wp.empty(total, dtype=wp.int32, device=device)
+        transfer = wp.empty(total, dtype=k.mat36d, device=device)
+        made = Coarse(groups, start, aggregates, transfer, None, len(groups.extent), None, None)
+    else:
+        made = like
+        label, old = groups.label, like.groups.label
+        if label is not old and not np.array_equal(label.numpy(), old.numpy()):
+            return None
+    # P = (1 - omega A) motions, and the coarse matrix P^T A P
     P = (made.start, made.aggregates, made.transfer)
-    omega = 4 / (3 * largest)
-    launch(k.smooth, [*pattern, A.values, groups.label, motion, omega, *P]).launch()
+    motions, omega = _motions(groups, lower, free), 4 / (3 * largest)
+    launch(k.smooth, [*pattern, A.values, groups.label, motions, omega, *P]).launch()
     matrix = wp.zeros((6 * made.count, 6 * made.count), dtype=wp.float64, device=device)
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
-    return matrix
+    if not device.is_cuda:
+        return replace(made, factor=_raised_factor(matrix.numpy()))
+    inverse = inversion(len(matrix), str(device))(matrix)
+    if like is None:
+        members = _members(made.start, made.aggregates, made.count)
+        return replace(made, members=members, inverse=inverse)
+    wp.copy(like.inverse, inverse)
+    return like
 
 
 def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:

@@ -184,38 +184,17 @@ class Incremental:
         return self.of.contact.longest_step(u, step)
 
 
-class DeviceConstants(NamedTuple):
-    """What of a body stays the same from step to step, on its device: an entry a node."""
-
-    mass: Any
-    rigidity: Any
-    load: Any
-    springs: Any
-    free: Any
-
-    @classmethod
-    def of(cls, body: Any, device: str) -> DeviceConstants:
-        """Mass [kg], rigidity [N/m], load [N], springs [N/m], free components of a body."""
-        wp = start_warp()
-        mass, rigidity = (
-            wp.array(np.ravel(v), dtype=wp.float64, device=device)
-            for v in (body.mass, body.rigidity)
-        )
-        load, springs = (DeviceVector.of(v, device).array for v in (body.load, body.held.springs))
-        return cls(mass, rigidity, load, springs, free_components(body.held.fixed, device))
-
-
 class DeviceIncremental:
     """The same potential without contact and damping: vectors stay on the device.
 
-    ``elastic`` is the elastic energy [J] where it was evaluated last; ``diagonal`` the inertia and
-    springs [N/m], an array of vec3d.
+    ``constants`` are those of ``DeviceSteps``, ``elastic`` is the elastic energy [J] where it was
+    evaluated last; ``diagonal`` the inertia and springs [N/m], an array of vec3d.
     """
 
     def __init__(
-        self, body: Any, known: DeviceConstants, factor: float, target: Any, diagonal: Any
+        self, body: Any, constants: tuple, factor: float, target: Any, diagonal: Any
     ) -> None:
-        self.of, self.known, self.factor = body, known, factor
+        self.of, self.constants, self.factor = body, constants, factor
         self.target, self.diagonal, self.elastic = target, diagonal, 0.0
         self.loaded = _size(body.load)
 
@@ -223,13 +202,13 @@ class DeviceIncremental:
         """Energy, gradient, and size of the external and inertial force."""
         from ..elements import kernels_field as k
 
-        wp, (mass, rigidity, *known) = start_warp(), self.known
+        wp, (mass, rigidity, *fixed) = start_warp(), self.constants
         energy, force = self.of.body.responses(u)
         gradient = wp.empty_like(force)
         sums = wp.zeros(5, dtype=wp.float64, device=force.device)
         inertia = [self.target, wp.float64(self.factor), mass, rigidity]
-        given = [u.array, *inertia, force, *known, gradient, sums]
-        wp.launch(k.incremental, whole_blocks(len(force)), inputs=given, device=force.device)
+        inputs = [u.array, *inertia, force, *fixed, gradient, sums]
+        wp.launch(k.incremental, whole_blocks(len(force)), inputs=inputs, device=force.device)
         wp.utils.array_sum(energy, out=sums[4:])
         rest, push, left, target, self.elastic = sums.numpy().tolist()
         least = max(self.of.noise, ROUND_OFF * np.sqrt(target) / self.of.tolerance)
@@ -241,7 +220,7 @@ class DeviceIncremental:
         """Hessian [N/m] with prescribed rows dropped."""
         matrix = self.of.body.tangent(u, projected=projected)
         add_diagonal(matrix, self.diagonal)
-        drop_rows(matrix, self.known.free)
+        drop_rows(matrix, self.constants[-1])
         return matrix
 
     def longest_step(self, u: DeviceVector, step: DeviceVector) -> float:
@@ -255,7 +234,14 @@ class DeviceSteps:
     def __init__(self, body: Any, device: str) -> None:
         wp = start_warp()
         self.of, self.device = body, device
-        self.known = DeviceConstants.of(body, device)
+        # Mass [kg], rigidity [N/m], load [N], springs [N/m] and free components of every node
+        self.constants = (
+            wp.array(body.mass, dtype=wp.float64, device=device),
+            wp.array(body.rigidity.ravel(), dtype=wp.float64, device=device),
+            DeviceVector.of(body.load, device).array,
+            DeviceVector.of(body.held.springs, device).array,
+            free_components(body.held.fixed, device),
+        )
         shape = (DEGREE + 1, len(body.mass))
         self._differences = wp.zeros(shape, dtype=wp.vec3d, device=device)
         self._ended: Motion | None = None  # whose motion ``_now`` is
@@ -279,7 +265,7 @@ class DeviceSteps:
             arrays = (body.state.u, body.state.v, body.state.a)
             self._now = Kinematics(*(DeviceVector.of(x, self.device) for x in arrays))
         step = Step.of(body.scheme, dt, self._now, self._before)
-        wp, (mass, _, load, springs, free) = start_warp(), self.known
+        wp, (mass, _, load, springs, free) = start_warp(), self.constants
         # Target with what is fixed in its place, and where the forecast leads
         old, nodes = step.now.u.array, len(mass)
         aim, start = wp.empty_like(old), wp.empty_like(old)
@@ -289,7 +275,7 @@ class DeviceSteps:
         if self._diagonal[0] != step.factor:  # inertia of a step and springs [N/m]
             diagonal = step.factor * body.mass[:, None] + body.held.springs
             self._diagonal = (step.factor, DeviceVector.of(diagonal, self.device).array)
-        there = DeviceIncremental(body, self.known, step.factor, aim, self._diagonal[1])
+        there = DeviceIncremental(body, self.constants, step.factor, aim, self._diagonal[1])
         options = {"solve": body.solver, "tolerance": body.tolerance}
         minimum = minimise(there, DeviceVector(start), **options)
         # The motion that the step ended with, and its part in the next forecast

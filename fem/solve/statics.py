@@ -40,18 +40,10 @@ TOLERANCE = 1e-8
 COMPRESSIBLE = 0.499
 
 
-class StaticProblem(NamedTuple):
-    """A body made discrete: ``held`` and ``load`` [N] (nodes, 3) are on the nodes of ``grid``."""
-
-    grid: Discretisation
-    held: Supports
-    load: np.ndarray
-
-
 def discrete_problem(
     mesh: TetMesh, supports: Supports, *, order: int | None, device: str, **loads: Any
-) -> StaticProblem:
-    """Space, constraints and loads of a static problem; ``loads`` as in ``solve_static``.
+) -> tuple[Discretisation, Supports, np.ndarray]:
+    """Grid, supports and load [N] of its nodes (nodes, 3); ``loads`` as in ``solve_static``.
 
     Raises
     ------
@@ -62,7 +54,7 @@ def discrete_problem(
     held = node_supports(supports, grid.space)
     if not (held.fixed.any() or held.springs.any()):
         raise ConvergenceError("nothing holds the body: fix some points or add springs")
-    return StaticProblem(grid, held, load_vector(mesh, grid, **loads))
+    return grid, held, load_vector(mesh, grid, **loads)
 
 
 @single_threaded
