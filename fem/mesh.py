@@ -206,12 +206,12 @@ def largest_explicit_step(mesh: TetMesh) -> float:
     return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
-def _frozen(given, dtype: type) -> np.ndarray:
+def _frozen(values, dtype: type) -> np.ndarray:
     """Copy of an array that cannot be written to; one of this kind already is taken as it is."""
-    array = np.asarray(given)
+    array = np.asarray(values)
     frozen = array.base is None and not array.flags.writeable
     if not (frozen and array.dtype == dtype and array.flags.c_contiguous):
-        array = np.array(given, dtype=dtype, order="C")
+        array = np.array(values, dtype=dtype, order="C")
         array.flags.writeable = False
     return array
 

@@ -220,17 +220,17 @@ class MaterialTable:
 
     def search(self, query: str = "") -> list[Material]:
         """Rows whose name, aliases or category hold every word of the query, best match first."""
-        wanted = key(query)
+        words = key(query)
 
         def rank(row: Material) -> tuple[int, int]:
             names = [key(row.name), *map(key, row.aliases)]
-            return (0 if wanted in names else 1 if wanted in names[0] else 2, self.rows.index(row))
+            return (0 if words in names else 1 if words in names[0] else 2, self.rows.index(row))
 
         def text(row: Material) -> str:
             return key(" ".join([row.name, row.category, *row.aliases]))
 
-        found = [row for row in self.rows if all(word in text(row) for word in wanted.split())]
-        return sorted(found, key=rank)
+        rows = [row for row in self.rows if all(word in text(row) for word in words.split())]
+        return sorted(rows, key=rank)
 
 
 def row_of_record(record: Mapping[str, str], place: str) -> Material:
@@ -378,17 +378,8 @@ class Grain:
         The E of a wood's row is its apparent modulus in bending, shear included: about 10 % below
         the E_L of a pure pull (Wood Handbook, chapter 5).
         """
-        return OrthotropicConstants(
-            E_L=E,
-            E_R=E * self.ER,
-            E_T=E * self.ET,
-            G_LR=E * self.GLR,
-            G_LT=E * self.GLT,
-            G_RT=E * self.GRT,
-            nu_LR=self.nu_LR,
-            nu_LT=self.nu_LT,
-            nu_RT=self.nu_RT,
-        )
+        moduli = (E, E * self.ER, E * self.ET, E * self.GLR, E * self.GLT, E * self.GRT)
+        return OrthotropicConstants(*moduli, self.nu_LR, self.nu_LT, self.nu_RT)
 
 
 @dataclass(frozen=True)
@@ -498,13 +489,13 @@ def load_colours() -> Mapping[str, Colour]:
 def load_flows() -> Mapping[str, Flow]:
     """Return how materials flow, slide or break by the name of the row, contents among them."""
     columns = ("yield_{}_Pa", "viscosity_{}_Pa_s", "friction_{}_deg", "fracture_{}_J_m2")
-    found = {}
+    flows = {}
     for record in _records("flow"):
         ends = [(record[c.format("min")], record[c.format("max")]) for c in columns]
         spans = [Span(float(low), float(high)) if low else None for low, high in ends]
         estimated = tuple(record["estimated"].split())
-        found[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
-    return found
+        flows[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
+    return flows
 
 
 # Apparent material: a solid that weighs and bends as the wall and the filling that it stands for.

@@ -174,9 +174,9 @@ class BlockMatrix:
     def times(self, x: np.ndarray) -> np.ndarray:
         """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
         wp = start_warp()
-        given = wp.array(x, dtype=wp.vec3d, device=self.values.device)
-        out = wp.empty_like(given)
-        self.multiply(given, out)
+        vector = wp.array(x, dtype=wp.vec3d, device=self.values.device)
+        out = wp.empty_like(vector)
+        self.multiply(vector, out)
         return out.numpy()
 
     def to(self, device: str) -> BlockMatrix:
@@ -214,12 +214,12 @@ def add_diagonal(matrix: BlockMatrix, added: Any) -> None:
     from . import kernels_field as k
 
     wp = start_warp()
-    device, given, alone = matrix.values.device, added, True
+    device, blocks, diagonals = matrix.values.device, added, True
     if isinstance(added, np.ndarray):
-        alone = added.ndim == 2
-        given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
-    inputs = [matrix.rows, matrix.columns, given, matrix.values]
-    kernel = k.add_diagonal_numbers if alone else k.add_diagonal
+        diagonals = added.ndim == 2
+        blocks = wp.array(added, dtype=wp.vec3d if diagonals else wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, blocks, matrix.values]
+    kernel = k.add_diagonal_numbers if diagonals else k.add_diagonal
     wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)
 
 
@@ -295,10 +295,10 @@ def free_components(fixed: Bool[np.ndarray, "nodes 3"], device: Any) -> Any:
     wp = start_warp()
     if not wp.get_device(device).is_cuda:
         return wp.array(~fixed, dtype=wp.vec3d, device=device)
-    given = wp.array(fixed.ravel().view(np.uint8), dtype=wp.uint8, device=device)  # an eighth
+    flags = wp.array(fixed.ravel().view(np.uint8), dtype=wp.uint8, device=device)  # an eighth
     free = wp.empty(len(fixed), dtype=wp.vec3d, device=device)
     numbers = free.view(wp.float64).flatten()
-    wp.launch(k.lift_fixed, len(given), inputs=[given, numbers], device=device)
+    wp.launch(k.lift_fixed, len(flags), inputs=[flags, numbers], device=device)
     return free
 
 

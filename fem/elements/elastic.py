@@ -159,10 +159,10 @@ def first_piola(
 
     leading = H.shape[:-2]
     moduli = [np.broadcast_to(m, leading).astype(float).ravel() for m in lame]
-    given = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
-    W, P = wp.empty(len(given), dtype=wp.float64, device="cpu"), wp.empty_like(given)
-    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
-    wp.launch(elastic_kernels(LAWS[law]).stress, len(given), inputs=inputs, device="cpu")
+    gradients = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
+    W, P = wp.empty(len(gradients), dtype=wp.float64, device="cpu"), wp.empty_like(gradients)
+    inputs = [gradients, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
+    wp.launch(elastic_kernels(LAWS[law]).stress, len(gradients), inputs=inputs, device="cpu")
     return P.numpy().reshape(H.shape)
 
 

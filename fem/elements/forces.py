@@ -87,9 +87,9 @@ def edge_nodes(space: Space, ends: Int[np.ndarray, "*n 2"]) -> Int[np.ndarray, "
     count = space.points
     key = space.edges[:, 0] * count + space.edges[:, 1]  # sorted, by construction
     ends = np.sort(ends.astype(np.int64), axis=-1)
-    wanted = ends[..., 0] * count + ends[..., 1]
-    index = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-    if (key[index] != wanted).any():
+    keys = ends[..., 0] * count + ends[..., 1]
+    index = np.minimum(np.searchsorted(key, keys), len(key) - 1)
+    if (key[index] != keys).any():
         raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
     return count + index
 

@@ -327,17 +327,23 @@ def copy_rows(start: Ints, size: wp.int32, scratch: Ints, rows: Ints, columns: I
 
 
 @wp.func
-def find_slot(rows: Ints, columns: Ints, i: int, j: int):
-    """Position of column j in the sorted row i."""
-    lo = rows[i]
-    hi = rows[i + 1] - 1
+def find_sorted(values: Ints, low: int, high: int, value: int):
+    """Position of ``value`` in the ascending values[low:high]."""
+    lo = low
+    hi = high - 1
     while lo < hi:
         mid = (lo + hi) // 2
-        if columns[mid] < j:
+        if values[mid] < value:
             lo = mid + 1
         else:
             hi = mid
     return lo
+
+
+@wp.func
+def find_slot(rows: Ints, columns: Ints, i: int, j: int):
+    """Position of column j in the sorted row i."""
+    return find_sorted(columns, rows[i], rows[i + 1], j)
 
 
 @wp.kernel

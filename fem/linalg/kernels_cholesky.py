@@ -6,6 +6,7 @@ What walks the tree is sequential: such kernels run with one thread, on the CPU.
 
 import warp as wp
 
+from ..elements.kernels_field import find_sorted
 from ..laws.kernels_tensor import Blocks, Doubles, Ints
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 3})
@@ -87,7 +88,7 @@ def front_rows(
     parent: Ints,  # of supernodes
     mark: Ints,  # scratch, -1
     cursor: Ints,  # where the rows of every supernode go, or a count of them
-    found: Ints,  # empty while they are counted
+    below: Ints,  # empty while they are counted
 ):
     """Rows below every supernode, ascending."""
     for i in range(order.shape[0]):
@@ -99,40 +100,26 @@ def front_rows(
                 t = owner[k]
                 while t != top and mark[t] != i:
                     mark[t] = i
-                    if found.shape[0] > 0:
-                        found[cursor[t]] = i
+                    if below.shape[0] > 0:
+                        below[cursor[t]] = i
                     cursor[t] += 1
                     t = parent[t]
 
 
 @wp.func
-def find_row(found: Ints, low: int, high: int, row: int):
-    """Position of ``row`` in the ascending found[low:high]."""
-    lo = low
-    hi = high - 1
-    while lo < hi:
-        mid = (lo + hi) // 2
-        if found[mid] < row:
-            lo = mid + 1
-        else:
-            hi = mid
-    return lo
-
-
-@wp.func
-def find_local(first: Ints, start: Ints, found: Ints, t: int, row: int):
+def find_local(first: Ints, start: Ints, below: Ints, t: int, row: int):
     """Local row of position ``row`` in the front of supernode t: its columns, then its rows."""
     if row < first[t + 1]:
         return row - first[t]
-    return first[t + 1] - first[t] + find_row(found, start[t], start[t + 1], row) - start[t]
+    return first[t + 1] - first[t] + find_sorted(below, start[t], start[t + 1], row) - start[t]
 
 
 @wp.kernel
-def locate_in_parent(first: Ints, start: Ints, found: Ints, parent: Ints, local: Ints):
+def locate_in_parent(first: Ints, start: Ints, below: Ints, parent: Ints, local: Ints):
     """Where every row of a front lies in the front of its parent."""
     t = wp.tid()
     for s in range(start[t], start[t + 1]):
-        local[s] = find_local(first, start, found, parent[t], found[s])
+        local[s] = find_local(first, start, below, parent[t], below[s])
 
 
 @wp.func
@@ -152,7 +139,7 @@ def place_matrix(
     owner: Ints,
     first: Ints,
     start: Ints,
-    found: Ints,
+    below: Ints,
     panel: Ints,
     factor: Doubles,
 ):
@@ -165,7 +152,7 @@ def place_matrix(
             t = owner[j]
             k = 3 * (first[t + 1] - first[t])
             r = 3 * (start[t + 1] - start[t])
-            row = 3 * find_local(first, start, found, t, i)
+            row = 3 * find_local(first, start, below, t, i)
             column = 3 * (j - first[t])
             block = values[s]
             for b in range(3):
@@ -219,7 +206,7 @@ def extend_add(
         c = children[e]
         low = start[c]
         size = start[c + 1] - low
-        inner = find_row(local, low, start[c + 1], first[t + 1] - first[t]) - low
+        inner = find_sorted(local, low, start[c + 1], first[t + 1] - first[t]) - low
         if size > 0 and local[low + inner] < first[t + 1] - first[t]:
             inner += 1
         for node in range(size):

@@ -49,12 +49,12 @@ def slice_values(rows: Ints, base: Ints, values: Doubles, sliced: wp.array(dtype
     node = i // 3
     part = node // SLICE
     lane = i - 3 * SLICE * part
-    given = 9 * rows[node] + 3 * (i - 3 * node)
+    first = 9 * rows[node] + 3 * (i - 3 * node)
     for s in range(base[part + 1] - base[part]):
         for c in range(3):
             value = wp.float64(0.0)
             if rows[node] + s < rows[node + 1]:
-                value = values[given + 9 * s + c]
+                value = values[first + 9 * s + c]
             sliced[3 * SLICE * (3 * (base[part] + s) + c) + lane] = sliced.dtype(value)
 
 

@@ -108,12 +108,12 @@ def weigh(label: Ints, weight: wp.array(dtype=mat66d), motion: wp.array(dtype=ma
 @wp.func
 def next_label(rows: Ints, columns: Ints, label: Ints, i: int, last: int) -> int:
     """Smallest label above ``last`` in row i, or -1."""
-    found = int(-1)  # noqa: RUF046, UP018
+    above = int(-1)  # noqa: RUF046, UP018
     for s in range(rows[i], rows[i + 1]):
         a = label[columns[s]]
-        if a > last and (found < 0 or a < found):
-            found = a
-    return found
+        if a > last and (above < 0 or a < above):
+            above = a
+    return above
 
 
 @wp.kernel

@@ -131,8 +131,8 @@ class DeviceVector:
         from . import kernels_krylov as k
 
         wp = start_warp()
-        given = [self.raw, wp.float64(own), other.raw, wp.float64(factor), out]
-        wp.launch(k.combine, len(out), inputs=given, device=out.device)
+        inputs = [self.raw, wp.float64(own), other.raw, wp.float64(factor), out]
+        wp.launch(k.combine, len(out), inputs=inputs, device=out.device)
 
     def numpy(self) -> np.ndarray:
         """Copy of the numbers (nodes, 3)."""

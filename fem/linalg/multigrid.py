@@ -62,8 +62,8 @@ class Smoother:
             factors, rho = (new * rho, 2 * new / delta), new
             for commands, restarted in ((self.before, 0.0), (self.after, 1.0)):
                 owed = restarted if step == 0 else 0.0  # x has not taken in the first step yet
-                given = [*A, d[0], *factors, owed, res, d[1], x, z]
-                commands.append(launch(kernels.step, given))
+                inputs = [*A, d[0], *factors, owed, res, d[1], x, z]
+                commands.append(launch(kernels.step, inputs))
             d.reverse()
         self.before.append(launch(kernels.subtract, [*A, d[0], res]))
 

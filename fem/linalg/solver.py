@@ -180,14 +180,14 @@ def solve_iterative(
     launch = Recorder(system.matrix.nodes, cycle.device)
     size = _length(b) or 1.0
     # The V-cycle may be in single precision, whose range is small.
-    given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
-    launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+    load = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
+    launch(k.block_multiply, [system.inverse, load, False, cycle.r]).launch()
     cg.start(tolerance, limit)
-    solution, rest = wp.empty_like(given), wp.empty_like(given)
+    solution, rest = wp.empty_like(load), wp.empty_like(load)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
     system.matrix.multiply(cg.x, cycle.z)
-    launch(k.remainder, [given, system.lower, cycle.z, rest]).launch()
+    launch(k.remainder, [load, system.lower, cycle.z, rest]).launch()
     error, iterations = norm(rest), cg.finish()
     x = size * solution.numpy()
     if error <= tolerance:
@@ -225,11 +225,11 @@ def rough_inverse(
 
     def solve(b: np.ndarray) -> np.ndarray:
         size = _length(b) or 1.0
-        given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
-        launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+        load = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
+        launch(k.block_multiply, [system.inverse, load, False, cycle.r]).launch()
         cg.run(tolerance, MAX_ITERATIONS)
-        launch(k.block_multiply, [system.inverse, cg.x, True, given]).launch()
-        return size * given.numpy()
+        launch(k.block_multiply, [system.inverse, cg.x, True, load]).launch()
+        return size * load.numpy()
 
     return solve
 
@@ -394,8 +394,8 @@ class RepeatedSolver:
         iterations = cg.finish()
         if not cg.reached:
             return None, 0 if cg.indefinite else iterations
-        found = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
-        return size * found, iterations
+        solution = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
+        return size * solution, iterations
 
 
 def _factor_worth(matrix: BlockMatrix) -> int:

@@ -133,8 +133,8 @@ class BoundaryConditions:
             if not equals:
                 form = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
                 raise UsageError(f"--{kind} {words!r}: wanted SELECTION={form}")
-            given = numbers(value, COUNTS[kind], f"--{kind} {words}")
-            yield _selected(scene, kind, place), given
+            row = numbers(value, COUNTS[kind], f"--{kind} {words}")
+            yield _selected(scene, kind, place), row
 
 
 def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
@@ -248,13 +248,13 @@ def select(mesh: TetMesh, words: str) -> Selection:
 def numbers(text: str, count: int, words: str) -> np.ndarray:
     """``count`` finite numbers with commas between them; ``UsageError`` naming ``words`` else."""
     try:
-        found = np.array([float(part) for part in text.split(",")])
+        values = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        found = np.zeros(0)
-    if found.shape != (count,) or not np.isfinite(found).all():
-        wanted = "a number" if count == 1 else f"{count} numbers with commas between them"
-        raise UsageError(f"{words!r}: {text!r} is not {wanted}")
-    return found
+        values = np.zeros(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        form = "a number" if count == 1 else f"{count} numbers with commas between them"
+        raise UsageError(f"{words!r}: {text!r} is not {form}")
+    return values
 
 
 def described_bounds(mesh: TetMesh) -> str:
@@ -273,11 +273,11 @@ class HalfSpace(NamedTuple):
 
 def half_space(text: str, words: str) -> HalfSpace:
     """Half of space in words such as 'z<0.01'; ``UsageError`` naming ``words`` else."""
-    found = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
-    if found is None:
+    match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
+    if match is None:
         raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
-    sign = 1.0 if found[2] == "<" else -1.0
-    return HalfSpace(AXES.index(found[1]), sign, float(numbers(found[3], 1, words)[0]))
+    sign = 1.0 if match[2] == "<" else -1.0
+    return HalfSpace(AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0]))
 
 
 def _around(mesh: TetMesh, most: int = 8) -> str:
@@ -302,31 +302,31 @@ def stated_obstacle(words: str) -> Obstacle:
     UsageError
         Where the words are not understood.
     """
-    said = f"--obstacle {words}"
+    option = f"--obstacle {words}"
     shape, equals, way = words.partition("=") if "<=" not in words else (words, "", "")
-    velocity = tuple(numbers(way, 3, said).tolist()) if equals else (0.0, 0.0, 0.0)
+    velocity = tuple(numbers(way, 3, option).tolist()) if equals else (0.0, 0.0, 0.0)
     kind, _, rest = shape.strip().partition(":")
     if kind == "plane":
-        axis, sign, level = half_space(rest, said)
+        axis, sign, level = half_space(rest, option)
         normal = sign * np.eye(3)[axis]
         return Plane(tuple(sign * level * normal), tuple(normal), velocity)
     if kind == "sphere":
-        *centre, radius = numbers(rest, 4, said).tolist()
-        return Sphere(tuple(centre), _positive(radius, said), velocity)
+        *centre, radius = numbers(rest, 4, option).tolist()
+        return Sphere(tuple(centre), _positive(radius, option), velocity)
     if kind == "capsule":
-        *ends, radius = numbers(rest, 7, said).tolist()
-        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, said), velocity)
+        *ends, radius = numbers(rest, 7, option).tolist()
+        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, option), velocity)
     if kind == "box":
-        corners = numbers(rest, 6, said).reshape(2, 3)
+        corners = numbers(rest, 6, option).reshape(2, 3)
         half = np.abs(corners[1] - corners[0]) / 2
-        _positive(float(half.min()), said)
+        _positive(float(half.min()), option)
         return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
-    raise UsageError(f"{said}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
+    raise UsageError(f"{option}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
 
 
-def _positive(size: float, said: str) -> float:
+def _positive(size: float, option: str) -> float:
     if not size > 0:
-        raise UsageError(f"{said}: it has the size {size:g} m, wanted > 0")
+        raise UsageError(f"{option}: it has the size {size:g} m, wanted > 0")
     return size
 
 
@@ -372,22 +372,22 @@ def read_conditions(path: Path) -> ConditionsFile:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read the scene {path}: {error}") from error
-    known = (*KINDS, "body", *SCALARS)
+    keys = (*KINDS, "body", *SCALARS)
     for key in document:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
+        if key not in keys:
+            near = difflib.get_close_matches(key, keys, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(known)}{hint}")
-    given: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
+            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(keys)}{hint}")
+    options: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
     gravity, way = document.get("gravity"), document.get("gravity_dir")
     if gravity is not None and not _is_number(gravity):
         raise UsageError(f"{path}: gravity = {gravity!r}, wanted a number [m/s^2]")
     if way is not None:
         if not (isinstance(way, list) and len(way) == 3 and all(map(_is_number, way))):
             raise UsageError(f"{path}: gravity_dir = {way!r}, wanted three numbers")
-        given["gravity_dir"] = tuple(map(float, way))
+        options["gravity_dir"] = tuple(map(float, way))
     bodies = tuple(str(path.parent / body) for body in _entries(path, "body", document))
-    return ConditionsFile(BoundaryConditions(**given), gravity, bodies)
+    return ConditionsFile(BoundaryConditions(**options), gravity, bodies)
 
 
 def _is_number(value: Any) -> bool:

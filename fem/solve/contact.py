@@ -378,10 +378,10 @@ class SurfaceSites:
         nodes = faces
         if space.order == 2:
             nodes = np.hstack([faces, edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])])
-        wanted = np.maximum(longest / (SPACING * obstacle_size(obstacle)), space.order)
-        cells = np.minimum(2 ** np.ceil(np.log2(wanted)), MOST_CELLS).astype(int)
+        spacings = np.maximum(longest / (SPACING * obstacle_size(obstacle)), space.order)
+        cells = np.minimum(2 ** np.ceil(np.log2(spacings)), MOST_CELLS).astype(int)
         plain = cells == space.order
-        self.too_large = nodes[wanted > 2 * MOST_CELLS]
+        self.too_large = nodes[spacings > 2 * MOST_CELLS]
         # Nodes of faces that need no more places, each with its part of their area
         parts = np.array([1 / 3] * 3 if space.order == 1 else [1 / 12] * 3 + [1 / 4] * 3)
         area = np.zeros(len(space.nodes))

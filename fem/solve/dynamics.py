@@ -221,8 +221,8 @@ class Dynamics:
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
-            found = minimise(potential, u, solve=self.solver, tolerance=self.tolerance)
-            u, count = found.u, count + found.iterations
+            minimum = minimise(potential, u, solve=self.solver, tolerance=self.tolerance)
+            u, count = minimum.u, count + minimum.iterations
         return u, count
 
     def solve_adjoint(self, step: Step, u: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -142,9 +142,9 @@ def _checked_strain(
         lowered = ground.point - barrier_thickness(scene.mesh) * normal
         ground = replace(ground, point=tuple(lowered))
     if linear.max_strain > LINEAR_LIMIT:
-        said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+        why = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
     elif ground and not ground.distance(scene.mesh.points + linear.displacement).gap.min() > 0:
-        said = "the linear answer sinks into the ground: "
+        why = "the linear answer sinks into the ground: "
     else:
         return linear, True
     title = LAWS[law].title
@@ -154,7 +154,7 @@ def _checked_strain(
     try:
         static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
     except ConvergenceError as error:
-        warnings.append(f"{said}it is not to be trusted, and Newton stopped ({title}: {error})")
+        warnings.append(f"{why}it is not to be trusted, and Newton stopped ({title}: {error})")
         return linear, False
-    warnings.append(f"{said}repeated with the {title} law")
+    warnings.append(f"{why}repeated with the {title} law")
     return static, True

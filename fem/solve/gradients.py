@@ -85,8 +85,8 @@ def _function(
 
         @staticmethod
         def backward(context: Any, *outer: torch.Tensor) -> tuple[torch.Tensor, ...]:
-            given = outer[0].detach().cpu().double().numpy()
-            return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(given))
+            loss = outer[0].detach().cpu().double().numpy()
+            return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(loss))
 
     result = Displacement.apply(*tensors)
     assert isinstance(result, torch.Tensor)
@@ -184,8 +184,8 @@ def implicit_step(
         u, step = body.state.u, body.last_step
         start, law, grid = step.now, body.body.law, body.body.grid
         twice = step.scheme is Scheme.TRAPEZOIDAL  # it has the forces of both ends
-        given = np.where(body.held.fixed, 0.0, outer)
-        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(step, u, given))
+        loss = np.where(body.held.fixed, 0.0, outer)
+        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(step, u, loss))
         stresses = [_elastic_stress(grid, law, x) for x in ((u, start.u) if twice else (u,))]
         pull = (2 if twice else 1) * gravity - step.factor * (u - start.u - dt * start.v)
         if body.damping:

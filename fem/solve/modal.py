@@ -204,9 +204,9 @@ def _factored(
         return factor.solve(x.reshape(len(problem.free), 3, -1)).reshape(x.shape)
 
     def enough(pairs: RitzPairs) -> bool:
-        wanted = rigid + count
-        error = pairs.errors[:wanted] / np.abs(pairs.values[:wanted])
-        return len(error) == wanted and bool(error.max() < CONVERGED)
+        total = rigid + count
+        error = pairs.errors[:total] / np.abs(pairs.values[:total])
+        return len(error) == total and bool(error.max() < CONVERGED)
 
     width = min(count + 3, WIDEST)
     start = np.random.default_rng(0).normal(size=(problem.free.size, width))
@@ -258,10 +258,10 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
         options["Y"] = np.linalg.qr(motions)[0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it warns of residuals: ours are checked
-        square, found = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
+        square, modes = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
     order = np.argsort(square)[:count]
     x = np.zeros((free.size, count))
-    x[free] = found[:, order]
+    x[free] = modes[:, order]
     return square[order], x
 
 

@@ -301,21 +301,21 @@ def solve_nonlinear(
     mass = lumped_mass(mesh, grid.space)
     options = {"solve": linear, "tolerance": tolerance}
     if relaxation:
-        found = _find_rest(potential, u, mass, limit=iterations, **options)
+        minimum = _find_rest(potential, u, mass, limit=iterations, **options)
     else:
-        found = minimise(potential, u, limit=iterations, **options)
+        minimum = minimise(potential, u, limit=iterations, **options)
     # No tet may be inside out in a corner, along an edge, or where it was integrated
     middles = np.eye(4)[EDGES].mean(axis=1)
     where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
-    J = np.linalg.det(displacement_gradients(grid, found.u, where) + np.eye(3)).min(axis=1)
+    J = np.linalg.det(displacement_gradients(grid, minimum.u, where) + np.eye(3)).min(axis=1)
     if not (J > 0).all():
         raise ConvergenceError(
             f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
             "the mesh is too coarse for so large a deformation, or it folds onto itself"
         )
-    pushed = load + contact.forces(found.u, len(found.u)) if contact else load
-    residual = found.residual / scale
-    return static_result(mesh, elastic, found.u, pushed, held, residual, found.iterations)
+    pushed = load + contact.forces(minimum.u, len(minimum.u)) if contact else load
+    residual = minimum.residual / scale
+    return static_result(mesh, elastic, minimum.u, pushed, held, residual, minimum.iterations)
 
 
 def _find_rest(
@@ -337,17 +337,17 @@ def _find_rest(
     while done < 1 and halvings <= NONLINEAR_HALVINGS:
         potential.load = min(1.0, done + step) * load
         try:
-            found = minimise(potential, u, solve=solve, tolerance=tolerance, limit=STEP_LIMIT)
-            u, count, done = found.u, count + found.iterations, min(1.0, done + step)
+            minimum = minimise(potential, u, solve=solve, tolerance=tolerance, limit=STEP_LIMIT)
+            u, count, done = minimum.u, count + minimum.iterations, min(1.0, done + step)
         except ConvergenceError:
             step, halvings = step / 2, halvings + 1
     potential.load = load
     if done >= 1:
-        return found._replace(iterations=count)
+        return minimum._replace(iterations=count)
     logger.info("Newton stopped at %.0f %% of the load: dynamic relaxation", 100 * done)
     size = float(np.linalg.norm(np.ptp(potential.body.grid.space.nodes, axis=0)))
     force = float(np.abs(load.sum(axis=0)).max()) or potential.scale
     dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
     options = {"fixed": potential.held.fixed, "solve": solve, "tolerance": tolerance}
-    found = relax(potential, u, mass=mass, dt=dt, **options)
-    return found._replace(iterations=count + found.iterations)
+    minimum = relax(potential, u, mass=mass, dt=dt, **options)
+    return minimum._replace(iterations=count + minimum.iterations)

@@ -164,9 +164,9 @@ class Incremental:
             braked = of.damping.step(u, self.start, self.dt)
             energy, gradient = energy + braked.energy, gradient + braked.force
         gradient[of.held.fixed] = 0.0
-        found = Point(energy, gradient, max(*sizes, self.least))
-        self.near = u if found.residual <= NEAR * found.scale else None
-        return found
+        point = Point(energy, gradient, max(*sizes, self.least))
+        self.near = u if point.residual <= NEAR * point.scale else None
+        return point
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
@@ -213,8 +213,8 @@ class DeviceIncremental:
         rest, push, left, target, self.elastic = sums.numpy().tolist()
         least = max(self.of.noise, ROUND_OFF * np.sqrt(target) / self.of.tolerance)
         scale = max(self.loaded, float(np.sqrt(push)), least)
-        found = DeviceVector(gradient, size=float(np.sqrt(left)))
-        return Point(self.elastic + rest, found, scale)
+        unbalanced = DeviceVector(gradient, size=float(np.sqrt(left)))
+        return Point(self.elastic + rest, unbalanced, scale)
 
     def hessian(self, u: DeviceVector, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""

@@ -103,10 +103,10 @@ class SelfContact:
         """Pairs of ``candidates`` that push each other; None where there are none."""
         if candidates is None:
             return None
-        found = ipc_toolkit().NormalCollisions()
-        found.use_area_weighting = True
-        found.build(candidates, self.surface.mesh, x, self.thickness)
-        return found if len(found) else None
+        pairs = ipc_toolkit().NormalCollisions()
+        pairs.use_area_weighting = True
+        pairs.build(candidates, self.surface.mesh, x, self.thickness)
+        return pairs if len(pairs) else None
 
     def _find(self, x: np.ndarray) -> _Near:
         """What may meet around ``x``, the last list while it holds."""
@@ -374,7 +374,7 @@ def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:
         return [0] if crossed else []
     mesh.can_collide = ipc.make_vertex_patches_filter(surface.piece)
     touching = _close(surface, TOUCH * thickness)
-    found = {int(k) for ids in touching for k in surface.piece[ids]}
+    joint = {int(k) for ids in touching for k in surface.piece[ids]}
     if crossed:
         boxes = np.array(
             [
@@ -392,23 +392,23 @@ def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:
                 if a != b:
                     both.can_collide = ipc.make_vertex_patches_filter(surface.piece)
                 if ipc.has_intersections(both, rest):
-                    found |= {a, b}
-    return sorted(found)
+                    joint |= {a, b}
+    return sorted(joint)
 
 
 def _close(surface: CollisionSurface, reach: float) -> list[list[int]]:
     """Vertices of all pairs of faces and edges that are closer than ``reach`` at rest."""
-    ipc, given = ipc_toolkit(), (surface.rest, surface.edges, surface.faces)
+    ipc, surfaces = ipc_toolkit(), (surface.rest, surface.edges, surface.faces)
     candidates, near = ipc.Candidates(), ipc.NormalCollisions()
     candidates.build(surface.mesh, surface.rest, reach / 2)
     near.build(candidates, surface.mesh, surface.rest, reach)
     if not len(near):
         return []
     return [
-        [i for i in pair.vertex_ids(*given[1:]) if i >= 0]
+        [i for i in pair.vertex_ids(*surfaces[1:]) if i >= 0]
         for pairs in (candidates.fv_candidates, candidates.ee_candidates)
         for pair in pairs
-        if pair.compute_distance(*given) < reach**2
+        if pair.compute_distance(*surfaces) < reach**2
     ]
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -219,20 +219,12 @@ def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
 SIMILAR = 3.0
 
 
-class Pressures(NamedTuple):
-    """Volume strains of groups of tets around a node.
+def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Group the tets around every node by similar ``lam`` [Pa] and average their volume strain.
 
-    ``mean`` (groups, 3 nodes) maps displacements to the mean volume strain of every group,
-    ``stiffness`` (groups,) [J] is its lam times volume, ``group`` (tets, 4) that of every corner.
+    Maps displacements to the mean volume strain of every group (groups, 3 nodes); lam times volume
+    of every group [J]; group of every corner (tets, 4).
     """
-
-    mean: Any
-    stiffness: np.ndarray
-    group: np.ndarray
-
-
-def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> Pressures:
-    """Group the tets around every node by similar ``lam`` [Pa] and average their volume strain."""
     from scipy.sparse import csr_array
 
     tets, volumes = mesh.tets.astype(np.int64), mesh.volumes
@@ -255,21 +247,7 @@ def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> Pressures:
     weight = share / total[group.ravel()]
     owner = np.repeat(np.arange(len(tets)), 4)
     average = csr_array((weight, (group.ravel(), owner)), shape=(len(total), len(tets)))
-    return Pressures(average @ divergence, stiff, group)
-
-
-def _averaged_stiffness(grid: Discretisation, mesh: TetMesh, pressures: Pressures) -> BlockMatrix:
-    wp = start_warp()
-    mu = material_of(mesh).lame.mu
-    shear = stiffness(grid, np.zeros_like(mu), mu).to_scipy()
-    mean = pressures.mean
-    whole = (shear + mean.T @ (mean * pressures.stiffness[:, None])).tobsr(blocksize=(3, 3))
-    whole.sort_indices()
-    return BlockMatrix(
-        wp.array(whole.indptr, dtype=wp.int32, device=grid.device),
-        wp.array(whole.indices, dtype=wp.int32, device=grid.device),
-        wp.array(whole.data, dtype=wp.mat33d, device=grid.device),
-    )
+    return average @ divergence, stiff, group
 
 
 def solve_averaged(
@@ -291,8 +269,19 @@ def solve_averaged(
     material = material_of(mesh)
     loads = {"gravity_vector": gravity_vector, "body": body, "traction": traction, "forces": forces}
     grid, held, load = discrete_problem(mesh, supports, order=1, device=device, **loads)
-    pressures = nodal_pressures(mesh, material.lame.lam)
-    matrix = _averaged_stiffness(grid, mesh, pressures)
+    lam, mu = material.lame
+    mean, volumetric, group = nodal_pressures(mesh, lam)
+    shear = stiffness(grid, np.zeros_like(mu), mu).to_scipy()
+    whole = (shear + mean.T @ (mean * volumetric[:, None])).tobsr(blocksize=(3, 3))
+    whole.sort_indices()
+    wp = start_warp()
+    rows, columns = (
+        wp.array(a, dtype=wp.int32, device=grid.device) for a in (whole.indptr, whole.indices)
+    )
+    matrix, kept = (  # supports change the first
+        BlockMatrix(rows, columns, wp.array(whole.data, dtype=wp.mat33d, device=grid.device))
+        for _ in range(2)
+    )
     prescribed = np.where(held.fixed, held.values, 0.0)
     rhs = reduced_load(matrix, load, held, prescribed)
     nodes = grid.space.nodes
@@ -303,10 +292,10 @@ def solve_averaged(
         mesh, ElasticBody(grid, material, Law.LINEAR), u, load, held,
         solution.residual, solution.iterations,
     )  # fmt: skip
-    internal = _averaged_stiffness(grid, mesh, pressures).times(u)
+    internal = kept.times(u)
     H = displacement_gradients(grid, u, CENTROID)[:, 0]
-    volume_strain = (pressures.mean @ u.reshape(-1))[pressures.group].mean(axis=1)
-    lift = material.lame.lam * (volume_strain - np.trace(H, axis1=1, axis2=2))
+    volume_strain = (mean @ u.reshape(-1))[group].mean(axis=1)
+    lift = lam * (volume_strain - np.trace(H, axis1=1, axis2=2))
     return replace(
         plain,
         stress=plain.stress + lift[:, None, None] * np.eye(3),
