@@ -116,16 +116,14 @@ def gradient_at(d: mat103d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
 
 
 def spreading(kind: Any) -> Any:
-    """Kernel that adds the integral of a density of this ``kind`` to the nodes."""
+    """Kernel that adds the integral of a density of this ``kind`` to the nodes.
+
+    It is constant on every tet, whose nodes take the ``fraction`` of each.
+    """
+    Kind = wp.array(dtype=kind)
 
     @wp.kernel
-    def spread(
-        points: Vectors,
-        elements: IntRows,
-        density: wp.array(dtype=kind),  # constant on every tet
-        fraction: Doubles,  # that every node of a tet takes
-        total: wp.array(dtype=kind),
-    ):
+    def spread(points: Vectors, elements: IntRows, density: Kind, fraction: Doubles, total: Kind):
         t = wp.tid()
         amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
         for a in range(elements.shape[1]):

@@ -244,15 +244,10 @@ def chebyshev_steps(
     CG, whose residual stays double: a GPU runs it in single precision, a thread a scalar, for half
     the bytes and as many iterations.
     """
+    Matrix, Wide, Entries = (wp.array(dtype=kind) for kind in (block, wide, entry))
 
     @wp.kernel
-    def chebyshev_start(
-        b: wp.array(dtype=wide),
-        scale: number,
-        r: wp.array(dtype=entry),
-        d: wp.array(dtype=entry),
-        x: wp.array(dtype=entry),
-    ):
+    def chebyshev_start(b: Wide, scale: number, r: Entries, d: Entries, x: Entries):
         i = wp.tid()
         here = entry(b[i])
         r[i] = here
@@ -263,12 +258,12 @@ def chebyshev_steps(
     def chebyshev_restart(
         rows: Ints,
         columns: Ints,
-        values: wp.array(dtype=block),
-        b: wp.array(dtype=wide),
-        x: wp.array(dtype=entry),
+        values: Matrix,
+        b: Wide,
+        x: Entries,
         scale: number,
-        r: wp.array(dtype=entry),
-        d: wp.array(dtype=entry),
+        r: Entries,
+        d: Entries,
     ):
         """The x takes its step in with the next: others read it now."""
         i = wp.tid()
@@ -280,15 +275,15 @@ def chebyshev_steps(
     def chebyshev_step(
         rows: Ints,
         columns: Ints,
-        values: wp.array(dtype=block),
-        old: wp.array(dtype=entry),
+        values: Matrix,
+        old: Entries,
         keep: number,
         scale: number,
         owed: number,
-        r: wp.array(dtype=entry),
-        d: wp.array(dtype=entry),
-        x: wp.array(dtype=entry),
-        z: wp.array(dtype=wide),
+        r: Entries,
+        d: Entries,
+        x: Entries,
+        z: Wide,
     ):
         """Update r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
         i = wp.tid()
@@ -301,13 +296,7 @@ def chebyshev_steps(
         z[i] = wide(here)
 
     @wp.kernel
-    def chebyshev_subtract(
-        rows: Ints,
-        columns: Ints,
-        values: wp.array(dtype=block),
-        d: wp.array(dtype=entry),
-        r: wp.array(dtype=entry),
-    ):
+    def chebyshev_subtract(rows: Ints, columns: Ints, values: Matrix, d: Entries, r: Entries):
         i = wp.tid()
         r[i] = r[i] - row_times(rows, columns, values, d, i)
 

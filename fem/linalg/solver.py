@@ -354,11 +354,8 @@ class RepeatedSolver:
             if np.isnan(system.largest):
                 break
             try:
-                cycle = (
-                    FactorCycle(system)
-                    if self.factors
-                    else TwoLevel(system, self.points, self.fixed, DEGREE)
-                )
+                two = None if self.factors else TwoLevel(system, self.points, self.fixed, DEGREE)
+                cycle = two or FactorCycle(system)
             except NotPositive:
                 break
             self._kept = _around(matrix, system, cycle)

@@ -310,23 +310,17 @@ class CollisionSurface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def flat_faces(mesh: TetMesh, space: Space) -> Int[np.ndarray, "faces 3"]:
-    """Nodes of the outward faces; a quadratic one is four flat ones between its six nodes."""
-    faces = mesh.boundary.faces
-    if space.order == 1:
-        return faces
-    a, b, c = faces.T
-    ab, bc, ca = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]]).T
-    flat = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([np.stack(corners, axis=1) for corners in flat])
-
-
 def collision_surface(
     mesh: TetMesh, space: Space, unit: float, thickness: float
 ) -> CollisionSurface:
     """Surface of ``mesh`` in lengths of ``unit`` [m]; ``thickness`` is the barrier's, in these."""
-    ipc = ipc_toolkit()
-    nodes, local = np.unique(flat_faces(mesh, space), return_inverse=True)
+    ipc, flat = ipc_toolkit(), mesh.boundary.faces
+    if space.order == 2:  # a quadratic face is four flat ones between its six nodes
+        a, b, c = flat.T
+        ab, bc, ca = edge_nodes(space, flat[:, [[0, 1], [1, 2], [2, 0]]]).T
+        four = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        flat = np.concatenate([np.stack(corners, axis=1) for corners in four])
+    nodes, local = np.unique(flat, return_inverse=True)
     faces = np.asfortranarray(local.reshape(-1, 3), dtype=np.int32)
     rest = np.asfortranarray((space.nodes[nodes] - mesh.bounds[0]) / unit)
     edges = ipc.edges(faces)
