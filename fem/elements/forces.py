@@ -34,10 +34,10 @@ def gravity_force(
     from . import kernels_field as k
 
     wp = start_warp()
-    share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
-    share = wp.array(share, dtype=wp.float64, device=grid.device)
+    fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+    fraction = wp.array(fraction, dtype=wp.float64, device=grid.device)
     mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.constant(rho), share, mass]
+    inputs = [grid.points, grid.elements, grid.constant(rho), fraction, mass]
     wp.launch(k.spread_scalar, len(rho), inputs=inputs, device=grid.device)
     each, force = mass.numpy(), np.zeros((len(mass), 3))
     for axis in np.flatnonzero(gravity_vector):  # a few times faster than all at once
@@ -61,9 +61,9 @@ def body_force(
     wp = start_warp()
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
     each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
-    share = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
+    fraction = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
     force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
-    inputs = [grid.points, grid.elements, each, share, force]
+    inputs = [grid.points, grid.elements, each, fraction, force]
     wp.launch(k.spread_vector, len(mesh.tets), inputs=inputs, device=grid.device)
     return force.numpy()
 
@@ -140,8 +140,6 @@ def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
     return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
 
 
-# Mass of the nodes: lumped for dynamics, consistent for modes.
-
 # Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
 # the tet: Hinton, Rock & Zienkiewicz (1976).
 _HRZ = np.array([6.0] * 4 + [32.0] * 6) / 216
@@ -154,9 +152,9 @@ def mass_shares(order: int) -> Float[np.ndarray, "_"]:
 
 def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
-    share = mass_shares(space.order)
+    fraction = mass_shares(space.order)
     mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
-    return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
+    return sum_at_nodes(space, lambda i: fraction[i] * mass)[:, 0]
 
 
 def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:

@@ -179,7 +179,7 @@ def foresee(
     free: Vectors,
     differences: wp.array2d(dtype=wp.vec3d),
     terms: wp.int32,
-    share: wp.float64,
+    factor: wp.float64,
     aim: Vectors,
     start: Vectors,
 ):
@@ -188,7 +188,7 @@ def foresee(
     ahead = target[i] - old[i]
     aim[i] = old[i] + wp.cw_mul(free[i], ahead)
     for k in range(terms):
-        ahead += share * differences[k, i]
+        ahead += factor * differences[k, i]
     start[i] = old[i] + wp.cw_mul(free[i], ahead)
 
 

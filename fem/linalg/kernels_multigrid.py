@@ -213,17 +213,17 @@ def galerkin(
 
 
 @wp.kernel
-def mend(share: wp.float64, matrix: DoubleRows):
+def mend(fraction: wp.float64, matrix: DoubleRows):
     """Copy the upper triangle down; the diagonal is 1 where a motion does not exist.
 
-    Elsewhere it is raised by ``share``.
+    Elsewhere it is raised by ``fraction``.
     """
     i, j = wp.tid()
     if i > j:
         matrix[i, j] = matrix[j, i]
     if i == j:
         d = matrix[i, i]
-        matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
+        matrix[i, i] = wp.where(d > wp.float64(0.0), d + fraction * d, wp.float64(1.0))
 
 
 class ChebyshevSteps(NamedTuple):

@@ -123,9 +123,9 @@ class DeviceVector:
         self.write(out)
         return out
 
-    def write(self, out: Any, share: float = 1.0) -> None:
-        """Write ``share`` times the numbers to an array."""
-        self._combine(share * self.factor, self, 0.0, out)
+    def write(self, out: Any, factor: float = 1.0) -> None:
+        """Write ``factor`` times the numbers to an array."""
+        self._combine(factor * self.factor, self, 0.0, out)
 
     def _combine(self, own: float, other: DeviceVector, factor: float, out: Any) -> None:
         from . import kernels_krylov as k

@@ -44,8 +44,8 @@ def spread_force(
     mesh: TetMesh, faces: Int[np.ndarray, "faces 3"], force: Sequence[float] | np.ndarray
 ) -> Traction:
     """``force`` (3,) [N] in total, the same on every square metre of ``faces``."""
-    share = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
-    return Traction(faces, np.tile(share, (len(faces), 1)))
+    value = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
+    return Traction(faces, np.tile(value, (len(faces), 1)))
 
 
 def spread_torque(

@@ -137,10 +137,10 @@ def find_supports(
 def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
     """Ids near the lowest point that span a plane: the share of the height grows until they do."""
     z = points[ids, axis] - points[ids, axis].min()
-    share = BASE_SHARE
-    while share < 1 and not spans_plane(points[ids[z <= share * z.max()]]):
-        share *= 1.5
-    return ids[z <= share * z.max()]
+    fraction = BASE_SHARE
+    while fraction < 1 and not spans_plane(points[ids[z <= fraction * z.max()]]):
+        fraction *= 1.5
+    return ids[z <= fraction * z.max()]
 
 
 def _clamp_lowest(points, ids, axis, fixed) -> None:

@@ -294,13 +294,13 @@ MOST_CELLS = 64
 
 
 class Sites(NamedTuple):
-    """Places ``rest`` (n, 3) [m] that move with the shares (n, k) of their ``nodes`` (n, k).
+    """Places ``rest`` (n, 3) [m] that move with fractions ``alpha`` (n, k) of ``nodes`` (n, k).
 
     ``weight`` (n,) [J] is stiffness times area times thickness.
     """
 
     nodes: Int[np.ndarray, "n k"]
-    share: Float[np.ndarray, "n k"]
+    alpha: Float[np.ndarray, "n k"]
     rest: Float[np.ndarray, "n 3"]
     weight: Float[np.ndarray, "n"]
 
@@ -313,14 +313,14 @@ class Sites(NamedTuple):
         """Value of the nodal field ``u`` (nodes, 3) at the places."""
         if self.alone:
             return u[self.nodes[:, 0]]
-        return np.einsum("nk,nkd->nd", self.share, u[self.nodes])
+        return np.einsum("nk,nkd->nd", self.alpha, u[self.nodes])
 
     def spread(self, values: Float[np.ndarray, "n 3"], out: np.ndarray) -> None:
         """Add ``values`` at the places to the nodes of ``out`` (nodes, 3)."""
         if self.alone:
             out[self.nodes[:, 0]] += values
         else:
-            np.add.at(out, self.nodes, self.share[:, :, None] * values[:, None])
+            np.add.at(out, self.nodes, self.alpha[:, :, None] * values[:, None])
 
     def spread_blocks(
         self, blocks: Float[np.ndarray, "n 3 3"], diagonal: np.ndarray, pairs: list
@@ -332,9 +332,9 @@ class Sites(NamedTuple):
         near = np.flatnonzero(np.abs(blocks).max(axis=(1, 2)) > 0)
         if not near.size:
             return
-        nodes, share = self.nodes[near], self.share[near]
+        nodes, alpha = self.nodes[near], self.alpha[near]
         i, j = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        both = share[:, :, None] * share[:, None, :]
+        both = alpha[:, :, None] * alpha[:, None, :]
         pairs.append((i, j, both[..., None, None] * blocks[near, None, None]))
 
 
@@ -346,7 +346,7 @@ class _Group(NamedTuple):
 
     nodes: np.ndarray
     stiffness: np.ndarray
-    share: np.ndarray
+    alpha: np.ndarray
 
 
 class SurfaceSites:
@@ -406,11 +406,11 @@ class SurfaceSites:
         for group in self.groups:
             close = self.close(group.nodes, u, shift, margin)
             if close.size:
-                places = len(group.share)
+                places = len(group.alpha)
                 nodes = np.repeat(group.nodes[close], places, axis=0)
-                share = np.tile(group.share, (len(close), 1))
-                rest = np.einsum("nk,nkd->nd", share, self.rest[nodes])
-                yield Sites(nodes, share, rest, np.repeat(group.stiffness[close], places))
+                alpha = np.tile(group.alpha, (len(close), 1))
+                rest = np.einsum("nk,nkd->nd", alpha, self.rest[nodes])
+                yield Sites(nodes, alpha, rest, np.repeat(group.stiffness[close], places))
 
     def close(self, faces: np.ndarray, u: np.ndarray, shift: np.ndarray, margin: float):
         """Indices of all ``faces`` (faces, k) that are closer than ``margin``, and of more."""

@@ -136,8 +136,8 @@ def static_displacement(
         adjoint = np.where(held.fixed, 0.0, solution.x)
         stress = _elastic_stress(grid, Law.LINEAR, u)
         by_E, by_nu = _by_moduli(grid, mesh, material, stress, adjoint)
-        share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
-        lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
+        fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+        lifted = np.einsum("i,tid->td", fraction, adjoint[grid.space.elements])
         return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity_vector)))
 
     return _function(forward, backward, (E, nu, rho))

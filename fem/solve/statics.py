@@ -212,8 +212,6 @@ def nodal_stress(result: StaticResult) -> Float[np.ndarray, "points 3 3"]:
     return (np.stack(mean, axis=1) / np.where(total > 0, total, 1.0)[:, None]).reshape(-1, 3, 3)
 
 
-# Nodal pressures.
-#
 # Tets around a node share a pressure where their first Lame parameters differ less than this
 # factor: a soft filling must not take the pressure of a stiff shell.
 SIMILAR = 3.0
@@ -232,9 +230,9 @@ def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> tuple[Any, np.ndarray, np
     bucket -= bucket.min()
     key = tets * (int(bucket.max()) + 1) + bucket[:, None]
     group = np.unique(key, return_inverse=True)[1].reshape(-1, 4)
-    share = np.repeat(volumes / 4, 4)
-    total = np.bincount(group.ravel(), share)
-    stiff = np.bincount(group.ravel(), share * np.repeat(lam, 4))
+    quarter = np.repeat(volumes / 4, 4)
+    total = np.bincount(group.ravel(), quarter)
+    stiff = np.bincount(group.ravel(), quarter * np.repeat(lam, 4))
     # Row of a tet: its volume strain, sum over corners of grad lambda_a . u_a.
     corner = mesh.points[tets]
     edges = corner[:, 1:] - corner[:, :1]
@@ -244,7 +242,7 @@ def nodal_pressures(mesh: TetMesh, lam: np.ndarray) -> tuple[Any, np.ndarray, np
     starts = np.arange(len(tets) + 1) * 12
     size = (len(tets), 3 * len(mesh.points))
     divergence = csr_array((gradients.ravel(), columns.ravel(), starts), shape=size)
-    weight = share / total[group.ravel()]
+    weight = quarter / total[group.ravel()]
     owner = np.repeat(np.arange(len(tets)), 4)
     average = csr_array((weight, (group.ravel(), owner)), shape=(len(total), len(tets)))
     return average @ divergence, stiff, group
