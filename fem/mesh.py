@@ -1,4 +1,7 @@
-"""The tetrahedral mesh: points, tets, named regions and, once assigned, their material."""
+"""The tetrahedral mesh: points, tets, named regions and, once assigned, their material.
+
+With its components, what is joined firmly enough to move as one body, and its boundary.
+"""
 
 from __future__ import annotations
 
@@ -216,9 +219,7 @@ def _frozen(values, dtype: type) -> np.ndarray:
     return array
 
 
-# Components of a mesh: what is joined firmly enough to move as one body.
-
-# Points are on one line when they leave it by less than this share of their extent.
+# Points are on one line when they leave it by less than this fraction of their extent.
 FLATNESS = 1e-6
 # Above this many components the dense matrix of their rigid motions is not worth making.
 MAX_COMPONENTS = 300
@@ -337,8 +338,6 @@ def rigid_motions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 6"
     return motion
 
 
-# The boundary of a body of tets: its outward faces, their areas and normals.
-
 # Outward faces of a positively oriented tet (vertex i is opposite to face i).
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -434,9 +433,6 @@ def face_normals(
     """Unit normal of every face, outward where the faces are those of ``mesh.boundary``."""
     vectors = area_vectors(points, faces)
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-# A box of tets: the analytic body of tests, benchmarks and examples.
 
 
 def box_mesh(size: Sequence[float], cells: Sequence[int], *, lo=(0.0, 0.0, 0.0)) -> TetMesh:

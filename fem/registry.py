@@ -79,9 +79,6 @@ class Registry(Mapping[str, T]):
         return f"unknown {self.kind} {name!r}: known are {', '.join(self.names)}{hint}"
 
 
-# The face of a package: its public names, each loaded from its own module on first use.
-
-
 def on_first_use(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

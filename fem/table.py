@@ -1,4 +1,7 @@
-"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands."""
+"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands.
+
+Tables beside it know of some rows, by their names, strength, grain, colour and flow.
+"""
 
 from __future__ import annotations
 
@@ -283,10 +286,6 @@ def load_contents() -> MaterialTable:
     """
     return load_table(CONTENTS_PATH)
 
-
-# What else is known of a row of the material table: how strong it is, its grain, its colour.
-#
-# Rows are found by their name in the table; a row that no source speaks of has none.
 
 StrengthKind = Literal["yield", "ultimate", "crushing"]
 

@@ -141,9 +141,6 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
-# Square sparse matrices of 3 x 3 blocks.
-
-
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
     """Square sparse matrix of 3 x 3 blocks [N/m] on a device: CSR of blocks."""
@@ -266,9 +263,6 @@ class GrownPattern:
         slots = np.arange(len(known)) + np.searchsorted(new, known)
         arrays = (wp.array(a, dtype=wp.int32, device=device) for a in (start, keys % count))
         self._grown = (*arrays, slots)
-
-
-# Supports: on every node, out of matrix and load.
 
 
 def node_supports(supports: Supports, space: Space) -> Supports:

@@ -129,9 +129,6 @@ class ElasticBody:
         return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
-# Strain and stress of a displacement on the host, tensor by tensor.
-
-
 class StrainAndStress(NamedTuple):
     """Strain [1] and Cauchy stress [Pa], each (tets, 3, 3)."""
 

@@ -1,4 +1,4 @@
-"""Loads on a body as nodal forces: gravity, body force, surface traction; areas of nodes."""
+"""Loads on a body as nodal forces: gravity, body force, surface traction; masses of nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Krylov methods on a device: its vectors, and conjugate gradients."""
+"""Krylov methods: vectors of a device, conjugate gradients on it, eigenvalues by Lanczos."""
 
 from __future__ import annotations
 
@@ -270,8 +270,6 @@ class ConjugateGradients:
         self.reached = not indefinite and bool(ended <= self.target**2)
         return int(iterations)
 
-
-# Eigenvalues by Lanczos: lowest vibrations of a factored matrix, the largest of a matrix.
 
 Operator = Callable[[np.ndarray], np.ndarray]
 

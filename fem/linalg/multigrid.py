@@ -1,4 +1,7 @@
-"""Two-level preconditioner: Chebyshev smoothing and a coarse space of rigid aggregates."""
+"""Two-level preconditioner: Chebyshev smoothing and a coarse space.
+
+Its functions are smoothed rigid motions of aggregates, or linear ones of the corners of P2 tets.
+"""
 
 from __future__ import annotations
 
@@ -481,8 +484,6 @@ def _raised_factor(matrix: np.ndarray):
             matrix[:] = np.triu(matrix) + np.triu(matrix, 1).T
     raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")
 
-
-# Coarse level of quadratic tets: linear functions of their corners, their matrix factored.
 
 # Patterns of the corners of the last spaces, by their edges.
 _RECENT_CORNERS: Recent[Pattern] = Recent(2)

@@ -29,7 +29,7 @@ DIRECT = 6_000
 MOST_ENTRIES = 400_000_000
 # The iterations grow as 1 / sqrt(1 - 2 nu): P2 at nu = .4999 takes about 600.
 MAX_ITERATIONS = 1000
-# A pivot this small a share of its diagonal entry may be round-off of a zero: a body that is not
+# A pivot this small a fraction of its diagonal entry may be round-off of a zero: a body that is not
 # held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
 CHOLESKY = "sparse Cholesky"
@@ -37,7 +37,7 @@ CG_AGGREGATES, CG_LINEAR = "CG over rigid aggregates", "CG over linear elements"
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
-# That correction is found to this share of itself.
+# That correction is found to this fraction of itself.
 CORRECTED = 0.1
 # Steps of iterative refinement (round-off of high contrasts); after a correction of this share the
 # next would be its square, below round-off.
@@ -266,8 +266,6 @@ def _prepared(
         _RECENT[:] = [(system, cycle, cg)]
     return cycle, cg
 
-
-# Linear systems that change little from one to the next: the preconditioner is kept.
 
 # Unknowns up to which the preconditioner is a direct factor without anything being estimated.
 REUSED_DIRECT = 4_000

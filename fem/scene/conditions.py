@@ -158,7 +158,7 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
 
 AXES = "xyz"
 FORMS = "part:NAME, box:x0,y0,z0,x1,y1,z1, plane:z<0.01 (or x>1), near:x,y,z,r or all"
-# Places reach this share of the diagonal further: `plane:z<0` means the face at z = 0 too, and
+# Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
 

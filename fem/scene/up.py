@@ -40,6 +40,4 @@ def lowest_corner(bounds: Float[np.ndarray, "2 3"], up: UpAxis) -> Float[np.ndar
     return np.where(up_vector(up) < 0, bounds[1], bounds[0])
 
 
-# The names of the axes that may point up, for whoever loads nothing else.
-
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]

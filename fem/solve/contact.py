@@ -1,4 +1,7 @@
-"""Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction."""
+"""Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction.
+
+And what a body that only stands needs of the ground, its ``foothold``.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,16 @@ from ..scene.obstacles import Distance, Obstacle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
 from .self_contact import ContactPressures, PieceForce, SelfContact, largest_pressure
 
-# The barrier acts closer than this share of the body's diagonal.
+# The barrier acts closer than this fraction of the body's diagonal.
 BARRIER_SHARE = 1e-3
-# Barrier stiffness as a share of the body's own E: stiff against the body, which is a thousand
+# Barrier stiffness as a fraction of the body's own E: stiff against the body, which is a thousand
 # barrier thicknesses wide, and soft enough for Newton.
 STIFFNESS_SHARE = 0.1
-# A Newton step may use up this share of a gap.
+# A Newton step may use up this fraction of a gap.
 GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
-# Sliding slower than this share of the body's diagonal per second is sticking.
+# Sliding slower than this fraction of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
 
@@ -484,9 +487,6 @@ class Lagged(NamedTuple):
 def outer(n: np.ndarray) -> np.ndarray:
     """Outer product of every row (n, 3) with itself, (n, 3, 3)."""
     return n[:, :, None] * n[:, None, :]
-
-
-# Where a load meets the ground, and how far within the feet of what stands there.
 
 
 class Foothold(NamedTuple):

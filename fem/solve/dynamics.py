@@ -29,7 +29,7 @@ from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Ste
 
 logger = logging.getLogger(__name__)
 
-# A step ends when the unbalanced force is below this share of the external and inertial force.
+# A step ends when the unbalanced force is below this fraction of the external and inertial force.
 TOLERANCE = 1e-4
 # A step that fails is halved so often at most.
 HALVINGS = 8

@@ -123,7 +123,7 @@ def find_discretisation_error(
 # The unknowns of the cubic elements are eliminated to those that quadratic ones lack, the surplus:
 # at every step of CG for these the quadratic ones follow, through the inverse of their stiffness.
 
-# The steps end where one wins less than this share of all energy that was won; flat cells and nu
+# The steps end where one wins less than this fraction of all energy that was won; flat cells and nu
 # near .5 would creep on for long.
 GAIN, MOST_STEPS = 0.02, 20
 # True error of a displacement over what cubic elements win of it, which are off themselves: by

@@ -1,4 +1,4 @@
-"""Natural frequencies and shapes of a body, free or held."""
+"""Natural frequencies and shapes of a body, free or held; inverses of its stiffness."""
 
 from __future__ import annotations
 
@@ -264,8 +264,6 @@ def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
     x[free] = modes[:, order]
     return square[order], x
 
-
-# A held stiffness and its inverse for many loads: a factor where one is affordable, else CG.
 
 # Operations of a factor above which it is not made for this alone: half a minute of a core.
 MOST_OPERATIONS = 1e12

@@ -31,10 +31,10 @@ from .statics import check_held, discrete_problem, static_result
 logger = logging.getLogger(__name__)
 
 MAX_ITERATIONS = 100
-# The step is halved until the energy falls by this share of the slope (Armijo).
+# The step is halved until the energy falls by this fraction of the slope (Armijo).
 SUFFICIENT = 1e-4
 HALVINGS = 30
-# An energy is known to this share of its terms: below it, a step is judged by its residual.
+# An energy is known to this fraction of its terms: below it, a step is judged by its residual.
 ENERGY_NOISE = 1e-12
 # Steps of dynamic relaxation.
 RELAXATIONS = 400
@@ -195,7 +195,7 @@ TOLERANCE = 1e-8
 LINEAR_TOLERANCE = 1e-5
 # Newton steps of one step of the load.
 STEP_LIMIT = 15
-# First step of the relaxation, as a share of the time of a fall across the body.
+# First step of the relaxation, as a fraction of the time of a fall across the body.
 FALL_SHARE = 0.05
 
 

@@ -300,9 +300,6 @@ class Modes:
     residual: float
 
 
-# What is kept of a motion that particles found.
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParticleRun:
     """The particles of a motion that was found by them.
@@ -343,8 +340,6 @@ class ParticleRun:
     gradients: Float[np.ndarray, "frames n 3 3"]
 
 
-# How far a motion is from the body's: by few coordinates, and by elements that lock.
-
 # Beyond this share a reduced motion is not that of the full body.
 MOTION_LIMIT = 0.05
 # Linear elements bend as quadratic ones do while they are less than this many times as stiff.
@@ -375,8 +370,6 @@ def too_coarse(stiffening: float) -> str | None:
         f"the mesh is too coarse for linear elements: {stiffening:.2g} times too stiff in bending"
     )
 
-
-# The energy of a motion beside what it was given: what was made of nothing, and what is lost.
 
 # A body strained by this share has an energy that is worth no word.
 UNSEEN = 1e-10

@@ -120,9 +120,7 @@ class Forecast:
         return sum(self.differences[: self.terms], 0.0)
 
 
-# The energy that an implicit step minimises, on the host or on a device.
-
-# Forces of inertia and elasticity are known to this share of what |u| would make of them.
+# Forces of inertia and elasticity are known to this fraction of what |u| would make of them.
 ROUND_OFF = 2e-15
 # Forces balanced to this share: near enough for the Hessian of friction itself.
 NEAR = 1e-2

@@ -15,20 +15,20 @@ from ..elements.space import Space
 from ..errors import InputError
 from ..mesh import TetMesh, area_vectors, material_of, piece_names, point_components
 
-# Barrier stiffness as a share of the softest E: stiff against the body, soft enough for Newton.
+# Barrier stiffness as a fraction of the softest E: stiff against the body, soft enough for Newton.
 STIFFNESS_SHARE = 0.1
 # What is near is looked for this many thicknesses further than the barrier acts, so that the list
 # holds until something has moved so far.
 MARGIN = 2.0
-# Where nothing is near, how far it is to the next is looked for within this share of an edge.
+# Where nothing is near, how far it is to the next is looked for within this fraction of an edge.
 FAR = 0.5
-# A list serves the body where it has turned to while it bent by no more than this share of it.
+# A list serves the body where it has turned to while it bent by no more than this fraction of it.
 TURNED = 0.5
-# A Newton step may use up this share of a gap.
+# A Newton step may use up this fraction of a gap.
 GAP_SHARE = 0.9
 # Additive steps of one pair's continuous detection; what has none left stops there.
 ADVANCES = 1000
-# Sliding slower than this share of the body's diagonal per second is sticking.
+# Sliding slower than this fraction of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
 
