@@ -257,33 +257,24 @@ def numbers(text: str, count: int, words: str) -> np.ndarray:
     return values
 
 
-def described_bounds(mesh: TetMesh) -> str:
-    """The box of a mesh in words: 'x 0 to 1, y 0 to 0.1, z 0 to 0.1 m'."""
-    spans = zip(AXES, *mesh.bounds, strict=True)
-    return ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans) + " m"
+def half_space(text: str, words: str) -> tuple[int, float, float]:
+    """Axis, sign and level [m] of 'z<0.01': where sign * x[axis] is below sign * level.
 
-
-class HalfSpace(NamedTuple):
-    """Where sign * x[axis] is below sign * ``level`` [m]."""
-
-    axis: int
-    sign: float
-    level: float
-
-
-def half_space(text: str, words: str) -> HalfSpace:
-    """Half of space in words such as 'z<0.01'; ``UsageError`` naming ``words`` else."""
+    ``UsageError`` naming ``words`` where it is something else.
+    """
     match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
     if match is None:
         raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
     sign = 1.0 if match[2] == "<" else -1.0
-    return HalfSpace(AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0]))
+    return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
 
 
 def _around(mesh: TetMesh, most: int = 8) -> str:
     names = ", ".join(mesh.region_names[:most])
     more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
-    return f"parts are {names}{more}; the mesh spans {described_bounds(mesh)}"
+    spans = zip(AXES, *mesh.bounds, strict=True)
+    box = ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans)
+    return f"parts are {names}{more}; the mesh spans {box} m"
 
 
 OBSTACLES = (
