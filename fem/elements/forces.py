@@ -27,22 +27,18 @@ def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.n
     return total
 
 
-def gravity_force(
-    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity_vector: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "nodes 3"]:
-    """Nodal forces [N] of ``gravity_vector`` [m/s^2] on tets of density ``rho`` [kg/m^3]."""
+def nodal_integral(grid: Discretisation, density: Any) -> np.ndarray:
+    """Integral of a device array of numbers or vectors, constant on every tet, at the nodes."""
     from . import kernels_field as k
 
-    wp = start_warp()
+    wp, vector = start_warp(), density.dtype is start_warp().vec3d
     fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
     fraction = wp.array(fraction, dtype=wp.float64, device=grid.device)
-    mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.constant(rho), fraction, mass]
-    wp.launch(k.spread_scalar, len(rho), inputs=inputs, device=grid.device)
-    each, force = mass.numpy(), np.zeros((len(mass), 3))
-    for axis in np.flatnonzero(gravity_vector):  # a few times faster than all at once
-        force[:, axis] = each * gravity_vector[axis]
-    return force
+    total = wp.zeros(len(grid.space.nodes), dtype=density.dtype, device=grid.device)
+    inputs = [grid.points, grid.elements, density, fraction, total]
+    kernel = k.spread_vector if vector else k.spread_scalar
+    wp.launch(kernel, len(density), inputs=inputs, device=grid.device)
+    return total.numpy()
 
 
 def body_force(
@@ -50,22 +46,16 @@ def body_force(
 ) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
     space = grid.space
-    N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
     if callable(density):
+        N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
         local = np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N)
         return sum_at_nodes(space, lambda i: local[:, i])
-    from . import kernels_field as k
-
     wp = start_warp()
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
     each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
-    fraction = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
-    force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
-    inputs = [grid.points, grid.elements, each, fraction, force]
-    wp.launch(k.spread_vector, len(mesh.tets), inputs=inputs, device=grid.device)
-    return force.numpy()
+    return nodal_integral(grid, each)
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
@@ -110,10 +100,11 @@ def load_vector(
     """
     space = grid.space
     gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
+    total = np.zeros((len(space.nodes), 3))
     if gravity.any():
-        total = gravity_force(grid, material_of(mesh).rho, gravity)
-    else:
-        total = np.zeros((len(space.nodes), 3))
+        mass = nodal_integral(grid, grid.constant(material_of(mesh).rho))
+        for axis in np.flatnonzero(gravity):  # a few times faster than all at once
+            total[:, axis] = mass * gravity[axis]
     if body is not None:
         total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:
