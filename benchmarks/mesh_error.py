@@ -54,7 +54,7 @@ def refined(mesh):
 
 def measure(path: Path) -> dict:
     from autophyx_tet.converters.mesh.meshdata import read_mesh
-    from autophyx_tet.fem.elements.constraints import node_supports
+    from autophyx_tet.fem.elements.assembly import node_supports
     from autophyx_tet.fem.scenarios import Sag
     from autophyx_tet.fem.scene.supports import Supports
     from autophyx_tet.fem.solve.error import find_discretisation_error

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from autophyx_tet.converters.files import load_npz
 from autophyx_tet.converters.mesh.meshdata import read_mesh
-from autophyx_tet.fem.elements.constraints import node_supports
+from autophyx_tet.fem.elements.assembly import node_supports
 from autophyx_tet.fem.elements.forces import lumped_mass
 from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.material import ElementMaterial

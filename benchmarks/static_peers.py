@@ -21,8 +21,12 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 def assembled(case: Case, order: int):
     """Our matrix as BSR and load: what a pure linear solver among the peers is given."""
-    from autophyx_tet.fem.elements.assembly import discretise, stiffness
-    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.assembly import (
+        discretise,
+        node_supports,
+        reduced_load,
+        stiffness,
+    )
     from autophyx_tet.fem.elements.forces import load_vector
     from autophyx_tet.fem.scene.supports import Supports
 

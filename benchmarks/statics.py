@@ -37,8 +37,12 @@ COLD = ("calculix", "calculix-iterative", "dolfinx", "dolfinx-gamg")
 
 
 def ours(case: Case, order: int, device: str = "cpu") -> dict:
-    from autophyx_tet.fem.elements.assembly import discretise, stiffness
-    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.assembly import (
+        discretise,
+        node_supports,
+        reduced_load,
+        stiffness,
+    )
     from autophyx_tet.fem.elements.forces import load_vector
     from autophyx_tet.fem.linalg.solver import solve_system
     from autophyx_tet.fem.scene.supports import Supports
@@ -59,8 +63,12 @@ def ours(case: Case, order: int, device: str = "cpu") -> dict:
 
 def ours_cg(case: Case, order: int) -> dict:
     """Ours without a factor of the whole matrix: what CG takes where that would not fit."""
-    from autophyx_tet.fem.elements.assembly import discretise, stiffness
-    from autophyx_tet.fem.elements.constraints import node_supports, reduced_load
+    from autophyx_tet.fem.elements.assembly import (
+        discretise,
+        node_supports,
+        reduced_load,
+        stiffness,
+    )
     from autophyx_tet.fem.elements.forces import load_vector
     from autophyx_tet.fem.linalg.multigrid import scale
     from autophyx_tet.fem.linalg.solver import solve_iterative

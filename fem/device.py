@@ -8,35 +8,22 @@ import functools
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 from .errors import InputError
 
 Parameters = ParamSpec("Parameters")
 Answer = TypeVar("Answer")
+Value = TypeVar("Value")
 
 # Linux: what a process has mapped, the libraries of warp there that nobody writes to (address
 # first and last, offset in the file), and the advice that its pages are not needed.
 MAPPED = Path("/proc/self/maps")
 _UNWRITTEN = re.compile(r"([0-9a-f]+)-([0-9a-f]+) r-(x|-)p ([0-9a-f]+) .*/warp(?:-clang)?\.so\n")
 MADV_DONTNEED = 4
-
-
-@contextlib.contextmanager
-def _quiet_stderr() -> Iterator[None]:
-    """Close the process's stderr for a moment: warp's native start-up writes there unasked."""
-    sys.stderr.flush()
-    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(null)
 
 
 @functools.cache
@@ -48,25 +35,26 @@ def start_warp() -> ModuleType:
         wp.config.log_level = wp.LOG_ERROR
     else:  # older warp
         wp.config.quiet = True  # type: ignore
-    with _quiet_stderr():
+    # Without the process's stderr for a moment: warp's native start-up writes there unasked.
+    sys.stderr.flush()
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
         wp.init()
-    _forget_start_up()
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)
+    # Give back some 90 MB of warp's libraries that their start-up alone read: clean pages of code,
+    # and of the head of a file. What is needed again comes back from it by itself; other pages that
+    # are not written to may have been, while the library was linked.
+    if MAPPED.exists():
+        advise = ctypes.CDLL(None).madvise
+        advise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+        for low, high, code, offset in _UNWRITTEN.findall(MAPPED.read_text()):
+            if code == "x" or int(offset, 16) == 0:
+                advise(int(low, 16), int(high, 16) - int(low, 16), MADV_DONTNEED)
     return wp
-
-
-def _forget_start_up() -> None:
-    """Give back some 90 MB of warp's libraries that their start-up alone read.
-
-    They are clean pages of code, and of the head of a file: what is needed again comes back from it
-    by itself. The other pages that are not written to may have been, while the library was linked.
-    """
-    if not MAPPED.exists():
-        return
-    advise = ctypes.CDLL(None).madvise
-    advise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    for low, high, code, offset in _UNWRITTEN.findall(MAPPED.read_text()):
-        if code == "x" or int(offset, 16) == 0:
-            advise(int(low, 16), int(high, 16) - int(low, 16), MADV_DONTNEED)
 
 
 class Recorder:
@@ -79,6 +67,27 @@ class Recorder:
         """Return a launch command of ``kernel``."""
         dim = self.size if size is None else size
         return start_warp().launch(kernel, dim, inputs=inputs, device=self.device, record_cmd=True)
+
+
+class Recent(Generic[Value]):
+    """The last ``most`` values that were made of the same arrays, told by identity."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.items = most, []
+
+    def get(self, *key: Any) -> Value | None:
+        """Value of ``key``, if it was kept: names in it are compared, all else is the same."""
+        for kept, value in self.items:
+            pairs = zip(kept, key, strict=True)
+            if all(a is b or (isinstance(a, str | int) and a == b) for a, b in pairs):
+                return value
+        return None
+
+    def keep(self, value: Value, *key: Any) -> Value:
+        """Keep ``value`` for ``key``, forget the oldest, and return it."""
+        self.items.insert(0, (key, value))
+        del self.items[self.most :]
+        return value
 
 
 def checked_device(device: str) -> str:

@@ -200,18 +200,19 @@ class ElementMaterial:
 
         E_L, E_R, E_T, G_LR, G_LT, G_RT [Pa], nu_LR, nu_LT, nu_RT [1].
         """
-        found, own = np.zeros((len(self.E), 9)), self.grained
+        constants, grained = np.zeros((len(self.E), 9)), self.grained
         if self.tensor is not None and self.axes is not None:
-            found[own] = np.stack(orthotropic_constants(self.tensor[own], self.axes[own]), axis=1)
-        return found
+            nine = orthotropic_constants(self.tensor[grained], self.axes[grained])
+            constants[grained] = np.stack(nine, axis=1)
+        return constants
 
     @cached_property
     def lame(self) -> LameParameters:
         """Lame parameters (lam, mu) [Pa], each (tets,)."""
-        found = lame_parameters(self.E, self.nu)
-        for values in found:
+        moduli = lame_parameters(self.E, self.nu)
+        for values in moduli:
             values.flags.writeable = False
-        return found
+        return moduli
 
 
 def material_arrays(material: ElementMaterial | None) -> dict[str, np.ndarray]:

@@ -1,4 +1,7 @@
-"""The tetrahedral mesh: points, tets, named regions and, once assigned, their material."""
+"""The tetrahedral mesh: points, tets, named regions and, once assigned, their material.
+
+With its components, what is joined firmly enough to move as one body, and its boundary.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +85,28 @@ class TetMesh:
         points = _frozen(self.points, np.float64)
         tets = _frozen(self.tets, np.int32)
         region = _frozen(self.region, np.int32)
-        _check_arrays(points, tets, region, self.region_names)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"points must have shape (points, 3), got {points.shape}")
+        if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
+            raise InputError(
+                f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}"
+            )
+        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if bad.size:
+            raise InputError(
+                f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
+            )
+        if tets.min() < 0 or tets.max() >= len(points):
+            raise InputError(
+                f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
+            )
+        if region.shape != (len(tets),):
+            raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
+        if len(set(self.region_names)) != len(self.region_names):
+            raise InputError(f"region names must be unique, got {list(self.region_names)}")
+        if region.min() < 0 or region.max() >= len(self.region_names):
+            ids, names = f"{region.min()}..{region.max()}", len(self.region_names)
+            raise InputError(f"region ids {ids} but {names} region names")
         volumes = signed_volumes(points, tets)
         bad = np.flatnonzero(~(volumes > 0))
         if bad.size:
@@ -193,43 +217,17 @@ def largest_explicit_step(mesh: TetMesh) -> float:
     return float((altitudes(mesh.points, mesh.tets).min(axis=1) / speed).min())
 
 
-def _frozen(given, dtype: type) -> np.ndarray:
+def _frozen(values, dtype: type) -> np.ndarray:
     """Copy of an array that cannot be written to; one of this kind already is taken as it is."""
-    array = np.asarray(given)
+    array = np.asarray(values)
     frozen = array.base is None and not array.flags.writeable
     if not (frozen and array.dtype == dtype and array.flags.c_contiguous):
-        array = np.array(given, dtype=dtype, order="C")
+        array = np.array(values, dtype=dtype, order="C")
         array.flags.writeable = False
     return array
 
 
-def _check_arrays(points, tets, region, region_names) -> None:
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points must have shape (points, 3), got {points.shape}")
-    if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
-        raise InputError(f"tets must have shape (tets, 4) with at least one tet, got {tets.shape}")
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"point {bad[0]} is not finite ({bad.size} of {len(points)}): {points[bad[0]]}"
-        )
-    if tets.min() < 0 or tets.max() >= len(points):
-        raise InputError(
-            f"tets name points {tets.min()}..{tets.max()}, the mesh has 0..{len(points) - 1}"
-        )
-    if region.shape != (len(tets),):
-        raise InputError(f"region must have shape ({len(tets)},), got {region.shape}")
-    if len(set(region_names)) != len(region_names):
-        raise InputError(f"region names must be unique, got {list(region_names)}")
-    if region.min() < 0 or region.max() >= len(region_names):
-        raise InputError(
-            f"region ids {region.min()}..{region.max()} but {len(region_names)} region names"
-        )
-
-
-# Components of a mesh: what is joined firmly enough to move as one body.
-
-# Points are on one line when they leave it by less than this share of their extent.
+# Points are on one line when they leave it by less than this fraction of their extent.
 FLATNESS = 1e-6
 # Above this many components the dense matrix of their rigid motions is not worth making.
 MAX_COMPONENTS = 300
@@ -348,8 +346,6 @@ def rigid_motions(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 6"
     return motion
 
 
-# The boundary of a body of tets: its outward faces, their areas and normals.
-
 # Outward faces of a positively oriented tet (vertex i is opposite to face i).
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -445,9 +441,6 @@ def face_normals(
     """Unit normal of every face, outward where the faces are those of ``mesh.boundary``."""
     vectors = area_vectors(points, faces)
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-# A box of tets: the analytic body of tests, benchmarks and examples.
 
 
 def box_mesh(size: Sequence[float], cells: Sequence[int], *, lo=(0.0, 0.0, 0.0)) -> TetMesh:

@@ -79,20 +79,17 @@ class Registry(Mapping[str, T]):
         return f"unknown {self.kind} {name!r}: known are {', '.join(self.names)}{hint}"
 
 
-# The face of a package: its public names, each loaded from its own module on first use.
-
-
 def on_first_use(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """``__getattr__`` and ``__dir__`` of a package, of public name -> module relative to it."""
 
-    def found(name: str) -> Any:
+    def load(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(f".{homes[name]}", package), name)
 
-    def listed() -> list[str]:
+    def names() -> list[str]:
         return sorted(homes)
 
-    return found, listed
+    return load, names

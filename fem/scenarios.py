@@ -8,7 +8,6 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from .deprecation import renamed_options
 from .errors import InputError
 from .laws.law import Law
 from .mesh import TetMesh, face_normals, material_of
@@ -390,7 +389,6 @@ class Squeeze:
         )
 
 
-@renamed_options(tell="progress")
 def squeeze(
     mesh: TetMesh,
     *,
@@ -486,7 +484,6 @@ class Drop:
         )
 
 
-@renamed_options(tell="progress")
 def drop(
     mesh: TetMesh,
     *,

@@ -1,4 +1,7 @@
-"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands."""
+"""The material table: [min, max] of E, nu, rho of everyday materials, with sources and bands.
+
+Tables beside it know of some rows, by their names, strength, grain, colour and flow.
+"""
 
 from __future__ import annotations
 
@@ -141,21 +144,17 @@ def stated_material(value: MaterialValue) -> Material:
     return Material(AS_STATED, AS_STATED, E, nu, rho, source=AS_STATED)
 
 
-def _band_of(category: str) -> Band:
-    """What is possible in a category; of what is only stated, in any."""
-    if category != AS_STATED:
-        return CATEGORIES[category]
-    spans = zip(*CATEGORIES.values(), strict=True)
-    return Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
-
-
 def outside_band(category: str, E: float, nu: float, rho: float) -> list[str]:
     """Return one sentence for each of E [Pa], nu [1], rho [kg/m^3] outside the category's band."""
     if category not in {*CATEGORIES, AS_STATED}:
         raise UsageError(f"unknown category {category!r}: wanted one of {', '.join(CATEGORIES)}")
+    if category in CATEGORIES:
+        band = CATEGORIES[category]
+    else:  # what is only stated may be of any
+        spans = zip(*CATEGORIES.values(), strict=True)
+        band = Band(*(Span(min(s.min for s in of), max(s.max for s in of)) for of in spans))
     complaints = []
-    for field, value in zip(FIELDS, (E, nu, rho), strict=True):
-        low, high = getattr(_band_of(category), field)
+    for field, value, (low, high) in zip(FIELDS, (E, nu, rho), band, strict=True):
         limit = "nu < 0.5 and " if field == "nu" and value >= 0.5 else ""
         if limit or not low <= value <= high:  # a NaN is outside too
             unit = {"E": "Pa", "nu": "1", "rho": "kg/m^3"}[field]
@@ -224,17 +223,17 @@ class MaterialTable:
 
     def search(self, query: str = "") -> list[Material]:
         """Rows whose name, aliases or category hold every word of the query, best match first."""
-        wanted = key(query)
+        words = key(query)
 
         def rank(row: Material) -> tuple[int, int]:
             names = [key(row.name), *map(key, row.aliases)]
-            return (0 if wanted in names else 1 if wanted in names[0] else 2, self.rows.index(row))
+            return (0 if words in names else 1 if words in names[0] else 2, self.rows.index(row))
 
         def text(row: Material) -> str:
             return key(" ".join([row.name, row.category, *row.aliases]))
 
-        found = [row for row in self.rows if all(word in text(row) for word in wanted.split())]
-        return sorted(found, key=rank)
+        rows = [row for row in self.rows if all(word in text(row) for word in words.split())]
+        return sorted(rows, key=rank)
 
 
 def row_of_record(record: Mapping[str, str], place: str) -> Material:
@@ -311,10 +310,6 @@ def load_contents() -> MaterialTable:
     """
     return load_table(CONTENTS_PATH)
 
-
-# What else is known of a row of the material table: how strong it is, its grain, its colour.
-#
-# Rows are found by their name in the table; a row that no source speaks of has none.
 
 StrengthKind = Literal["yield", "ultimate", "crushing"]
 
@@ -406,17 +401,8 @@ class Grain:
         The E of a wood's row is its apparent modulus in bending, shear included: about 10 % below
         the E_L of a pure pull (Wood Handbook, chapter 5).
         """
-        return OrthotropicConstants(
-            E_L=E,
-            E_R=E * self.ER,
-            E_T=E * self.ET,
-            G_LR=E * self.GLR,
-            G_LT=E * self.GLT,
-            G_RT=E * self.GRT,
-            nu_LR=self.nu_LR,
-            nu_LT=self.nu_LT,
-            nu_RT=self.nu_RT,
-        )
+        moduli = (E, E * self.ER, E * self.ET, E * self.GLR, E * self.GLT, E * self.GRT)
+        return OrthotropicConstants(*moduli, self.nu_LR, self.nu_LT, self.nu_RT)
 
 
 @dataclass(frozen=True)
@@ -480,19 +466,20 @@ def _records(table: str) -> list[dict[str, str]]:
 @lru_cache(maxsize=1)
 def load_strengths() -> Mapping[str, Strength]:
     """Return the strengths by the name of the row."""
-    return {record["name"]: _strength(record) for record in _records("strength")}
-
-
-def _strength(record: Mapping[str, str]) -> Strength:
-    def span(side: str) -> Span:
-        return Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
-
-    kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
-    if kind is None:
-        raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
-    brittle = bool(record["compression_min_Pa"])
-    compression = span("compression") if brittle else None
-    return Strength(kind, span("tension"), compression, record["source"])
+    strengths = {}
+    for record in _records("strength"):
+        kind = next((known for known in get_args(StrengthKind) if known == record["kind"]), None)
+        if kind is None:
+            raise InputError(f"strength of {record['name']!r}: unknown kind {record['kind']!r}")
+        tension, compression = (
+            Span(float(record[f"{side}_min_Pa"]), float(record[f"{side}_max_Pa"]))
+            if record[f"{side}_min_Pa"]
+            else None
+            for side in ("tension", "compression")
+        )
+        assert tension is not None
+        strengths[record["name"]] = Strength(kind, tension, compression, record["source"])
+    return strengths
 
 
 @lru_cache(maxsize=1)
@@ -514,10 +501,7 @@ def load_colours() -> Mapping[str, Colour]:
     """Return the typical colours by the name of the row."""
     return {
         record["name"]: Colour(
-            L=float(record["L"]),
-            a=float(record["a"]),
-            b=float(record["b"]),
-            spread=float(record["spread"]),
+            *(float(record[column]) for column in ("L", "a", "b", "spread")),
             source=record["source"],
         )
         for record in _records("colour")
@@ -528,13 +512,13 @@ def load_colours() -> Mapping[str, Colour]:
 def load_flows() -> Mapping[str, Flow]:
     """Return how materials flow, slide or break by the name of the row, contents among them."""
     columns = ("yield_{}_Pa", "viscosity_{}_Pa_s", "friction_{}_deg", "fracture_{}_J_m2")
-    found = {}
+    flows = {}
     for record in _records("flow"):
         ends = [(record[c.format("min")], record[c.format("max")]) for c in columns]
         spans = [Span(float(low), float(high)) if low else None for low, high in ends]
         estimated = tuple(record["estimated"].split())
-        found[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
-    return found
+        flows[record["name"]] = Flow(*spans, source=record["source"], estimated=estimated)
+    return flows
 
 
 # Apparent material: a solid that weighs and bends as the wall and the filling that it stands for.

@@ -14,7 +14,6 @@ from .safety import Safety
 from .scene.scene import Scene
 from .scene.up import up_vector
 from .solve.contact import foothold
-from .solve.energy import energy_balance
 from .solve.result import (
     BENDS_ALIKE,
     LOCKING,
@@ -25,6 +24,7 @@ from .solve.result import (
     ParticleRun,
     SagResult,
     StaticResult,
+    energy_balance,
     too_coarse,
 )
 from .uncertainty import Interval, Likely

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # from those named before it. What stands in one line together knows nothing of each other.
 FLOORS = {
     "fem": (
-        "errors", "validation", "registry", "deprecation", "device", "table", "material", "mesh",
+        "errors", "validation", "registry", "device", "table", "material", "mesh",
         "scene", "laws", "elements", "linalg", "grain", "solve", "mpm", "reduced", "springs",
         "identify", "scenarios", "safety", "uncertainty", "verdicts",
     ),

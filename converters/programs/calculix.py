@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...fem.elements.constraints import node_supports
+from ...fem.elements.assembly import node_supports
 from ...fem.elements.space import Space, affordable_order, make_space
 from ...fem.mesh import TetMesh
 from ...fem.scene.supports import Supports, find_supports

@@ -2,5 +2,5 @@
 
 In: a mesh with E, nu, rho on every tet and a law.
 Out: sparse matrices, nodal forces, strains and stresses; warp kernels in kernels_*.
-Read: space, elastic, assembly, forces, constraints.
+Read: space, elastic, assembly, forces.
 """

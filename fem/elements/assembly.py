@@ -1,4 +1,4 @@
-"""A mesh on a device: its space and matrix pattern; the stiffness assembled on it."""
+"""A mesh on a device: its space and matrix pattern; the stiffness assembled on it, supported."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from ..device import Recorder, start_warp
+from ..device import Recent, Recorder, start_warp
+from ..errors import InputError
 from ..laws.law import LAWS, Law
 from ..material import ElementMaterial
 from ..mesh import TetMesh
-from .space import Space, element_points, make_space
+from ..scene.supports import Supports
+from .space import Space, element_points, extend_linear, make_space
 
 
 class Pattern(NamedTuple):
@@ -37,21 +39,18 @@ class Discretisation:
     elements: Any
     quadrature: Any
     pattern: Pattern
-    _constants: list[tuple[np.ndarray, Any]] = field(default_factory=list, repr=False)
+    # lam, mu and rho of one material, and one more
+    _constants: Recent[Any] = field(default_factory=lambda: Recent(4), repr=False)
 
     def constant(self, values: Float[np.ndarray, "tets"]) -> Any:
         """Array on the device of numbers that are only read; of a material's it is kept.
 
         What may be written to is copied anew, for nobody would tell.
         """
-        for known, there in self._constants:
-            if known is values:
-                return there
+        if (kept := self._constants.get(values)) is not None:
+            return kept
         made = self.array(values)
-        if not values.flags.writeable:
-            self._constants.insert(0, (values, made))
-            del self._constants[_CONSTANTS:]
-        return made
+        return made if values.flags.writeable else self._constants.keep(made, values)
 
     def array(self, values: Any) -> Any:
         """Array on the device of numbers (n,) or vectors (n, 3); one that is there as it is."""
@@ -62,33 +61,27 @@ class Discretisation:
         return wp.array(values, dtype=dtype, device=self.device)
 
 
-# Discretisations of the last meshes, by the identity of their arrays: materials come and go on the
-# same tets, while a solve of each order on two meshes is all that alternates in practice.
-_RECENT: list[tuple[np.ndarray, np.ndarray, Discretisation]] = []
-_KEPT = 4
-_CONSTANTS = 4  # lam, mu and rho of one material, and one more
+# Discretisations of the last meshes: materials come and go on the same tets, while a solve of each
+# order on two meshes is all that alternates in practice.
+_RECENT: Recent[Discretisation] = Recent(4)
 
 
 def discretise(mesh: TetMesh, order: int, device: str = "cpu") -> Discretisation:
     """Space, pattern and device arrays of ``mesh``, kept for the next call with the same tets."""
-    for points, tets, grid in _RECENT:
-        same = points is mesh.points and tets is mesh.tets
-        if same and grid.space.order == order and grid.device == device:
-            return grid
+    key = (mesh.points, mesh.tets, order, device)
+    if (kept := _RECENT.get(*key)) is not None:
+        return kept
     wp = start_warp()
     space = make_space(mesh, order)
-    pattern = make_pattern(space, device)
     grid = Discretisation(
         space,
         device,
         wp.array(space.nodes, dtype=wp.vec3d, device=device),
         wp.array(space.elements, dtype=wp.int32, device=device),
         wp.array(element_points(order), dtype=wp.vec4d, device=device),
-        pattern,
+        make_pattern(space, device),
     )
-    _RECENT.insert(0, (mesh.points, mesh.tets, grid))
-    del _RECENT[_KEPT:]
-    return grid
+    return _RECENT.keep(grid, *key)
 
 
 def make_pattern(space: Space, device: str = "cpu") -> Pattern:
@@ -148,9 +141,6 @@ def stiffness(grid: Discretisation, lam: np.ndarray, mu: np.ndarray) -> BlockMat
     return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
-# Square sparse matrices of 3 x 3 blocks.
-
-
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
     """Square sparse matrix of 3 x 3 blocks [N/m] on a device: CSR of blocks."""
@@ -181,9 +171,9 @@ class BlockMatrix:
     def times(self, x: np.ndarray) -> np.ndarray:
         """Product A x of shape (nodes, 3) for ``x`` (nodes, 3)."""
         wp = start_warp()
-        given = wp.array(x, dtype=wp.vec3d, device=self.values.device)
-        out = wp.empty_like(given)
-        self.multiply(given, out)
+        vector = wp.array(x, dtype=wp.vec3d, device=self.values.device)
+        out = wp.empty_like(vector)
+        self.multiply(vector, out)
         return out.numpy()
 
     def to(self, device: str) -> BlockMatrix:
@@ -221,12 +211,12 @@ def add_diagonal(matrix: BlockMatrix, added: Any) -> None:
     from . import kernels_field as k
 
     wp = start_warp()
-    device, given, alone = matrix.values.device, added, True
+    device, blocks, diagonals = matrix.values.device, added, True
     if isinstance(added, np.ndarray):
-        alone = added.ndim == 2
-        given = wp.array(added, dtype=wp.vec3d if alone else wp.mat33d, device=device)
-    inputs = [matrix.rows, matrix.columns, given, matrix.values]
-    kernel = k.add_diagonal_numbers if alone else k.add_diagonal
+        diagonals = added.ndim == 2
+        blocks = wp.array(added, dtype=wp.vec3d if diagonals else wp.mat33d, device=device)
+    inputs = [matrix.rows, matrix.columns, blocks, matrix.values]
+    kernel = k.add_diagonal_numbers if diagonals else k.add_diagonal
     wp.launch(kernel, matrix.nodes, inputs=inputs, device=device)
 
 
@@ -273,3 +263,93 @@ class GrownPattern:
         slots = np.arange(len(known)) + np.searchsorted(new, known)
         arrays = (wp.array(a, dtype=wp.int32, device=device) for a in (start, keys % count))
         self._grown = (*arrays, slots)
+
+
+def node_supports(supports: Supports, space: Space) -> Supports:
+    """Continue ``supports`` to all nodes of ``space``: an edge is held where both its ends are."""
+    if len(supports.fixed) == len(space.nodes):
+        return supports
+    if len(supports.fixed) != space.points:
+        raise InputError(
+            f"supports of {len(supports.fixed)} points: wanted {space.points} (mesh points) "
+            f"or {len(space.nodes)} (nodes of the order-{space.order} space)"
+        )
+    edges = space.edges
+    return Supports(
+        np.concatenate([supports.fixed, supports.fixed[edges].all(axis=1)]),
+        extend_linear(space, supports.values),
+        np.concatenate([supports.springs, np.zeros((len(edges), 3))]),
+    )
+
+
+def free_components(fixed: Bool[np.ndarray, "nodes 3"], device: Any) -> Any:
+    """Array of vec3d on a device: 1 where a component is free, 0 where it is ``fixed``."""
+    from . import kernels_field as k
+
+    wp = start_warp()
+    if not wp.get_device(device).is_cuda:
+        return wp.array(~fixed, dtype=wp.vec3d, device=device)
+    flags = wp.array(fixed.ravel().view(np.uint8), dtype=wp.uint8, device=device)  # an eighth
+    free = wp.empty(len(fixed), dtype=wp.vec3d, device=device)
+    numbers = free.view(wp.float64).flatten()
+    wp.launch(k.lift_fixed, len(flags), inputs=[flags, numbers], device=device)
+    return free
+
+
+def apply_supports(
+    matrix: BlockMatrix, fixed: np.ndarray, springs: np.ndarray | None = None
+) -> None:
+    """Add ``springs`` [N/m] (nodes, 3) and drop the ``fixed`` (nodes, 3) rows, in place."""
+    device = matrix.values.device
+    if springs is not None and springs.any():
+        add_diagonal(matrix, springs)
+    drop_rows(matrix, free_components(fixed, device))
+
+
+def drop_rows(matrix: BlockMatrix, free: Any) -> None:
+    """Drop the rows and columns that are not ``free``, in place: ``free_components`` says which."""
+    from . import kernels_field as k
+
+    wp, device = start_warp(), matrix.values.device
+    inputs = [matrix.rows, matrix.columns, free, matrix.values]
+    wp.launch(k.fix_rows, matrix.nodes, inputs=inputs, device=device)
+
+
+# Stiffnesses of the last bodies: a rest, its buckling and its vibrations have the same one, and
+# linear elements come between.
+_RECENT_STIFFNESS: list[tuple[Discretisation, ElementMaterial, Supports, BlockMatrix]] = []
+_KEPT_STIFFNESS = 2
+
+
+def held_stiffness(grid: Discretisation, material: ElementMaterial, held: Supports) -> BlockMatrix:
+    """Stiffness [N/m] of linear elasticity with supports: one that was kept, or a new one."""
+    for kept_grid, kept, supports, matrix in _RECENT_STIFFNESS:
+        pairs = [(getattr(kept, name), getattr(material, name)) for name in ("E", "nu", "tensor")]
+        pairs += [(supports.fixed, held.fixed), (supports.springs, held.springs)]
+        if kept_grid is grid and all(a is b or np.array_equal(a, b) for a, b in pairs):
+            return matrix  # whatever it weighs, and wherever it is held
+    matrix = linear_stiffness(grid, material)
+    apply_supports(matrix, held.fixed, held.springs)
+    return matrix
+
+
+def keep_stiffness(
+    grid: Discretisation, material: ElementMaterial, held: Supports, matrix: BlockMatrix
+) -> None:
+    """Keep a ``held_stiffness`` for the next call of it: from now on nobody may change it."""
+    if not any(kept is matrix for *_, kept in _RECENT_STIFFNESS):
+        _RECENT_STIFFNESS.insert(0, (grid, material, held, matrix))
+        del _RECENT_STIFFNESS[_KEPT_STIFFNESS:]
+
+
+def reduced_load(
+    matrix: BlockMatrix, load: np.ndarray, held: Supports, prescribed: np.ndarray
+) -> np.ndarray:
+    """Right-hand side (nodes, 3) once prescribed components are dropped from ``matrix``, in place.
+
+    Prescribed unknowns of the reduced system are zero: they are known, and put back afterwards.
+    """
+    rhs = load - (matrix.times(prescribed) if prescribed.any() else 0.0)
+    rhs[held.fixed] = 0.0
+    apply_supports(matrix, held.fixed, held.springs)
+    return rhs

@@ -50,21 +50,18 @@ class ElasticBody:
 
         self.grid, self.law = grid, law
         self._law, self._kernels = LAWS[law], elastic_kernels(LAWS[law])
-        self._tensor, lame = self._split(material)
+        # Tensors of what the law does not know, and the Lame parameters that it takes
+        self._tensor, lame = None, material.lame
+        if material.tensor is not None:
+            from .kernels_elastic import mat66d
+
+            zero = LameParameters(*np.zeros((2, len(material.E))))
+            lame = isotropic_part(material) if self._law.finite else zero
+            beyond = material.tensor - isotropic_tensor(*lame)
+            self._tensor = start_warp().array(beyond, dtype=mat66d, device=grid.device)
         moduli = [grid.constant(m) for m in lame]
         self._p1_arrays = [grid.points, grid.elements, *moduli]
         self._arrays = [grid.points, grid.elements, grid.quadrature, *moduli]
-
-    def _split(self, material: ElementMaterial) -> tuple[Any, LameParameters]:
-        """Tensors on the device of what the law does not know, and the Lame parameters it takes."""
-        if material.tensor is None:
-            return None, material.lame
-        from .kernels_elastic import mat66d
-
-        base = isotropic_part(material) if self._law.finite else np.zeros((2, len(material.E)))
-        beyond = material.tensor - isotropic_tensor(*base)
-        tensor = start_warp().array(beyond, dtype=mat66d, device=self.grid.device)
-        return tensor, LameParameters(*base)
 
     def _launch(self, kernel: Any, inputs: list) -> None:
         tets = len(self.grid.space.elements)
@@ -115,25 +112,21 @@ class ElasticBody:
                 return BlockMatrix(pattern.rows, pattern.columns, values)
             field = self.grid.array(u)
             self._launch(k.grain_tangent, [*inputs, field, projected, pattern.slots, values])
-        kernel, inputs = self._second_derivative(u, projected)
-        self._launch(kernel, [*inputs, pattern.slots, values])
-        return BlockMatrix(pattern.rows, pattern.columns, values)
-
-    def _second_derivative(self, u: Any, projected: bool) -> tuple[Any, list]:
-        """Kernel of the second derivative and its inputs but the matrix."""
         kernels, p1 = self._kernels, self.grid.space.order == 1
+        arrays = self._p1_arrays if p1 else self._arrays
         if kernels.stiffness_p1:
             kernel = kernels.stiffness_p1 if p1 else kernels.stiffness_p2
-            return kernel, self._p1_arrays if p1 else self._arrays
-        field = self.grid.array(u)
-        if kernels.projected and (projected or not kernels.exact):
-            return kernels.projected, [*self._arrays, field]
-        if self._law.tangent_p1 and p1:
-            return self._law.tangent_p1, [*self._p1_arrays, field]
-        return kernels.exact, [*self._arrays, field]
-
-
-# Strain and stress of a displacement on the host, tensor by tensor.
+        else:
+            field = self.grid.array(u)
+            if kernels.projected and (projected or not kernels.exact):
+                kernel, arrays = kernels.projected, self._arrays
+            elif self._law.tangent_p1 and p1:
+                kernel = self._law.tangent_p1
+            else:
+                kernel, arrays = kernels.exact, self._arrays
+            arrays = [*arrays, field]
+        self._launch(kernel, [*arrays, pattern.slots, values])
+        return BlockMatrix(pattern.rows, pattern.columns, values)
 
 
 class StrainAndStress(NamedTuple):
@@ -181,10 +174,10 @@ def first_piola(
 
     leading = H.shape[:-2]
     moduli = [np.broadcast_to(m, leading).astype(float).ravel() for m in lame]
-    given = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
-    W, P = wp.empty(len(given), dtype=wp.float64, device="cpu"), wp.empty_like(given)
-    inputs = [given, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
-    wp.launch(elastic_kernels(LAWS[law]).stress, len(given), inputs=inputs, device="cpu")
+    gradients = wp.array(np.ascontiguousarray(H.reshape(-1, 3, 3)), dtype=wp.mat33d, device="cpu")
+    W, P = wp.empty(len(gradients), dtype=wp.float64, device="cpu"), wp.empty_like(gradients)
+    inputs = [gradients, *(wp.array(m, dtype=wp.float64, device="cpu") for m in moduli), W, P]
+    wp.launch(elastic_kernels(LAWS[law]).stress, len(gradients), inputs=inputs, device="cpu")
     return P.numpy().reshape(H.shape)
 
 

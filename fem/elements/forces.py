@@ -1,4 +1,4 @@
-"""Loads on a body as nodal forces: gravity, body force, surface traction; areas of nodes."""
+"""Loads on a body as nodal forces: gravity, body force, surface traction; masses of nodes."""
 
 from __future__ import annotations
 
@@ -27,22 +27,18 @@ def sum_at_nodes(space: Space, local: Callable[[int], np.ndarray]) -> Float[np.n
     return total
 
 
-def gravity_force(
-    grid: Discretisation, rho: Float[np.ndarray, "tets"], gravity_vector: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "nodes 3"]:
-    """Nodal forces [N] of ``gravity_vector`` [m/s^2] on tets of density ``rho`` [kg/m^3]."""
+def nodal_integral(grid: Discretisation, density: Any) -> np.ndarray:
+    """Integral of a device array of numbers or vectors, constant on every tet, at the nodes."""
     from . import kernels_field as k
 
-    wp = start_warp()
-    share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
-    share = wp.array(share, dtype=wp.float64, device=grid.device)
-    mass = wp.zeros(len(grid.space.nodes), dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.constant(rho), share, mass]
-    wp.launch(k.spread, len(rho), inputs=inputs, device=grid.device)
-    each, force = mass.numpy(), np.zeros((len(mass), 3))
-    for axis in np.flatnonzero(gravity_vector):  # a few times faster than all at once
-        force[:, axis] = each * gravity_vector[axis]
-    return force
+    wp, vector = start_warp(), density.dtype is start_warp().vec3d
+    fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+    fraction = wp.array(fraction, dtype=wp.float64, device=grid.device)
+    total = wp.zeros(len(grid.space.nodes), dtype=density.dtype, device=grid.device)
+    inputs = [grid.points, grid.elements, density, fraction, total]
+    kernel = k.spread_vector if vector else k.spread_scalar
+    wp.launch(kernel, len(density), inputs=inputs, device=grid.device)
+    return total.numpy()
 
 
 def body_force(
@@ -50,22 +46,16 @@ def body_force(
 ) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces [N] of a force ``density`` [N/m^3]: (3,), (tets, 3), or a function of x [m]."""
     space = grid.space
-    N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
     if callable(density):
+        N = shape_functions(space.order, TET_POINTS)  # (quadrature, nodes of an element)
         x = np.einsum("qk,tkd->tqd", TET_POINTS, mesh.points[mesh.tets])
         f = np.asarray(density(x.reshape(-1, 3))).reshape(x.shape)
         local = np.einsum("t,tqd,qi->tid", mesh.volumes / 4, f, N)
         return sum_at_nodes(space, lambda i: local[:, i])
-    from . import kernels_field as k
-
     wp = start_warp()
     each = np.ascontiguousarray(np.broadcast_to(density, (len(mesh.tets), 3)), dtype=float)
     each = wp.array(each, dtype=wp.vec3d, device=grid.device, copy=grid.device != "cpu")
-    share = wp.array(N.mean(axis=0), dtype=wp.float64, device=grid.device)
-    force = wp.zeros(len(space.nodes), dtype=wp.vec3d, device=grid.device)
-    inputs = [grid.points, grid.elements, each, share, force]
-    wp.launch(k.body_force, len(mesh.tets), inputs=inputs, device=grid.device)
-    return force.numpy()
+    return nodal_integral(grid, each)
 
 
 def traction_force(mesh: TetMesh, space: Space, load: Traction) -> Float[np.ndarray, "nodes 3"]:
@@ -87,9 +77,9 @@ def edge_nodes(space: Space, ends: Int[np.ndarray, "*n 2"]) -> Int[np.ndarray, "
     count = space.points
     key = space.edges[:, 0] * count + space.edges[:, 1]  # sorted, by construction
     ends = np.sort(ends.astype(np.int64), axis=-1)
-    wanted = ends[..., 0] * count + ends[..., 1]
-    index = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-    if (key[index] != wanted).any():
+    keys = ends[..., 0] * count + ends[..., 1]
+    index = np.minimum(np.searchsorted(key, keys), len(key) - 1)
+    if (key[index] != keys).any():
         raise InputError("a traction face is no face of the mesh: take faces from mesh.boundary")
     return count + index
 
@@ -110,10 +100,11 @@ def load_vector(
     """
     space = grid.space
     gravity = checked_vector("gravity_vector", gravity_vector, "m/s^2")
+    total = np.zeros((len(space.nodes), 3))
     if gravity.any():
-        total = gravity_force(grid, material_of(mesh).rho, gravity)
-    else:
-        total = np.zeros((len(space.nodes), 3))
+        mass = nodal_integral(grid, grid.constant(material_of(mesh).rho))
+        for axis in np.flatnonzero(gravity):  # a few times faster than all at once
+            total[:, axis] = mass * gravity[axis]
     if body is not None:
         total += body_force(mesh, grid, body)
     for load in [traction] if isinstance(traction, Traction) else traction:
@@ -140,26 +131,6 @@ def node_velocities(given: Any, space: Space) -> Float[np.ndarray, "nodes 3"]:
     return rows if len(rows) == len(space.nodes) else extend_linear(space, rows)
 
 
-def node_areas(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
-    """Share of the surface [m^2] of every node, zero inside.
-
-    P1: a third of the faces around it; P2: corners get a twelfth and edges a quarter of a face, so
-    that none is without weight.
-    """
-    faces = mesh.boundary.faces
-    one = np.broadcast_to([1.0, 0.0, 0.0], faces.shape)
-    spread = traction_force(mesh, space, Traction(faces, one))[:, 0]
-    if space.order == 1:
-        return spread
-    corners = np.zeros(len(space.nodes))
-    area = face_areas(mesh.points, faces)
-    for k in range(3):
-        np.add.at(corners, faces[:, k], area / 12)
-    return 0.75 * spread + corners
-
-
-# Mass of the nodes: lumped for dynamics, consistent for modes.
-
 # Diagonal of the P2 mass matrix (6 at corners, 32 at edges, times V / 420) scaled to the mass of
 # the tet: Hinton, Rock & Zienkiewicz (1976).
 _HRZ = np.array([6.0] * 4 + [32.0] * 6) / 216
@@ -172,9 +143,9 @@ def mass_shares(order: int) -> Float[np.ndarray, "_"]:
 
 def lumped_mass(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes"]:
     """Mass [kg] of every node, from the density of every tet."""
-    share = mass_shares(space.order)
+    fraction = mass_shares(space.order)
     mass = (material_of(mesh).rho * mesh.volumes)[:, None] * np.ones(3)
-    return sum_at_nodes(space, lambda i: share[i] * mass)[:, 0]
+    return sum_at_nodes(space, lambda i: fraction[i] * mass)[:, 0]
 
 
 def consistent_mass(mesh: TetMesh, grid: Discretisation) -> Any:

@@ -10,10 +10,29 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from ..laws.kernels_tensor import mat99d, positive_part
+from ..laws.kernels_tensor import (
+    Barycentric,
+    Blocks,
+    DoubleRows,
+    Doubles,
+    IntRows,
+    Vectors,
+    mat99d,
+    positive_part,
+)
 from ..laws.law import ElasticLaw
 from ..laws.linear import stiffness_block
-from .kernels_field import gradients, gradients_p2, mat43d, mat103d, row3, row10, six_volumes
+from .kernels_field import (
+    gradient_at,
+    gradients,
+    gradients_p2,
+    mat43d,
+    row3,
+    row10,
+    shape_gradients,
+    six_volumes,
+    weighted_gradients,
+)
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
@@ -34,32 +53,7 @@ class ElasticKernels(NamedTuple):
 
 
 @wp.func
-def shape_gradients(g: mat43d, elements: wp.array2d(dtype=wp.int32), q: wp.vec4d) -> mat103d:
-    """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
-    d = mat103d()
-    if elements.shape[1] == 10:
-        d = gradients_p2(g, q)
-    else:
-        for a in range(4):
-            for c in range(3):
-                d[a, c] = g[a, c]
-    return d
-
-
-@wp.func
-def gradient_at(
-    d: mat103d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
-) -> wp.mat33d:
-    H = wp.mat33d()
-    for a in range(elements.shape[1]):
-        H += wp.outer(u[elements[t, a]], row10(d, a))
-    return H
-
-
-@wp.func
-def gradient_p1(
-    g: mat43d, elements: wp.array2d(dtype=wp.int32), u: wp.array(dtype=wp.vec3d), t: int
-) -> wp.mat33d:
+def gradient_p1(g: mat43d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
     H = wp.mat33d()
     for a in range(4):
         H += wp.outer(u[elements[t, a]], row3(g, a))
@@ -108,13 +102,7 @@ def _stress(law: ElasticLaw) -> Any:
     energy_and_stress = law.energy_and_stress
 
     @wp.kernel(module=energy_and_stress.module)
-    def stress(
-        H: wp.array(dtype=wp.mat33d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        W: wp.array(dtype=wp.float64),
-        P: wp.array(dtype=wp.mat33d),
-    ):
+    def stress(H: Blocks, lam: Doubles, mu: Doubles, W: Doubles, P: Blocks):
         i = wp.tid()
         energy, here = energy_and_stress(H[i], lam[i], mu[i])
         W[i] = energy
@@ -128,20 +116,18 @@ def _energy_and_force(law: ElasticLaw) -> Any:
 
     @wp.kernel(module=energy_and_stress.module)
     def energy_and_force(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        u: wp.array(dtype=wp.vec3d),
-        energy: wp.array(dtype=wp.float64),
-        force: wp.array(dtype=wp.vec3d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        u: Vectors,
+        energy: Doubles,
+        force: Vectors,
     ):
         """Elastic energy of every tet; add dW/du, with which nodes resist, to ``force``."""
         t = wp.tid()
-        six = six_volumes(points, elements, t)
-        g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-        w = six / wp.float64(6 * quadrature.shape[0])
+        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
         if elements.shape[1] == 4:
             W, P = energy_and_stress(gradient_p1(g, elements, u, t), w * lam[t], w * mu[t])
             energy[t] = W
@@ -197,12 +183,7 @@ def _change_of_linear(energy_and_stress: Any) -> Any:
 
 def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
-    def tangent_at(
-        H: wp.array(dtype=wp.mat33d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        out: wp.array2d(dtype=wp.float64),
-    ):
+    def tangent_at(H: Blocks, lam: Doubles, mu: Doubles, out: DoubleRows):
         """Second derivative by F_ic and F_jd, at 27 i + 9 c + 3 j + d of a row."""
         t = wp.tid()
         A = second_derivative(H[t], lam[t], mu[t])
@@ -216,20 +197,18 @@ def _tangent_at(law: ElasticLaw, second_derivative: Any) -> Any:
 def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def tangent(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        u: wp.array(dtype=wp.vec3d),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        u: Vectors,
+        slots: IntRows,
+        values: Blocks,
     ):
         """Add the blocks of every tet to the tangent stiffness."""
         t = wp.tid()
-        six = six_volumes(points, elements, t)
-        g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-        w = six / wp.float64(6 * quadrature.shape[0])
+        g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
         size = elements.shape[1]
         for n in range(quadrature.shape[0]):
             d = shape_gradients(g, elements, quadrature[n])
@@ -248,12 +227,12 @@ def _tangent(law: ElasticLaw, second_derivative: Any) -> Any:
 def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def stiffness_p1(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        lam: Doubles,
+        mu: Doubles,
+        slots: IntRows,
+        values: Blocks,
     ):
         t = wp.tid()
         g = gradients(points, elements, t)
@@ -274,13 +253,13 @@ def _stiffness_p1(law: ElasticLaw, stiffness_block: Any) -> Any:
 def _stiffness_p2(law: ElasticLaw, stiffness_block: Any) -> Any:
     @wp.kernel(module=law.energy_and_stress.module)
     def stiffness_p2(
-        points: wp.array(dtype=wp.vec3d),
-        elements: wp.array2d(dtype=wp.int32),
-        quadrature: wp.array(dtype=wp.vec4d),
-        lam: wp.array(dtype=wp.float64),
-        mu: wp.array(dtype=wp.float64),
-        slots: wp.array2d(dtype=wp.int32),
-        values: wp.array(dtype=wp.mat33d),
+        points: Vectors,
+        elements: IntRows,
+        quadrature: Barycentric,
+        lam: Doubles,
+        mu: Doubles,
+        slots: IntRows,
+        values: Blocks,
     ):
         t = wp.tid()
         g = gradients(points, elements, t)
@@ -302,8 +281,6 @@ def _stiffness_p2(law: ElasticLaw, stiffness_block: Any) -> Any:
 #
 # ``finite``: E is Green's strain and P = F S, which leaves turns of any size alone (St Venant and
 # Kirchhoff); else E is the small strain and P = S.
-
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
@@ -351,20 +328,19 @@ def strain_columns(p: wp.vec3d) -> mat63d:
 
 @wp.kernel
 def grain_response(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
     finite: bool,
-    u: wp.array(dtype=wp.vec3d),
-    energy: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    energy: Doubles,
+    force: Vectors,
 ):
     """Add E : C : E / 2 of every tet, and P along the shape gradients."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    C = six / wp.float64(6 * quadrature.shape[0]) * tensor[t]
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
+    C = w * tensor[t]
     total = wp.float64(0.0)
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -382,23 +358,22 @@ def grain_response(
 
 @wp.kernel
 def grain_tangent(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
-    u: wp.array(dtype=wp.vec3d),
+    u: Vectors,
     projected: bool,
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add the finite one's (p . S q) I + F B_p^T C B_q F^T of every pair of shape gradients.
 
     ``projected``: of S its positive part alone, so that no tet has a negative one.
     """
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    C = six / wp.float64(6 * quadrature.shape[0]) * tensor[t]
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
+    C = w * tensor[t]
     size = elements.shape[1]
     eye = wp.identity(n=3, dtype=wp.float64)
     for n in range(quadrature.shape[0]):
@@ -419,18 +394,16 @@ def grain_tangent(
 
 @wp.kernel
 def anisotropic_stiffness(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
     tensor: wp.array(dtype=mat66d),
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add the tangent of small strains."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
     size = elements.shape[1]
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -445,8 +418,6 @@ def anisotropic_stiffness(
 #
 # ``along`` is the displacement that the strain changed from, or with ``rate`` the velocity: then D
 # is the rate of strain sym(F^T grad v). Neither changes with a turn of the body.
-
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
 
 @wp.func
@@ -465,14 +436,7 @@ def viscous_stress(D: wp.mat33d, lam: wp.float64, mu: wp.float64) -> wp.mat33d:
 
 
 @wp.kernel
-def stress(
-    H: wp.array(dtype=wp.mat33d),
-    G: wp.array(dtype=wp.mat33d),
-    rate: bool,
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
-    P: wp.array(dtype=wp.mat33d),
-):
+def stress(H: Blocks, G: Blocks, rate: bool, lam: Doubles, mu: Doubles, P: Blocks):
     i = wp.tid()
     S = viscous_stress(strain_change(H[i], G[i], rate), lam[i], mu[i])
     P[i] = S + H[i] * S
@@ -480,23 +444,22 @@ def stress(
 
 @wp.kernel
 def energy_and_force(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    lam: Doubles,
+    mu: Doubles,
     scale: wp.float64,
-    u: wp.array(dtype=wp.vec3d),
-    along: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    along: Vectors,
     rate: bool,
-    energy: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
+    energy: Doubles,
+    force: Vectors,
 ):
     """S : D / 2 of every tet, the potential of P in a step; add P along the shape gradients."""
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = scale * six / wp.float64(6 * quadrature.shape[0])
+    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
+    w = scale * volume
     total = wp.float64(0.0)
     for n in range(quadrature.shape[0]):
         d = shape_gradients(g, elements, quadrature[n])
@@ -512,26 +475,25 @@ def energy_and_force(
 
 @wp.kernel
 def tangent(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    lam: Doubles,
+    mu: Doubles,
     scale: wp.float64,
-    u: wp.array(dtype=wp.vec3d),
-    along: wp.array(dtype=wp.vec3d),
+    u: Vectors,
+    along: Vectors,
     projected: bool,
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    slots: IntRows,
+    values: Blocks,
 ):
     """Add (p . S q) I + F C(p, q) F^T of every pair of shape gradients, C of Hooke's law.
 
     ``projected``: of S its positive part alone, so that no tet has a negative one.
     """
     t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = scale * six / wp.float64(6 * quadrature.shape[0])
+    g, volume = weighted_gradients(points, elements, t, quadrature.shape[0])
+    w = scale * volume
     size = elements.shape[1]
     eye = wp.identity(n=3, dtype=wp.float64)
     for n in range(quadrature.shape[0]):

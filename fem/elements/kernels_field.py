@@ -1,209 +1,14 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels of loads on the nodes of tets, of displacement gradients, and of steps in time."""
+"""Warp kernels of tets and their nodes: gradients, loads, steps in time, block matrices."""
+
+from typing import Any
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
-
-
-@wp.kernel
-def spread(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    density: wp.array(dtype=wp.float64),
-    share: wp.array(dtype=wp.float64),
-    total: wp.array(dtype=wp.float64),
-):
-    """Add the integral of a density, constant on every tet: every node takes its ``share``."""
-    t = wp.tid()
-    amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
-    for a in range(elements.shape[1]):
-        wp.atomic_add(total, elements[t, a], share[a] * amount)
-
-
-@wp.kernel
-def body_force(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    density: wp.array(dtype=wp.vec3d),
-    share: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
-):
-    """Add the force of a density, constant on every tet: every node takes its ``share``."""
-    t = wp.tid()
-    total = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
-    for a in range(elements.shape[1]):
-        wp.atomic_add(force, elements[t, a], share[a] * total)
-
-
-@wp.kernel
-def displacement_gradient(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    u: wp.array(dtype=wp.vec3d),
-    grad: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
-):
-    """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
-    t = wp.tid()
-    s = wp.float64(1.0) / six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * s
-    for q in range(quadrature.shape[0]):
-        total = wp.mat33d()
-        if elements.shape[1] == 4:
-            for a in range(4):
-                total += wp.outer(u[elements[t, a]], row3(g, a))
-        else:
-            d = gradients_p2(g, quadrature[q])
-            for a in range(10):
-                total += wp.outer(u[elements[t, a]], row10(d, a))
-        grad[t, q] = total
-
-
-@wp.kernel
-def geometric_stiffness(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    quadrature: wp.array(dtype=wp.vec4d),
-    stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-):
-    """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
-    t = wp.tid()
-    six = six_volumes(points, elements, t)
-    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
-    w = six / wp.float64(6 * quadrature.shape[0])
-    size = elements.shape[1]
-    for q in range(quadrature.shape[0]):
-        s = w * stress[t, q]
-        if size == 4:
-            for a in range(4):
-                p = s * row3(g, a)
-                for b in range(4):
-                    wp.atomic_add(values, slots[t, 4 * a + b], wp.dot(p, row3(g, b)))
-        else:
-            d = gradients_p2(g, quadrature[q])
-            for a in range(10):
-                p = s * row10(d, a)
-                for b in range(10):
-                    wp.atomic_add(values, slots[t, 10 * a + b], wp.dot(p, row10(d, b)))
-
-
-@wp.kernel
-def foresee(
-    old: wp.array(dtype=wp.vec3d),
-    target: wp.array(dtype=wp.vec3d),
-    free: wp.array(dtype=wp.vec3d),
-    differences: wp.array2d(dtype=wp.vec3d),
-    terms: wp.int32,
-    share: wp.float64,
-    aim: wp.array(dtype=wp.vec3d),
-    start: wp.array(dtype=wp.vec3d),
-):
-    """``target`` of a step where a component is free, and with the acceleration to expect."""
-    i = wp.tid()
-    ahead = target[i] - old[i]
-    aim[i] = old[i] + wp.cw_mul(free[i], ahead)
-    for k in range(terms):
-        ahead += share * differences[k, i]
-    start[i] = old[i] + wp.cw_mul(free[i], ahead)
-
-
-@wp.kernel
-def incremental(
-    u: wp.array(dtype=wp.vec3d),
-    target: wp.array(dtype=wp.vec3d),
-    factor: wp.float64,
-    mass: wp.array(dtype=wp.float64),
-    rigidity: wp.array(dtype=wp.float64),
-    force: wp.array(dtype=wp.vec3d),
-    load: wp.array(dtype=wp.vec3d),
-    springs: wp.array(dtype=wp.vec3d),
-    free: wp.array(dtype=wp.vec3d),
-    gradient: wp.array(dtype=wp.vec3d),
-    sums: wp.array(dtype=wp.float64),
-):
-    """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
-
-    So do the squares of the inertia, of the gradient, and of what inertia and elasticity would make
-    of the target; the last block of threads may reach past the end.
-    """
-    i = wp.tid()
-    energy = wp.float64(0.0)
-    pushed = wp.float64(0.0)
-    left = wp.float64(0.0)
-    known = wp.float64(0.0)
-    if i < u.shape[0]:
-        inertia = factor * mass[i]
-        away = u[i] - target[i]
-        push = inertia * away
-        spring = wp.cw_mul(springs[i], u[i])
-        g = wp.cw_mul(free[i], force[i] + push - load[i] + spring)
-        gradient[i] = g
-        half = wp.float64(0.5)
-        energy = half * (wp.dot(push, away) + wp.dot(spring, u[i])) - wp.dot(load[i], u[i])
-        pushed = wp.dot(push, push)
-        left = wp.dot(g, g)
-        known = wp.length_sq((inertia + rigidity[i]) * target[i])
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(energy)), offset=0)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(pushed)), offset=1)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(left)), offset=2)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(known)), offset=3)
-
-
-@wp.kernel
-def end_of_step(
-    u: wp.array(dtype=wp.vec3d),
-    v: wp.array(dtype=wp.vec3d),
-    by_v: wp.float64,
-    a: wp.array(dtype=wp.vec3d),
-    by_a: wp.float64,
-    free: wp.array(dtype=wp.vec3d),
-    mass: wp.array(dtype=wp.float64),
-    load: wp.array(dtype=wp.vec3d),
-    springs: wp.array(dtype=wp.vec3d),
-    count: wp.int32,
-    motion: wp.array2d(dtype=wp.vec3d),
-    differences: wp.array2d(dtype=wp.vec3d),
-    sums: wp.array(dtype=wp.float64),
-):
-    """Motion at the end of a step, ``v`` and ``a`` times their factors, and what ``sums`` takes.
-
-    That is kinetic energy, that of springs, and of the load; then the squares of the backward
-    differences of ``a``, of which there are ``count`` now. The last block may reach past the end.
-    """
-    i = wp.tid()
-    kinetic = wp.float64(0.0)
-    sprung = wp.float64(0.0)
-    lifted = wp.float64(0.0)
-    new = wp.vec3d()
-    inside = i < u.shape[0]
-    if inside:
-        speed = wp.cw_mul(free[i], by_v * v[i])
-        new = wp.cw_mul(free[i], by_a * a[i])
-        motion[0, i] = u[i]
-        motion[1, i] = speed
-        motion[2, i] = new
-        half = wp.float64(0.5)
-        kinetic = half * mass[i] * wp.dot(speed, speed)
-        sprung = half * wp.dot(wp.cw_mul(springs[i], u[i]), u[i])
-        lifted = -wp.dot(load[i], u[i])
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(kinetic)), offset=0)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(sprung)), offset=1)
-    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(lifted)), offset=2)
-    for k in range(count):
-        square = wp.dot(new, new)
-        wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(square)), offset=3 + k)
-        if inside:
-            old = differences[k, i]
-            differences[k, i] = new
-            new = new - old
-
-
-# Warp functions of one tet: volume, gradients of its shape functions, of a displacement.
+from ..laws.kernels_tensor import Barycentric, Blocks, Doubles, IntRows, Ints, Vectors
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+
 
 # Barycentric gradients of a tet: row k is d lambda_k / dx.
 mat43d = wp.types.matrix(shape=(4, 3), dtype=wp.float64)
@@ -211,9 +16,7 @@ mat103d = wp.types.matrix(shape=(10, 3), dtype=wp.float64)
 
 
 @wp.func
-def gradients(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> mat43d:
+def gradients(points: Vectors, elements: IntRows, t: int) -> mat43d:
     """Gradients of the barycentric coordinates, times six volumes."""
     a = points[elements[t, 0]]
     x = points[elements[t, 1]] - a
@@ -229,14 +32,20 @@ def gradients(
 
 
 @wp.func
-def six_volumes(
-    points: wp.array(dtype=wp.vec3d), elements: wp.array2d(dtype=wp.int32), t: int
-) -> wp.float64:
+def six_volumes(points: Vectors, elements: IntRows, t: int) -> wp.float64:
     a = points[elements[t, 0]]
     x = points[elements[t, 1]] - a
     y = points[elements[t, 2]] - a
     z = points[elements[t, 3]] - a
     return wp.dot(x, wp.cross(y, z))
+
+
+@wp.func
+def weighted_gradients(points: Vectors, elements: IntRows, t: int, count: int):
+    """Gradients of the barycentric coordinates; weight of each of ``count`` points, a volume."""
+    six = six_volumes(points, elements, t)
+    g = gradients(points, elements, t) * (wp.float64(1.0) / six)
+    return g, six / wp.float64(6 * count)
 
 
 @wp.func
@@ -285,18 +94,205 @@ def row10(g: mat103d, k: int) -> wp.vec3d:
     return wp.vec3d(g[k, 0], g[k, 1], g[k, 2])
 
 
-# Warp kernels of block matrices: pattern, where an element's blocks go, products, supports.
+@wp.func
+def shape_gradients(g: mat43d, elements: IntRows, q: wp.vec4d) -> mat103d:
+    """Gradients of the 4 or 10 shape functions; the last six rows are zero for P1."""
+    d = mat103d()
+    if elements.shape[1] == 10:
+        d = gradients_p2(g, q)
+    else:
+        for a in range(4):
+            for c in range(3):
+                d[a, c] = g[a, c]
+    return d
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 4})
+
+@wp.func
+def gradient_at(d: mat103d, elements: IntRows, u: Vectors, t: int) -> wp.mat33d:
+    H = wp.mat33d()
+    for a in range(elements.shape[1]):
+        H += wp.outer(u[elements[t, a]], row10(d, a))
+    return H
+
+
+def spreading(kind: Any) -> Any:
+    """Kernel that adds the integral of a density of this ``kind`` to the nodes.
+
+    It is constant on every tet, whose nodes take the ``fraction`` of each.
+    """
+    Kind = wp.array(dtype=kind)
+
+    @wp.kernel
+    def spread(points: Vectors, elements: IntRows, density: Kind, fraction: Doubles, total: Kind):
+        t = wp.tid()
+        amount = density[t] * (six_volumes(points, elements, t) / wp.float64(6.0))
+        for a in range(elements.shape[1]):
+            wp.atomic_add(total, elements[t, a], fraction[a] * amount)
+
+    return spread
+
+
+spread_scalar, spread_vector = spreading(wp.float64), spreading(wp.vec3d)
+
+
+@wp.kernel
+def displacement_gradient(
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    u: Vectors,
+    grad: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+):
+    """The gradient du_i/dx_j of a P1 or P2 displacement at barycentric points of every tet."""
+    t = wp.tid()
+    g, _w = weighted_gradients(points, elements, t, 1)
+    for q in range(quadrature.shape[0]):
+        grad[t, q] = gradient_at(shape_gradients(g, elements, quadrature[q]), elements, u, t)
+
+
+@wp.kernel
+def geometric_stiffness(
+    points: Vectors,
+    elements: IntRows,
+    quadrature: Barycentric,
+    stress: wp.array2d(dtype=wp.mat33d),  # (tets, quadrature points)
+    slots: IntRows,
+    values: Doubles,
+):
+    """Add the integrals of grad N_a . stress grad N_b: the same for every direction."""
+    t = wp.tid()
+    g, w = weighted_gradients(points, elements, t, quadrature.shape[0])
+    size = elements.shape[1]
+    for q in range(quadrature.shape[0]):
+        s = w * stress[t, q]
+        d = shape_gradients(g, elements, quadrature[q])
+        for a in range(size):
+            p = s * row10(d, a)
+            for b in range(size):
+                wp.atomic_add(values, slots[t, size * a + b], wp.dot(p, row10(d, b)))
+
+
+@wp.kernel
+def foresee(
+    old: Vectors,
+    target: Vectors,
+    free: Vectors,
+    differences: wp.array2d(dtype=wp.vec3d),
+    terms: wp.int32,
+    factor: wp.float64,
+    aim: Vectors,
+    start: Vectors,
+):
+    """``target`` of a step where a component is free, and with the acceleration to expect."""
+    i = wp.tid()
+    ahead = target[i] - old[i]
+    aim[i] = old[i] + wp.cw_mul(free[i], ahead)
+    for k in range(terms):
+        ahead += factor * differences[k, i]
+    start[i] = old[i] + wp.cw_mul(free[i], ahead)
+
+
+@wp.kernel
+def incremental(
+    u: Vectors,
+    target: Vectors,
+    factor: wp.float64,
+    mass: Doubles,
+    rigidity: Doubles,
+    force: Vectors,
+    load: Vectors,
+    springs: Vectors,
+    free: Vectors,
+    gradient: Vectors,
+    sums: Doubles,
+):
+    """Gradient of the incremental potential; its energy but the elastic one goes to ``sums``.
+
+    So do the squares of the inertia, of the gradient, and of what inertia and elasticity would make
+    of the target; the last block of threads may reach past the end.
+    """
+    i = wp.tid()
+    energy = wp.float64(0.0)
+    pushed = wp.float64(0.0)
+    left = wp.float64(0.0)
+    known = wp.float64(0.0)
+    if i < u.shape[0]:
+        inertia = factor * mass[i]
+        away = u[i] - target[i]
+        push = inertia * away
+        spring = wp.cw_mul(springs[i], u[i])
+        g = wp.cw_mul(free[i], force[i] + push - load[i] + spring)
+        gradient[i] = g
+        half = wp.float64(0.5)
+        energy = half * (wp.dot(push, away) + wp.dot(spring, u[i])) - wp.dot(load[i], u[i])
+        pushed = wp.dot(push, push)
+        left = wp.dot(g, g)
+        known = wp.length_sq((inertia + rigidity[i]) * target[i])
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(energy)), offset=0)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(pushed)), offset=1)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(left)), offset=2)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(known)), offset=3)
+
+
+@wp.kernel
+def end_of_step(
+    u: Vectors,
+    v: Vectors,
+    by_v: wp.float64,
+    a: Vectors,
+    by_a: wp.float64,
+    free: Vectors,
+    mass: Doubles,
+    load: Vectors,
+    springs: Vectors,
+    count: wp.int32,
+    motion: wp.array2d(dtype=wp.vec3d),
+    differences: wp.array2d(dtype=wp.vec3d),
+    sums: Doubles,
+):
+    """Motion at the end of a step, ``v`` and ``a`` times their factors, and what ``sums`` takes.
+
+    That is kinetic energy, that of springs, and of the load; then the squares of the backward
+    differences of ``a``, of which there are ``count`` now. The last block may reach past the end.
+    """
+    i = wp.tid()
+    kinetic = wp.float64(0.0)
+    sprung = wp.float64(0.0)
+    lifted = wp.float64(0.0)
+    new = wp.vec3d()
+    inside = i < u.shape[0]
+    if inside:
+        speed = wp.cw_mul(free[i], by_v * v[i])
+        new = wp.cw_mul(free[i], by_a * a[i])
+        motion[0, i] = u[i]
+        motion[1, i] = speed
+        motion[2, i] = new
+        half = wp.float64(0.5)
+        kinetic = half * mass[i] * wp.dot(speed, speed)
+        sprung = half * wp.dot(wp.cw_mul(springs[i], u[i]), u[i])
+        lifted = -wp.dot(load[i], u[i])
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(kinetic)), offset=0)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(sprung)), offset=1)
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(lifted)), offset=2)
+    for k in range(count):
+        square = wp.dot(new, new)
+        wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(square)), offset=3 + k)
+        if inside:
+            old = differences[k, i]
+            differences[k, i] = new
+            new = new - old
+
+
+# Block matrices: pattern, where an element's blocks go, products, supports.
 
 
 @wp.kernel
 def sorted_rows(
-    start: wp.array(dtype=wp.int32),  # (nodes + 1), into `incident`
-    incident: wp.array(dtype=wp.int32),  # elements around every node
-    elements: wp.array2d(dtype=wp.int32),
-    scratch: wp.array(dtype=wp.int32),  # room for all neighbours, with repetitions
-    count: wp.array(dtype=wp.int32),
+    start: Ints,  # (nodes + 1), into `incident`
+    incident: Ints,  # elements around every node
+    elements: IntRows,
+    scratch: Ints,  # room for all neighbours, with repetitions
+    count: Ints,
 ):
     """Sorted distinct neighbours of every node, by insertion."""
     i = wp.tid()
@@ -322,38 +318,38 @@ def sorted_rows(
 
 
 @wp.kernel
-def copy_rows(
-    start: wp.array(dtype=wp.int32),
-    size: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-):
+def copy_rows(start: Ints, size: wp.int32, scratch: Ints, rows: Ints, columns: Ints):
     i = wp.tid()
     for k in range(rows[i + 1] - rows[i]):
         columns[rows[i] + k] = scratch[start[i] * size + i + k]
 
 
 @wp.func
-def find_slot(rows: wp.array(dtype=wp.int32), columns: wp.array(dtype=wp.int32), i: int, j: int):
-    """Position of column j in the sorted row i."""
-    lo = rows[i]
-    hi = rows[i + 1] - 1
+def find_sorted(values: Ints, low: int, high: int, value: int):
+    """Position of ``value`` in the ascending values[low:high]."""
+    lo = low
+    hi = high - 1
     while lo < hi:
         mid = (lo + hi) // 2
-        if columns[mid] < j:
+        if values[mid] < value:
             lo = mid + 1
         else:
             hi = mid
     return lo
 
 
+@wp.func
+def find_slot(rows: Ints, columns: Ints, i: int, j: int):
+    """Position of column j in the sorted row i."""
+    return find_sorted(columns, rows[i], rows[i + 1], j)
+
+
 @wp.kernel
 def element_slots(
-    elements: wp.array2d(dtype=wp.int32),
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    slots: wp.array2d(dtype=wp.int32),  # (tets, size * size)
+    elements: IntRows,
+    rows: Ints,
+    columns: Ints,
+    slots: IntRows,  # (tets, size * size)
 ):
     t = wp.tid()
     size = elements.shape[1]
@@ -363,54 +359,37 @@ def element_slots(
 
 
 @wp.kernel
-def add_diagonal(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_diagonal(rows: Ints, columns: Ints, blocks: Blocks, values: Blocks):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
     values[s] = values[s] + blocks[i]
 
 
 @wp.kernel
-def add_diagonal_numbers(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.vec3d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_diagonal_numbers(rows: Ints, columns: Ints, numbers: Vectors, values: Blocks):
     i = wp.tid()
     s = find_slot(rows, columns, i, i)
     values[s] = values[s] + wp.diag(numbers[i])
 
 
 @wp.kernel
-def add_pairs(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    i: wp.array(dtype=wp.int32),
-    j: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def add_pairs(rows: Ints, columns: Ints, i: Ints, j: Ints, blocks: Blocks, values: Blocks):
     n = wp.tid()
     wp.atomic_add(values, find_slot(rows, columns, i[n], j[n]), blocks[n])
 
 
 @wp.kernel
-def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: wp.array(dtype=wp.float64)):
+def lift_fixed(fixed: wp.array(dtype=wp.uint8), free: Doubles):
     i = wp.tid()
     free[i] = wp.float64(1.0) - wp.float64(fixed[i])
 
 
 @wp.kernel
 def fix_rows(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    free: wp.array(dtype=wp.vec3d),  # 1 where free, 0 where prescribed
-    values: wp.array(dtype=wp.mat33d),
+    rows: Ints,
+    columns: Ints,
+    free: Vectors,  # 1 where free, 0 where prescribed
+    values: Blocks,
 ):
     """Drop prescribed rows and columns; their own diagonal entry stays, to keep the scale.
 
@@ -433,13 +412,7 @@ def fix_rows(
 
 
 @wp.func
-def row_times(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    i: int,
-) -> wp.vec3d:
+def row_times(rows: Ints, columns: Ints, values: Blocks, x: Vectors, i: int) -> wp.vec3d:
     """Row i of A x, two blocks at a time: on a GPU their loads overlap."""
     end = rows[i + 1]
     s = rows[i]
@@ -455,13 +428,7 @@ def row_times(
 
 
 @wp.kernel
-def multiply_scalars(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    y: wp.array(dtype=wp.float64),
-):
+def multiply_scalars(rows: Ints, columns: Ints, values: Doubles, x: Doubles, y: Doubles):
     """Product y = A x, a thread a scalar: threads of a GPU then read what lies together."""
     i = wp.tid()
     node = i // 3
@@ -475,12 +442,6 @@ def multiply_scalars(
 
 
 @wp.kernel
-def multiply(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    y: wp.array(dtype=wp.vec3d),
-):
+def multiply(rows: Ints, columns: Ints, values: Blocks, x: Vectors, y: Vectors):
     i = wp.tid()
     y[i] = row_times(rows, columns, values, x, i)

@@ -1,5 +1,5 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp functions of 3 x 3 tensors, and of second derivatives by them.
+"""Warp types of arrays; functions of 3 x 3 tensors, and of second derivatives by them.
 
 Those of ``Any`` serve single precision too: the kernels of particles on a GPU.
 """
@@ -10,6 +10,16 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
+# What kernels take: numbers, rows of numbers (two indices), vectors and 3 x 3 blocks.
+Ints = wp.array(dtype=wp.int32)
+IntRows = wp.array2d(dtype=wp.int32)
+Doubles = wp.array(dtype=wp.float64)
+DoubleRows = wp.array2d(dtype=wp.float64)
+Singles = wp.array(dtype=wp.float32)
+Vectors = wp.array(dtype=wp.vec3d)
+Blocks = wp.array(dtype=wp.mat33d)
+# Barycentric coordinates of the points of a quadrature.
+Barycentric = wp.array(dtype=wp.vec4d)
 # Second derivative of a density by F: entry (3 c + i, 3 d + j) is that by F_ic and F_jd.
 mat99d = wp.types.matrix(shape=(9, 9), dtype=wp.float64)
 vec9d = wp.types.vector(length=9, dtype=wp.float64)

@@ -10,6 +10,10 @@ from typing import Any
 import warp as wp
 
 from .kernels_tensor import (
+    Blocks,
+    Doubles,
+    IntRows,
+    Vectors,
     add_mode,
     add_stretches,
     cofactor,
@@ -129,14 +133,7 @@ def pair_block(
 
 
 @wp.func
-def add_pair(
-    values: wp.array(dtype=wp.mat33d),
-    slots: wp.array2d(dtype=wp.int32),
-    t: int,
-    a: int,
-    b: int,
-    block: wp.mat33d,
-):
+def add_pair(values: Blocks, slots: IntRows, t: int, a: int, b: int, block: wp.mat33d):
     """Add a block of nodes a, b of tet t, and its transpose."""
     wp.atomic_add(values, slots[t, 4 * a + b], block)
     wp.atomic_add(values, slots[t, 4 * b + a], wp.transpose(block))
@@ -144,13 +141,13 @@ def add_pair(
 
 @wp.kernel
 def tangent_p1(
-    points: wp.array(dtype=wp.vec3d),
-    elements: wp.array2d(dtype=wp.int32),
-    lam: wp.array(dtype=wp.float64),
-    mu: wp.array(dtype=wp.float64),
-    u: wp.array(dtype=wp.vec3d),
-    slots: wp.array2d(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    points: Vectors,
+    elements: IntRows,
+    lam: Doubles,
+    mu: Doubles,
+    u: Vectors,
+    slots: IntRows,
+    values: Blocks,
 ):
     """Exact tangent of P1 tets, from edges X and doubled face areas P at rest, x and p deformed.
 

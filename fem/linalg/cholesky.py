@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..device import Recorder, start_warp
+from ..device import Recent, Recorder, start_warp
 from ..elements.assembly import BlockMatrix, Pattern
 from ..errors import ConvergenceError
 
@@ -38,6 +38,9 @@ class CholeskyFactor:
     """
 
     def __init__(self, matrix: BlockMatrix, plan: Elimination) -> None:
+        from scipy.linalg.blas import dsyrk, dtrsm  # type: ignore  (by f2py)
+        from scipy.linalg.lapack import dpotrf  # type: ignore  (by f2py)
+
         from . import kernels_cholesky as k
 
         wp = start_warp()
@@ -49,18 +52,21 @@ class CholeskyFactor:
         wp.launch(k.place_matrix, matrix.nodes, inputs=inputs, device="cpu")
         self._numbers = numbers  # the panels are views of it
         # Offsets of the diagonal of the factor
-        first = 3 * self.plan.first.numpy()
-        width, panel = np.diff(first), self.plan.panel.numpy()[:-1]
+        first = 3 * plan.first.numpy()
+        width, panel = np.diff(first), plan.panel.numpy()[:-1]
         along = np.arange(first[-1]) - np.repeat(first[:-1], width)
         self._diagonal = np.repeat(panel, width) + along * np.repeat(width + 1, width)
         self._before = numbers.numpy()[self._diagonal]
-        self._panels = self._views(numbers.numpy())
-        from scipy.linalg.blas import dsyrk, dtrsm  # type: ignore  (by f2py)
-        from scipy.linalg.lapack import dpotrf  # type: ignore  (by f2py)
-
-        from . import kernels_cholesky as k
-
-        wp, plan = start_warp(), self.plan
+        # Of every supernode: square and lower part, columns from ... to, rows; of scalars
+        start, ends, views = plan.start.numpy(), plan.panel.numpy(), numbers.numpy()
+        below = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
+        self._panels: list[tuple[Any, Any, int, int, Any]] = []
+        for t, k_ in enumerate(width):
+            low, high, middle = 3 * start[t], 3 * start[t + 1], ends[t] + k_ * k_
+            square = views[ends[t] : middle].reshape(k_, k_).T
+            lower = views[middle : ends[t + 1]].reshape(k_, high - low).T
+            own = int(first[t]), int(first[t + 1])
+            self._panels.append((square, lower, *own, below[low:high]))
         stack = wp.empty(plan.stack, dtype=wp.float64, device="cpu")
         inputs = [0, plan.first, plan.start, plan.local, plan.child_start, plan.children]
         inputs += [plan.panel, plan.update, stack, numbers]
@@ -80,20 +86,6 @@ class CholeskyFactor:
         if not np.isfinite(numbers.numpy()[self._diagonal]).all():  # LAPACK lets NaN pass
             raise NotPositive("the matrix has entries that are no numbers")
 
-    def _views(self, numbers: np.ndarray) -> list[tuple[Any, Any, int, int, Any]]:
-        """Of every supernode: square and lower part, columns from ... to, rows; of scalars."""
-        plan = self.plan
-        first, start, panel = (3 * plan.first.numpy(), plan.start.numpy(), plan.panel.numpy())
-        rows = (3 * plan.rows.numpy()[:, None] + np.arange(3)).ravel()
-        panels = []
-        for t in range(len(first) - 1):
-            k, low, high = first[t + 1] - first[t], 3 * start[t], 3 * start[t + 1]
-            middle = panel[t] + k * k
-            square = numbers[panel[t] : middle].reshape(k, k).T
-            lower = numbers[middle : panel[t + 1]].reshape(k, high - low).T
-            panels.append((square, lower, int(first[t]), int(first[t + 1]), rows[low:high]))
-        return panels
-
     @property
     def smallest_pivot(self) -> float:
         """Smallest pivot, as a share of its diagonal entry in A."""
@@ -102,43 +94,29 @@ class CholeskyFactor:
 
     def solve(self, b: Float[np.ndarray, "nodes 3 *vectors"]) -> Float[np.ndarray, "..."]:
         """Solve A x = b for one or more right-hand sides, shape (nodes, 3) or (nodes, 3, n)."""
-        from scipy.linalg.blas import dtrsm  # type: ignore  (by f2py)
+        from scipy.linalg.blas import dtrsm, dtrsv  # type: ignore  (by f2py)
 
-        order = self.plan.order.numpy()
-        if b.ndim == 2:
-            out = np.empty_like(b)
-            out[order] = self._solve_one(b[order].reshape(-1)).reshape(b.shape)
-            return out
-        x = b[order].reshape(3 * len(order), -1)
-        for square, lower, low, high, rows in self._panels:
-            own = x[low:high].T
-            dtrsm(1.0, square, own, side=1, lower=1, trans_a=1, overwrite_b=1)
-            if len(rows):
-                x[rows] -= lower @ x[low:high]
-        for square, lower, low, high, rows in reversed(self._panels):
-            own = x[low:high]
-            if len(rows):
-                own -= lower.T @ x[rows]
-            dtrsm(1.0, square, own.T, side=1, lower=1, overwrite_b=1)
-        out = np.empty_like(b)
-        out[order] = x.reshape(b.shape)
-        return out
-
-    def _solve_one(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "unknowns"]:
-        """``solve`` for one right-hand side in the order of elimination, in place."""
-        from scipy.linalg.blas import dtrsv  # type: ignore  (by f2py)
-
+        order, one = self.plan.order.numpy(), b.ndim == 2
+        x = b[order].reshape(3 * len(order)) if one else b[order].reshape(3 * len(order), -1)
         for square, lower, low, high, rows in self._panels:
             own = x[low:high]
-            dtrsv(square, own, lower=1, overwrite_x=1)
+            if one:
+                dtrsv(square, own, lower=1, overwrite_x=1)
+            else:
+                dtrsm(1.0, square, own.T, side=1, lower=1, trans_a=1, overwrite_b=1)
             if len(rows):
                 x[rows] -= lower @ own
         for square, lower, low, high, rows in reversed(self._panels):
             own = x[low:high]
             if len(rows):
                 own -= lower.T @ x[rows]
-            dtrsv(square, own, lower=1, trans=1, overwrite_x=1)
-        return x
+            if one:
+                dtrsv(square, own, lower=1, trans=1, overwrite_x=1)
+            else:
+                dtrsm(1.0, square, own.T, side=1, lower=1, overwrite_b=1)
+        out = np.empty_like(b)
+        out[order] = x.reshape(b.shape)
+        return out
 
 
 # Factors of the last matrices, by digests of their values: statics and modes share one.
@@ -173,10 +151,10 @@ def _digest(matrix: BlockMatrix) -> bytes:
     return sha256(np.ascontiguousarray(matrix.values.numpy()).data).digest()
 
 
-# How a sparse symmetric matrix is eliminated: nested dissection, supernodes and their fronts.
-
-# A supernode joins its parent while the zeros that it brings stay below this share of the entries:
-# (columns of nodes, share). Few columns cost more in calls than in arithmetic.
+# Nested dissection, supernodes and their fronts.
+#
+# A supernode joins its parent while the zeros that it brings stay below this part of the entries:
+# (columns of nodes, part). Few columns cost more in calls than in arithmetic.
 JOIN = ((6, 1.0), (12, 0.4), (32, 0.1), (64, 0.05), (np.inf, 0.02))
 # Columns of nodes beyond which a supernode is cut: the square of its columns is kept whole.
 WIDEST = 96
@@ -268,22 +246,16 @@ def dissect_edges(edges: Int[np.ndarray, "edges 2"], count: int) -> Int[np.ndarr
     return np.lexsort((after, before))
 
 
-# Eliminations of the last patterns, by the identity of their columns: the values come and go.
-_ELIMINATION_RECENT: list[tuple[Any, Elimination]] = []
-_ELIMINATION_KEPT = 4
+# Eliminations of the last patterns: the values come and go.
+_RECENT_PLANS: Recent[Elimination] = Recent(4)
 
 
 def planned_elimination(
     matrix: BlockMatrix | Pattern, edges: Int[np.ndarray, "edges 2"] | None = None
 ) -> Elimination:
     """``plan_elimination``, kept for the next matrix of the same pattern."""
-    for columns, plan in _ELIMINATION_RECENT:
-        if columns is matrix.columns:
-            return plan
-    plan = plan_elimination(matrix, edges)
-    _ELIMINATION_RECENT.insert(0, (matrix.columns, plan))
-    del _ELIMINATION_RECENT[_ELIMINATION_KEPT:]
-    return plan
+    plan = _RECENT_PLANS.get(matrix.columns)
+    return plan or _RECENT_PLANS.keep(plan_elimination(matrix, edges), matrix.columns)
 
 
 def plan_elimination(
@@ -295,15 +267,14 @@ def plan_elimination(
     """
     from . import kernels_cholesky as k
 
-    rows, columns = (_ints(a.numpy()) for a in (matrix.rows, matrix.columns))
-    count = len(rows) - 1
+    pattern = [_ints(a.numpy()) for a in (matrix.rows, matrix.columns)]
+    count = len(matrix.rows) - 1
     if edges is None or not len(edges):
-        order = dissect(rows.numpy(), columns.numpy())
+        order = dissect(*(a.numpy() for a in pattern))
     else:
         order = dissect_edges(edges, count)
     none = np.full(count, -1)
     order, position = _ints(order), _ints(np.argsort(order))
-    pattern = [rows, columns]
     parent, place = _ints(none), _ints(none)
     _walk(k.elimination_tree, *pattern, order, position, _ints(none), parent)
     _walk(k.postorder, parent, _ints(none + 2), _ints(np.zeros(count + 1)), place)
@@ -315,7 +286,31 @@ def plan_elimination(
     counts = _ints(none + 2)
     _walk(k.column_counts, *pattern, order, position, _ints(tree), _ints(none), counts)
     first = join_supernodes(tree, counts.numpy())
-    return _fronts(pattern, order, position, tree, first)
+    supernodes = len(first) - 1
+    owner = np.repeat(np.arange(supernodes), np.diff(first))
+    above = tree[first[1:] - 1]
+    parent = np.where(above >= 0, owner[above], -1)
+    walk = [*pattern, order, position, _ints(owner), _ints(parent)]
+    mark, heights = np.full(supernodes, -1), _ints(np.zeros(supernodes))
+    _walk(k.front_rows, *walk, _ints(mark), heights, _ints([]))
+    start = np.concatenate([[0], np.cumsum(heights.numpy())])
+    rows = _ints(np.zeros(start[-1]))
+    _walk(k.front_rows, *walk, _ints(mark), _ints(start[:-1]), rows)
+    local = _ints(np.zeros(start[-1]))
+    inputs = [_ints(first), _ints(start), rows, _ints(parent), local]
+    start_warp().launch(k.locate_in_parent, supernodes, inputs=inputs, device="cpu")
+    k_, r_ = 3 * np.diff(first).astype(np.int64), 3 * np.diff(start).astype(np.int64)
+    panel = np.concatenate([[0], np.cumsum(k_ * (k_ + r_))])
+    has = parent >= 0
+    child_start = np.concatenate([[0], np.cumsum(np.bincount(parent[has], minlength=supernodes))])
+    children = np.flatnonzero(has)[np.argsort(parent[has], kind="stable")]
+    update, stack = _stack(parent, r_)
+    operations = float((k_**3 / 3 + k_**2 * r_ + k_.astype(float) * r_**2).sum())
+    return Elimination(
+        order, position, _ints(owner), _ints(first), _ints(start), rows, local, parent,
+        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, int(panel[-1]),
+        operations,
+    )  # fmt: skip
 
 
 def join_supernodes(
@@ -338,55 +333,22 @@ def join_supernodes(
         while groups and begin <= up[groups[-1][1] - 1] < end:
             low, middle, _, inner = groups[-1]
             width, tall = end - low, height + middle - low
-            share = next(s for most, s in JOIN if width <= most)
-            if _trapezoid(width, tall) > (1 + share) * (true + inner):
+            fraction = next(s for most, s in JOIN if width <= most)
+            if _trapezoid(width, tall) > (1 + fraction) * (true + inner):
                 break
             begin, height, true = low, tall, true + inner
             groups.pop()
         groups.append((begin, end, height, true))
-    return np.array([*(cut for begin, end, *_ in groups for cut in _cuts(begin, end)), count])
-
-
-def _cuts(begin: int, end: int) -> list[int]:
-    """First columns of the equal pieces, ``WIDEST`` at most, of a supernode."""
-    pieces = -(-(end - begin) // WIDEST)
-    return [begin + (end - begin) * piece // pieces for piece in range(pieces)]
+    cuts = []
+    for begin, end, *_ in groups:  # equal pieces, ``WIDEST`` at most
+        pieces = -(-(end - begin) // WIDEST)
+        cuts += [begin + (end - begin) * piece // pieces for piece in range(pieces)]
+    return np.array([*cuts, count])
 
 
 def _trapezoid(columns: int, rows: int) -> int:
     """Entries of the first ``columns`` of a lower triangle of ``rows``."""
     return columns * rows - columns * (columns - 1) // 2
-
-
-def _fronts(pattern: list, order: Any, position: Any, tree: np.ndarray, first: np.ndarray):
-    from . import kernels_cholesky as k
-
-    wp = start_warp()
-    supernodes = len(first) - 1
-    owner = np.repeat(np.arange(supernodes), np.diff(first))
-    above = tree[first[1:] - 1]
-    parent = np.where(above >= 0, owner[above], -1)
-    walk = [*pattern, order, position, _ints(owner), _ints(parent)]
-    mark, heights = np.full(supernodes, -1), _ints(np.zeros(supernodes))
-    _walk(k.front_rows, *walk, _ints(mark), heights, _ints([]))
-    start = np.concatenate([[0], np.cumsum(heights.numpy())])
-    rows = _ints(np.zeros(start[-1]))
-    _walk(k.front_rows, *walk, _ints(mark), _ints(start[:-1]), rows)
-    local = wp.empty_like(rows)
-    inputs = [_ints(first), _ints(start), rows, _ints(parent), local]
-    wp.launch(k.locate_in_parent, supernodes, inputs=inputs, device="cpu")
-    k_, r_ = 3 * np.diff(first).astype(np.int64), 3 * np.diff(start).astype(np.int64)
-    panel = np.concatenate([[0], np.cumsum(k_ * (k_ + r_))])
-    has = parent >= 0
-    child_start = np.concatenate([[0], np.cumsum(np.bincount(parent[has], minlength=supernodes))])
-    children = np.flatnonzero(has)[np.argsort(parent[has], kind="stable")]
-    update, stack = _stack(parent, r_)
-    operations = float((k_**3 / 3 + k_**2 * r_ + k_.astype(float) * r_**2).sum())
-    return Elimination(
-        order, position, _ints(owner), _ints(first), _ints(start), rows, local, parent,
-        _ints(child_start), _ints(children), _ints(panel), _ints(update), stack, int(panel[-1]),
-        operations,
-    )  # fmt: skip
 
 
 def _stack(parent: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, int]:

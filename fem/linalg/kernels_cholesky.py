@@ -6,17 +6,20 @@ What walks the tree is sequential: such kernels run with one thread, on the CPU.
 
 import warp as wp
 
+from ..elements.kernels_field import find_sorted
+from ..laws.kernels_tensor import Blocks, Doubles, Ints
+
 wp.set_module_options({"enable_backward": False, "max_unroll": 3})
 
 
 @wp.kernel
 def elimination_tree(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),  # node eliminated k-th
-    position: wp.array(dtype=wp.int32),  # its inverse
-    ancestor: wp.array(dtype=wp.int32),  # scratch, -1
-    parent: wp.array(dtype=wp.int32),  # -1
+    rows: Ints,
+    columns: Ints,
+    order: Ints,  # node eliminated k-th
+    position: Ints,  # its inverse
+    ancestor: Ints,  # scratch, -1
+    parent: Ints,  # -1
 ):
     """Parent of every position: Liu's algorithm, with compressed paths."""
     for i in range(order.shape[0]):
@@ -33,10 +36,10 @@ def elimination_tree(
 
 @wp.kernel
 def postorder(
-    parent: wp.array(dtype=wp.int32),
-    size: wp.array(dtype=wp.int32),  # scratch, ones
-    free: wp.array(dtype=wp.int32),  # scratch (n + 1), 0: next free place of every subtree
-    place: wp.array(dtype=wp.int32),
+    parent: Ints,
+    size: Ints,  # scratch, ones
+    free: Ints,  # scratch (n + 1), 0: next free place of every subtree
+    place: Ints,
 ):
     """Place of every position once children stand right before their parents."""
     n = parent.shape[0]
@@ -55,13 +58,13 @@ def postorder(
 
 @wp.kernel
 def column_counts(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-    position: wp.array(dtype=wp.int32),
-    parent: wp.array(dtype=wp.int32),
-    mark: wp.array(dtype=wp.int32),  # scratch, -1
-    count: wp.array(dtype=wp.int32),  # ones: the diagonal
+    rows: Ints,
+    columns: Ints,
+    order: Ints,
+    position: Ints,
+    parent: Ints,
+    mark: Ints,  # scratch, -1
+    count: Ints,  # ones: the diagonal
 ):
     """Entries of every column of the factor: each row is a subtree of the tree."""
     for i in range(order.shape[0]):
@@ -77,15 +80,15 @@ def column_counts(
 
 @wp.kernel
 def front_rows(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    order: wp.array(dtype=wp.int32),
-    position: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-    parent: wp.array(dtype=wp.int32),  # of supernodes
-    mark: wp.array(dtype=wp.int32),  # scratch, -1
-    cursor: wp.array(dtype=wp.int32),  # where the rows of every supernode go, or a count of them
-    found: wp.array(dtype=wp.int32),  # empty while they are counted
+    rows: Ints,
+    columns: Ints,
+    order: Ints,
+    position: Ints,
+    owner: Ints,
+    parent: Ints,  # of supernodes
+    mark: Ints,  # scratch, -1
+    cursor: Ints,  # where the rows of every supernode go, or a count of them
+    below: Ints,  # empty while they are counted
 ):
     """Rows below every supernode, ascending."""
     for i in range(order.shape[0]):
@@ -97,52 +100,26 @@ def front_rows(
                 t = owner[k]
                 while t != top and mark[t] != i:
                     mark[t] = i
-                    if found.shape[0] > 0:
-                        found[cursor[t]] = i
+                    if below.shape[0] > 0:
+                        below[cursor[t]] = i
                     cursor[t] += 1
                     t = parent[t]
 
 
 @wp.func
-def find_row(found: wp.array(dtype=wp.int32), low: int, high: int, row: int):
-    """Position of ``row`` in the ascending found[low:high]."""
-    lo = low
-    hi = high - 1
-    while lo < hi:
-        mid = (lo + hi) // 2
-        if found[mid] < row:
-            lo = mid + 1
-        else:
-            hi = mid
-    return lo
-
-
-@wp.func
-def find_local(
-    first: wp.array(dtype=wp.int32),
-    start: wp.array(dtype=wp.int32),
-    found: wp.array(dtype=wp.int32),
-    t: int,
-    row: int,
-):
+def find_local(first: Ints, start: Ints, below: Ints, t: int, row: int):
     """Local row of position ``row`` in the front of supernode t: its columns, then its rows."""
     if row < first[t + 1]:
         return row - first[t]
-    return first[t + 1] - first[t] + find_row(found, start[t], start[t + 1], row) - start[t]
+    return first[t + 1] - first[t] + find_sorted(below, start[t], start[t + 1], row) - start[t]
 
 
 @wp.kernel
-def locate_in_parent(
-    first: wp.array(dtype=wp.int32),
-    start: wp.array(dtype=wp.int32),
-    found: wp.array(dtype=wp.int32),
-    parent: wp.array(dtype=wp.int32),
-    local: wp.array(dtype=wp.int32),
-):
+def locate_in_parent(first: Ints, start: Ints, below: Ints, parent: Ints, local: Ints):
     """Where every row of a front lies in the front of its parent."""
     t = wp.tid()
     for s in range(start[t], start[t + 1]):
-        local[s] = find_local(first, start, found, parent[t], found[s])
+        local[s] = find_local(first, start, below, parent[t], below[s])
 
 
 @wp.func
@@ -155,16 +132,16 @@ def entry(k: int, r: int, row: int, column: int):
 
 @wp.kernel
 def place_matrix(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    position: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-    first: wp.array(dtype=wp.int32),
-    start: wp.array(dtype=wp.int32),
-    found: wp.array(dtype=wp.int32),
-    panel: wp.array(dtype=wp.int32),
-    factor: wp.array(dtype=wp.float64),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    position: Ints,
+    owner: Ints,
+    first: Ints,
+    start: Ints,
+    below: Ints,
+    panel: Ints,
+    factor: Doubles,
 ):
     """Write the lower triangle of a matrix into the panels of its factor."""
     node = wp.tid()
@@ -175,7 +152,7 @@ def place_matrix(
             t = owner[j]
             k = 3 * (first[t + 1] - first[t])
             r = 3 * (start[t + 1] - start[t])
-            row = 3 * find_local(first, start, found, t, i)
+            row = 3 * find_local(first, start, below, t, i)
             column = 3 * (j - first[t])
             block = values[s]
             for b in range(3):
@@ -185,15 +162,15 @@ def place_matrix(
 
 @wp.func
 def add_rows(
-    local: wp.array(dtype=wp.int32),
+    local: Ints,
     low: int,
     begin: int,
     end: int,
     node: int,
     b: int,
-    source: wp.array(dtype=wp.float64),
+    source: Doubles,
     at: int,
-    out: wp.array(dtype=wp.float64),
+    out: Doubles,
     to: int,
 ):
     """Add rows begin ... end of column (node, b) of an update to the column ``to`` of a front."""
@@ -207,15 +184,15 @@ def add_rows(
 @wp.kernel
 def extend_add(
     t: wp.int32,
-    first: wp.array(dtype=wp.int32),
-    start: wp.array(dtype=wp.int32),
-    local: wp.array(dtype=wp.int32),
-    child_start: wp.array(dtype=wp.int32),
-    children: wp.array(dtype=wp.int32),
-    panel: wp.array(dtype=wp.int32),
-    update: wp.array(dtype=wp.int32),
-    stack: wp.array(dtype=wp.float64),
-    factor: wp.array(dtype=wp.float64),
+    first: Ints,
+    start: Ints,
+    local: Ints,
+    child_start: Ints,
+    children: Ints,
+    panel: Ints,
+    update: Ints,
+    stack: Doubles,
+    factor: Doubles,
 ):
     """Clear the update of supernode t, then add those of its children to its front (lower part)."""
     k = 3 * (first[t + 1] - first[t])
@@ -229,7 +206,7 @@ def extend_add(
         c = children[e]
         low = start[c]
         size = start[c + 1] - low
-        inner = find_row(local, low, start[c + 1], first[t + 1] - first[t]) - low
+        inner = find_sorted(local, low, start[c + 1], first[t + 1] - first[t]) - low
         if size > 0 and local[low + inner] < first[t + 1] - first[t]:
             inner += 1
         for node in range(size):

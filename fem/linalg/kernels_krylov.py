@@ -5,7 +5,8 @@ from typing import Any
 
 import warp as wp
 
-from ..elements.kernels_field import find_slot, row_times
+from ..elements.kernels_field import find_slot
+from ..laws.kernels_tensor import Blocks, Doubles, Ints, Singles, Vectors
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 4})
 
@@ -30,12 +31,7 @@ SLICE = wp.constant(32)
 
 
 @wp.kernel
-def slice_columns(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    base: wp.array(dtype=wp.int32),
-    sliced: wp.array(dtype=wp.int32),
-):
+def slice_columns(rows: Ints, columns: Ints, base: Ints, sliced: Ints):
     """First scalar of the column of every block; a block that only fills a slice has its row's."""
     i = wp.tid()
     part = i // SLICE
@@ -47,23 +43,18 @@ def slice_columns(
 
 
 @wp.kernel
-def slice_values(
-    rows: wp.array(dtype=wp.int32),
-    base: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    sliced: wp.array(dtype=Any),
-):
+def slice_values(rows: Ints, base: Ints, values: Doubles, sliced: wp.array(dtype=Any)):
     """Numbers of the blocks, a thread a scalar row: s-th block, column of it, row of the slice."""
     i = wp.tid()
     node = i // 3
     part = node // SLICE
     lane = i - 3 * SLICE * part
-    given = 9 * rows[node] + 3 * (i - 3 * node)
+    first = 9 * rows[node] + 3 * (i - 3 * node)
     for s in range(base[part + 1] - base[part]):
         for c in range(3):
             value = wp.float64(0.0)
             if rows[node] + s < rows[node + 1]:
-                value = values[given + 9 * s + c]
+                value = values[first + 9 * s + c]
             sliced[3 * SLICE * (3 * (base[part] + s) + c) + lane] = sliced.dtype(value)
 
 
@@ -85,31 +76,18 @@ _ROW_TIMES = """
 
 @wp.func_native(_ROW_TIMES)
 def single_row_times(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-    i: int,
+    base: Ints, columns: Ints, values: Singles, x: Singles, i: int
 ) -> wp.float32: ...
 
 
 @wp.func_native(_ROW_TIMES)
 def double_row_times(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    i: int,
+    base: Ints, columns: Ints, values: Doubles, x: Doubles, i: int
 ) -> wp.float64: ...
 
 
 @wp.kernel
-def inner(
-    a: wp.array(dtype=wp.float64),
-    b: wp.array(dtype=wp.float64),
-    slot: wp.int32,
-    out: wp.array(dtype=wp.float64),
-):
+def inner(a: Doubles, b: Doubles, slot: wp.int32, out: Doubles):
     """Add a . b to ``out[slot]``; the last block of threads may reach past the end."""
     i = wp.tid()
     product = wp.float64(0.0)
@@ -119,26 +97,20 @@ def inner(
 
 
 @wp.kernel
-def combine(
-    a: wp.array(dtype=wp.vec3d),
-    by_a: wp.float64,
-    b: wp.array(dtype=wp.vec3d),
-    by_b: wp.float64,
-    out: wp.array(dtype=wp.vec3d),
-):
+def combine(a: Vectors, by_a: wp.float64, b: Vectors, by_b: wp.float64, out: Vectors):
     i = wp.tid()
     out[i] = by_a * a[i] + by_b * b[i]
 
 
 @wp.kernel
 def cg_advance(
-    p: wp.array(dtype=wp.vec3d),
-    q: wp.array(dtype=wp.vec3d),
-    lower: wp.array(dtype=wp.mat33d),
-    scalars: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.vec3d),
-    r: wp.array(dtype=wp.vec3d),
-    unscaled: wp.array(dtype=wp.vec3d),
+    p: Vectors,
+    q: Vectors,
+    lower: Blocks,
+    scalars: Doubles,
+    x: Vectors,
+    r: Vectors,
+    unscaled: Vectors,
 ):
     """Update x += alpha p, r -= alpha q; ``unscaled`` is the residual of the original system."""
     i = wp.tid()
@@ -151,12 +123,7 @@ def cg_advance(
 
 @wp.kernel
 def multiply_and_measure(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float64),
-    p: wp.array(dtype=wp.float64),
-    q: wp.array(dtype=wp.float64),
-    scalars: wp.array(dtype=wp.float64),
+    base: Ints, columns: Ints, values: Doubles, p: Doubles, q: Doubles, scalars: Doubles
 ):
     """Product q = A p and its curvature p . q; the last block of threads may reach past the end."""
     i = wp.tid()
@@ -170,12 +137,7 @@ def multiply_and_measure(
 
 @wp.kernel
 def advance_and_measure(
-    p: wp.array(dtype=wp.vec3d),
-    q: wp.array(dtype=wp.vec3d),
-    lower: wp.array(dtype=wp.mat33d),
-    scalars: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.vec3d),
-    r: wp.array(dtype=wp.vec3d),
+    p: Vectors, q: Vectors, lower: Blocks, scalars: Doubles, x: Vectors, r: Vectors
 ):
     """Update x += alpha p, r -= alpha q; size of the residual of the original system."""
     i = wp.tid()
@@ -190,22 +152,13 @@ def advance_and_measure(
 
 
 @wp.kernel
-def cg_direction(
-    z: wp.array(dtype=wp.vec3d),
-    scalars: wp.array(dtype=wp.float64),
-    p: wp.array(dtype=wp.vec3d),
-):
+def cg_direction(z: Vectors, scalars: Doubles, p: Vectors):
     i = wp.tid()
     p[i] = z[i] + (scalars[RZ_NEW] / scalars[RZ]) * p[i]
 
 
 @wp.kernel
-def cg_open(
-    target2: wp.float64,
-    limit: wp.int32,
-    scalars: wp.array(dtype=wp.float64),
-    state: wp.array(dtype=wp.int32),
-):
+def cg_open(target2: wp.float64, limit: wp.int32, scalars: Doubles, state: Ints):
     """Begin: nothing is summed or done yet, and the first direction has none before it."""
     for k in range(scalars.shape[0]):
         scalars[k] = wp.float64(0.0)
@@ -217,7 +170,7 @@ def cg_open(
 
 
 @wp.kernel
-def cg_close(scalars: wp.array(dtype=wp.float64), state: wp.array(dtype=wp.int32)):
+def cg_close(scalars: Doubles, state: Ints):
     """End an iteration: decide whether to go on, and clear the sums for the next one."""
     count = state[COUNT] + 1
     state[COUNT] = count
@@ -235,7 +188,7 @@ def cg_close(scalars: wp.array(dtype=wp.float64), state: wp.array(dtype=wp.int32
 
 
 @wp.kernel
-def lanczos_start(v: wp.array(dtype=wp.vec3d)):
+def lanczos_start(v: Vectors):
     """A vector without a pattern."""
     i = wp.tid()
     state = wp.rand_init(0, i)
@@ -243,13 +196,7 @@ def lanczos_start(v: wp.array(dtype=wp.vec3d)):
 
 
 @wp.kernel
-def lanczos_direction(
-    w: wp.array(dtype=wp.vec3d),
-    square: wp.array(dtype=wp.float64),
-    k: wp.int32,
-    v: wp.array(dtype=wp.vec3d),
-    old: wp.array(dtype=wp.vec3d),
-):
+def lanczos_direction(w: Vectors, square: Doubles, k: wp.int32, v: Vectors, old: Vectors):
     """Next unit vector v = w / |w|, where |w|^2 is ``square[k]``; the last one becomes ``old``."""
     i = wp.tid()
     old[i] = v[i]
@@ -258,12 +205,7 @@ def lanczos_direction(
 
 @wp.kernel
 def lanczos_residual(
-    v: wp.array(dtype=wp.vec3d),
-    old: wp.array(dtype=wp.vec3d),
-    along: wp.array(dtype=wp.float64),
-    square: wp.array(dtype=wp.float64),
-    k: wp.int32,
-    w: wp.array(dtype=wp.vec3d),
+    v: Vectors, old: Vectors, along: Doubles, square: Doubles, k: wp.int32, w: Vectors
 ):
     """Drop the parts of w = A v along v and the vector before it."""
     i = wp.tid()
@@ -304,13 +246,7 @@ def invert_lower(m: wp.mat33d) -> wp.mat33d:
 
 
 @wp.kernel
-def factor_diagonal(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    lower: wp.array(dtype=wp.mat33d),
-    inverse: wp.array(dtype=wp.mat33d),
-):
+def factor_diagonal(rows: Ints, columns: Ints, values: Blocks, lower: Blocks, inverse: Blocks):
     """Cholesky factor of every diagonal block, and its inverse."""
     i = wp.tid()
     for s in range(rows[i], rows[i + 1]):
@@ -321,12 +257,7 @@ def factor_diagonal(
 
 
 @wp.kernel
-def scale_blocks(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    inverse: wp.array(dtype=wp.mat33d),
-    values: wp.array(dtype=wp.mat33d),
-):
+def scale_blocks(rows: Ints, columns: Ints, inverse: Blocks, values: Blocks):
     """Two-sided scaling with the inverse factors: every diagonal block becomes I."""
     i = wp.tid()
     for s in range(rows[i], rows[i + 1]):
@@ -334,12 +265,7 @@ def scale_blocks(
 
 
 @wp.kernel
-def block_multiply(
-    blocks: wp.array(dtype=wp.mat33d),
-    x: wp.array(dtype=wp.vec3d),
-    transposed: wp.bool,
-    y: wp.array(dtype=wp.vec3d),
-):
+def block_multiply(blocks: Blocks, x: Vectors, transposed: wp.bool, y: Vectors):
     i = wp.tid()
     if transposed:
         y[i] = wp.transpose(blocks[i]) * x[i]
@@ -348,96 +274,18 @@ def block_multiply(
 
 
 @wp.kernel
-def remainder(
-    b: wp.array(dtype=wp.vec3d),
-    lower: wp.array(dtype=wp.mat33d),
-    product: wp.array(dtype=wp.vec3d),
-    rest: wp.array(dtype=wp.vec3d),
-):
+def remainder(b: Vectors, lower: Blocks, product: Vectors, rest: Vectors):
     """Residual of the original system of the ``product`` of the scaled one."""
     i = wp.tid()
     rest[i] = b[i] - lower[i] * product[i]
 
 
 @wp.kernel
-def chebyshev_start(
-    b: wp.array(dtype=wp.vec3d),
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-):
-    """First step from x = 0."""
-    i = wp.tid()
-    r[i] = b[i]
-    d[i] = b[i] * scale
-    x[i] = b[i] * scale
-
-
-@wp.kernel
-def chebyshev_restart(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    b: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-):
-    """First step from a given x; the x itself moves in `add`, after all rows have read it."""
-    i = wp.tid()
-    res = b[i] - row_times(rows, columns, values, x, i)
-    r[i] = res
-    d[i] = res * scale
-
-
-@wp.kernel
-def chebyshev_step(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    old: wp.array(dtype=wp.vec3d),
-    keep: wp.float64,
-    scale: wp.float64,
-    r: wp.array(dtype=wp.vec3d),
-    d: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
-):
-    """Update r = r - A old, d = keep old + scale r, x = x + d."""
-    i = wp.tid()
-    res = r[i] - row_times(rows, columns, values, old, i)
-    r[i] = res
-    step = keep * old[i] + scale * res
-    d[i] = step
-    x[i] = x[i] + step
-
-
-@wp.kernel
-def add(x: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.vec3d)):
-    i = wp.tid()
-    x[i] = x[i] + d[i]
-
-
-@wp.kernel
-def subtract(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    d: wp.array(dtype=wp.vec3d),
-    r: wp.array(dtype=wp.vec3d),
-):
-    """Update r = r - A d."""
-    i = wp.tid()
-    r[i] = r[i] - row_times(rows, columns, values, d, i)
-
-
-@wp.kernel
 def scatter(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
-    r: wp.array(dtype=wp.vec3d),
+    r: Vectors,
     coarse: wp.array(dtype=vec6d),
 ):
     """Add P^T r to ``coarse``, row by row: the faster way for one thread."""
@@ -448,11 +296,11 @@ def scatter(
 
 @wp.kernel
 def prolong(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
     coarse: wp.array(dtype=vec6d),
-    x: wp.array(dtype=wp.vec3d),
+    x: Vectors,
 ):
     """Add P ``coarse`` to ``x``."""
     i = wp.tid()
@@ -463,11 +311,7 @@ def prolong(
 
 
 @wp.kernel
-def corner_transfers(
-    lower: wp.array(dtype=wp.mat33d),
-    free: wp.array(dtype=wp.vec3d),
-    transfer: wp.array(dtype=wp.mat33d),
-):
+def corner_transfers(lower: Blocks, free: Vectors, transfer: Blocks):
     """Blocks B of P, whose row is B / 2 at both ends of a node (a corner ends in itself, twice)."""
     i = wp.tid()
     transfer[i] = wp.transpose(lower[i]) * wp.diag(wp.float64(0.5) * free[i])
@@ -475,14 +319,14 @@ def corner_transfers(
 
 @wp.kernel
 def corner_matrix(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
     ends: wp.array(dtype=wp.vec2i),
-    transfer: wp.array(dtype=wp.mat33d),
-    coarse_rows: wp.array(dtype=wp.int32),
-    coarse_columns: wp.array(dtype=wp.int32),
-    coarse: wp.array(dtype=wp.mat33d),
+    transfer: Blocks,
+    coarse_rows: Ints,
+    coarse_columns: Ints,
+    coarse: Blocks,
 ):
     """Add P^T A P, row by row of A."""
     i = wp.tid()
@@ -497,10 +341,7 @@ def corner_matrix(
 
 @wp.kernel
 def restrict_to_corners(
-    ends: wp.array(dtype=wp.vec2i),
-    transfer: wp.array(dtype=wp.mat33d),
-    r: wp.array(dtype=wp.vec3d),
-    coarse: wp.array(dtype=wp.vec3d),
+    ends: wp.array(dtype=wp.vec2i), transfer: Blocks, r: Vectors, coarse: Vectors
 ):
     i = wp.tid()
     part = wp.transpose(transfer[i]) * r[i]
@@ -510,10 +351,7 @@ def restrict_to_corners(
 
 @wp.kernel
 def prolong_from_corners(
-    ends: wp.array(dtype=wp.vec2i),
-    transfer: wp.array(dtype=wp.mat33d),
-    coarse: wp.array(dtype=wp.vec3d),
-    x: wp.array(dtype=wp.vec3d),
+    ends: wp.array(dtype=wp.vec2i), transfer: Blocks, coarse: Vectors, x: Vectors
 ):
     i = wp.tid()
     x[i] = x[i] + transfer[i] * (coarse[ends[i][0]] + coarse[ends[i][1]])

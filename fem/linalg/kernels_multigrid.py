@@ -1,8 +1,12 @@
 # type: ignore  (warp code: its types are warp's, not Python's)
-"""Warp kernels that make the coarse space: rigid motions, smoothing, Galerkin product."""
+"""Warp kernels of the V-cycle: the coarse space, its transfers and inverse; Chebyshev steps."""
+
+from typing import Any, NamedTuple
 
 import warp as wp
 
+from ..elements.kernels_field import row_times
+from ..laws.kernels_tensor import Blocks, DoubleRows, Doubles, Ints, Singles, Vectors
 from .kernels_krylov import mat36d, single_row_times, vec6d
 
 # Loops over six motions are unrolled: their blocks then live in registers.
@@ -16,14 +20,14 @@ RANK = wp.constant(wp.float64(1e-12))
 
 @wp.kernel
 def couplings(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    label: wp.array(dtype=wp.int32),
-    free: wp.array(dtype=wp.vec3d),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    label: Ints,
+    free: Vectors,
     limit: wp.float64,
-    strength: wp.array(dtype=wp.float64),
-    weak: wp.array(dtype=wp.int32),
+    strength: Doubles,
+    weak: Ints,
 ):
     """Strength |A_ij| of every coupling, 1 to a node that is held; count the weak ones in a box."""
     i = wp.tid()
@@ -43,12 +47,12 @@ def couplings(
 
 @wp.kernel
 def rigid_motions(
-    points: wp.array(dtype=wp.vec3d),
-    label: wp.array(dtype=wp.int32),
-    centre: wp.array(dtype=wp.vec3d),
-    extent: wp.array(dtype=wp.float64),
-    lower: wp.array(dtype=wp.mat33d),
-    free: wp.array(dtype=wp.vec3d),
+    points: Vectors,
+    label: Ints,
+    centre: Vectors,
+    extent: Doubles,
+    lower: Blocks,
+    free: Vectors,
     motion: wp.array(dtype=mat36d),
     gram: wp.array(dtype=mat66d),
 ):
@@ -95,38 +99,25 @@ def orthonormalise(gram: wp.array(dtype=mat66d), weight: wp.array(dtype=mat66d))
 
 
 @wp.kernel
-def weigh(
-    label: wp.array(dtype=wp.int32), weight: wp.array(dtype=mat66d), motion: wp.array(dtype=mat36d)
-):
+def weigh(label: Ints, weight: wp.array(dtype=mat66d), motion: wp.array(dtype=mat36d)):
     """Turn motions into orthonormal ones, in place."""
     i = wp.tid()
     motion[i] = motion[i] * weight[label[i]]
 
 
 @wp.func
-def next_label(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    label: wp.array(dtype=wp.int32),
-    i: int,
-    last: int,
-) -> int:
+def next_label(rows: Ints, columns: Ints, label: Ints, i: int, last: int) -> int:
     """Smallest label above ``last`` in row i, or -1."""
-    found = int(-1)  # noqa: RUF046, UP018
+    above = int(-1)  # noqa: RUF046, UP018
     for s in range(rows[i], rows[i + 1]):
         a = label[columns[s]]
-        if a > last and (found < 0 or a < found):
-            found = a
-    return found
+        if a > last and (above < 0 or a < above):
+            above = a
+    return above
 
 
 @wp.kernel
-def count_labels(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    label: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
-):
+def count_labels(rows: Ints, columns: Ints, label: Ints, count: Ints):
     """Distinct aggregates among the neighbours of every node, which is its own neighbour."""
     i = wp.tid()
     n = int(0)  # noqa: RUF046, UP018
@@ -139,14 +130,14 @@ def count_labels(
 
 @wp.kernel
 def smooth(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    label: wp.array(dtype=wp.int32),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    label: Ints,
     motion: wp.array(dtype=mat36d),
     omega: wp.float64,
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
 ):
     """Rows of P = (1 - omega A) ``motion``."""
@@ -168,19 +159,13 @@ def smooth(
 
 
 @wp.kernel
-def count_members(aggregates: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)):
+def count_members(aggregates: Ints, count: Ints):
     """Entries of P in the columns of every aggregate."""
     wp.atomic_add(count, aggregates[wp.tid()], 1)
 
 
 @wp.kernel
-def list_members(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
-    place: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-):
+def list_members(start: Ints, aggregates: Ints, place: Ints, member: Ints, owner: Ints):
     """Entries of P and their rows, by aggregate; ``place`` is where the next one of each goes."""
     i = wp.tid()
     for s in range(start[i], start[i + 1]):
@@ -191,13 +176,13 @@ def list_members(
 
 @wp.kernel
 def galerkin(
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.mat33d),
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
+    rows: Ints,
+    columns: Ints,
+    values: Blocks,
+    start: Ints,
+    aggregates: Ints,
     transfer: wp.array(dtype=mat36d),
-    matrix: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows,
 ):
     """Add the blocks on and above the diagonal of P^T A P, dense, to ``matrix``.
 
@@ -228,114 +213,109 @@ def galerkin(
 
 
 @wp.kernel
-def mend(share: wp.float64, matrix: wp.array2d(dtype=wp.float64)):
+def mend(fraction: wp.float64, matrix: DoubleRows):
     """Copy the upper triangle down; the diagonal is 1 where a motion does not exist.
 
-    Elsewhere it is raised by ``share``.
+    Elsewhere it is raised by ``fraction``.
     """
     i, j = wp.tid()
     if i > j:
         matrix[i, j] = matrix[j, i]
     if i == j:
         d = matrix[i, i]
-        matrix[i, i] = wp.where(d > wp.float64(0.0), d + share * d, wp.float64(1.0))
+        matrix[i, i] = wp.where(d > wp.float64(0.0), d + fraction * d, wp.float64(1.0))
 
 
-# Warp kernels of the V-cycle as a GPU runs it: in single precision, a thread a scalar.
-#
-# The cycle only shapes a search direction of CG, whose residual stays double: half the bytes, and
-# as many iterations. Vectors and blocks are flat: 9 numbers a block of A, 18 of P. The coarse
-# matrix is inverted, in double precision.
+class ChebyshevSteps(NamedTuple):
+    """Kernels of the smoother: first step from x = 0, and from a given x; one more; r -= A d."""
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 6})
+    start: Any
+    restart: Any
+    step: Any
+    subtract: Any
+
+
+def chebyshev_steps(
+    row_times: Any, block: Any, wide: Any, entry: Any, number: Any
+) -> ChebyshevSteps:
+    """Kernels of a matrix of ``block``, by its ``row_times``, and of ``entry`` for ``wide``.
+
+    ``wide`` are those outside, in double precision. The V-cycle only shapes a search direction of
+    CG, whose residual stays double: a GPU runs it in single precision, a thread a scalar, for half
+    the bytes and as many iterations.
+    """
+    Matrix, Wide, Entries = (wp.array(dtype=kind) for kind in (block, wide, entry))
+
+    @wp.kernel
+    def chebyshev_start(b: Wide, scale: number, r: Entries, d: Entries, x: Entries):
+        i = wp.tid()
+        here = entry(b[i])
+        r[i] = here
+        d[i] = scale * here
+        x[i] = scale * here
+
+    @wp.kernel
+    def chebyshev_restart(
+        rows: Ints,
+        columns: Ints,
+        values: Matrix,
+        b: Wide,
+        x: Entries,
+        scale: number,
+        r: Entries,
+        d: Entries,
+    ):
+        """The x takes its step in with the next: others read it now."""
+        i = wp.tid()
+        res = entry(b[i]) - row_times(rows, columns, values, x, i)
+        r[i] = res
+        d[i] = scale * res
+
+    @wp.kernel
+    def chebyshev_step(
+        rows: Ints,
+        columns: Ints,
+        values: Matrix,
+        old: Entries,
+        keep: number,
+        scale: number,
+        owed: number,
+        r: Entries,
+        d: Entries,
+        x: Entries,
+        z: Wide,
+    ):
+        """Update r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
+        i = wp.tid()
+        res = r[i] - row_times(rows, columns, values, old, i)
+        r[i] = res
+        change = keep * old[i] + scale * res
+        d[i] = change
+        here = x[i] + owed * old[i] + change
+        x[i] = here
+        z[i] = wide(here)
+
+    @wp.kernel
+    def chebyshev_subtract(rows: Ints, columns: Ints, values: Matrix, d: Entries, r: Entries):
+        i = wp.tid()
+        r[i] = r[i] - row_times(rows, columns, values, d, i)
+
+    return ChebyshevSteps(chebyshev_start, chebyshev_restart, chebyshev_step, chebyshev_subtract)
+
+
+DOUBLE_STEPS = chebyshev_steps(row_times, wp.mat33d, wp.vec3d, wp.vec3d, wp.float64)
+SINGLE_STEPS = chebyshev_steps(single_row_times, wp.float32, wp.float64, wp.float32, wp.float32)
 
 
 @wp.kernel
-def narrow(given: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float32)):
+def narrow(numbers: Doubles, out: Singles):
     i = wp.tid()
-    out[i] = wp.float32(given[i])
-
-
-@wp.kernel
-def single_start(
-    b: wp.array(dtype=wp.float64),
-    scale: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-):
-    """First Chebyshev step from x = 0."""
-    i = wp.tid()
-    here = wp.float32(b[i])
-    r[i] = here
-    d[i] = scale * here
-    x[i] = scale * here
-
-
-@wp.kernel
-def single_restart(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    b: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float32),
-    scale: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-):
-    """First Chebyshev step from a given x, which takes it in with the next: others read it now."""
-    i = wp.tid()
-    res = wp.float32(b[i]) - single_row_times(base, columns, values, x, i)
-    r[i] = res
-    d[i] = scale * res
-
-
-@wp.kernel
-def single_step(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    old: wp.array(dtype=wp.float32),
-    keep: wp.float32,
-    scale: wp.float32,
-    owed: wp.float32,
-    r: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    x: wp.array(dtype=wp.float32),
-    z: wp.array(dtype=wp.float64),
-):
-    """Chebyshev step: r -= A old, d = keep old + scale r, x += d + ``owed`` old; z is x."""
-    i = wp.tid()
-    res = r[i] - single_row_times(base, columns, values, old, i)
-    r[i] = res
-    change = keep * old[i] + scale * res
-    d[i] = change
-    here = x[i] + owed * old[i] + change
-    x[i] = here
-    z[i] = wp.float64(here)
-
-
-@wp.kernel
-def single_subtract(
-    base: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.float32),
-    d: wp.array(dtype=wp.float32),
-    r: wp.array(dtype=wp.float32),
-):
-    """Update r -= A d."""
-    i = wp.tid()
-    r[i] = r[i] - single_row_times(base, columns, values, d, i)
+    out[i] = wp.float32(numbers[i])
 
 
 @wp.kernel
 def single_restrict(
-    first: wp.array(dtype=wp.int32),
-    member: wp.array(dtype=wp.int32),
-    owner: wp.array(dtype=wp.int32),
-    transfer: wp.array(dtype=wp.float32),
-    r: wp.array(dtype=wp.float32),
-    coarse: wp.array(dtype=wp.float64),
+    first: Ints, member: Ints, owner: Ints, transfer: Singles, r: Singles, coarse: Doubles
 ):
     """Product P^T r, one block of threads an aggregate: no two of them write to one place."""
     a, lane = wp.tid()
@@ -351,13 +331,7 @@ def single_restrict(
 
 
 @wp.kernel
-def single_prolong(
-    start: wp.array(dtype=wp.int32),
-    aggregates: wp.array(dtype=wp.int32),
-    transfer: wp.array(dtype=wp.float32),
-    coarse: wp.array(dtype=wp.float64),
-    x: wp.array(dtype=wp.float32),
-):
+def single_prolong(start: Ints, aggregates: Ints, transfer: Singles, coarse: Doubles, x: Singles):
     """Add P ``coarse`` to ``x``."""
     i = wp.tid()
     node = i // 3
@@ -372,11 +346,7 @@ def single_prolong(
 
 
 @wp.kernel
-def dense_multiply(
-    matrix: wp.array2d(dtype=wp.float64),
-    x: wp.array(dtype=wp.float64),
-    y: wp.array(dtype=wp.float64),
-):
+def dense_multiply(matrix: DoubleRows, x: Doubles, y: Doubles):
     """Product y = matrix x, one block of threads a row."""
     i, lane = wp.tid()
     total = wp.float64(0.0)
@@ -434,23 +404,19 @@ PIVOT = 16
 
 @wp.func_native(_PIVOT)
 def pivot_entry(
-    matrix: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows,
     first: int,
     width: int,
     rank: wp.float64,
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
+    row: DoubleRows,
+    column: DoubleRows,
     index: int,
 ): ...
 
 
 @wp.kernel
 def take_pivot(
-    matrix: wp.array2d(dtype=wp.float64),
-    first: wp.int32,
-    width: wp.int32,
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
+    matrix: DoubleRows, first: wp.int32, width: wp.int32, row: DoubleRows, column: DoubleRows
 ):
     """Block Gauss-Jordan: ``row`` = pivot^-1 times rows of the matrix, ``column`` its columns.
 
@@ -461,11 +427,7 @@ def take_pivot(
 
 @wp.kernel
 def eliminate(
-    row: wp.array2d(dtype=wp.float64),
-    column: wp.array2d(dtype=wp.float64),
-    first: wp.int32,
-    width: wp.int32,
-    matrix: wp.array2d(dtype=wp.float64),
+    row: DoubleRows, column: DoubleRows, first: wp.int32, width: wp.int32, matrix: DoubleRows
 ):
     """Block Gauss-Jordan: one step towards the inverse of ``matrix``, in place."""
     i, j = wp.tid()

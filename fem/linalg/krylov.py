@@ -1,24 +1,24 @@
-"""Krylov methods on a device: its vectors, and conjugate gradients."""
+"""Krylov methods: vectors of a device, conjugate gradients on it, eigenvalues by Lanczos."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ..device import Recorder, start_warp
+from ..device import Recent, Recorder, start_warp
 from ..elements.assembly import BlockMatrix
 
 # Threads of a block: inner products are summed within one before they meet in memory.
 BLOCK = 256
 
 
-# Where slices begin and their columns, of the last patterns, by the identity of these.
-_SLICED: list[tuple[Any, Any, Any]] = []
-_KEPT = 4
+# Where slices begin and their columns, of the last patterns.
+_RECENT_SLICES: Recent[tuple[Any, Any]] = Recent(4)
 
 
 class SlicedMatrix:
@@ -31,36 +31,26 @@ class SlicedMatrix:
     def __init__(self, matrix: BlockMatrix, dtype: Any) -> None:
         from . import kernels_krylov as k
 
-        wp, device = start_warp(), matrix.values.device
-        base, columns = _sliced_pattern(matrix)
+        wp, device, size = start_warp(), matrix.values.device, int(k.SLICE)
+        pattern = _RECENT_SLICES.get(matrix.columns)
+        if pattern is None:
+            lengths = np.diff(matrix.rows.numpy())
+            widths = np.maximum.reduceat(lengths, np.arange(0, len(lengths), size))
+            starts = np.concatenate([[0], np.cumsum(widths)])
+            base = wp.array(starts, dtype=wp.int32, device=device)
+            columns = wp.zeros(size * int(starts[-1]), dtype=wp.int32, device=device)
+            inputs = [matrix.rows, matrix.columns, base, columns]
+            Recorder(matrix.nodes, device)(k.slice_columns, inputs).launch()
+            pattern = _RECENT_SLICES.keep((base, columns), matrix.columns)
+        base, columns = pattern
         values = wp.empty(9 * len(columns), dtype=dtype, device=device)
         self.arrays = (base, columns, values)
-        given = [matrix.rows, base, matrix.values.view(wp.float64).flatten(), values]
-        self.command = Recorder(3 * matrix.nodes, device)(k.slice_values, given)
+        inputs = [matrix.rows, base, matrix.values.view(wp.float64).flatten(), values]
+        self.command = Recorder(3 * matrix.nodes, device)(k.slice_values, inputs)
 
     def refresh(self) -> None:
         """Take the numbers that the matrix has now."""
         self.command.launch()
-
-
-def _sliced_pattern(matrix: BlockMatrix) -> tuple[Any, Any]:
-    """Where the slices of the pattern of ``matrix`` begin, and its columns in their order."""
-    from . import kernels_krylov as k
-
-    for known, base, columns in _SLICED:
-        if known is matrix.columns:
-            return base, columns
-    wp, device, size = start_warp(), matrix.values.device, int(k.SLICE)
-    lengths = np.diff(matrix.rows.numpy())
-    widths = np.maximum.reduceat(lengths, np.arange(0, len(lengths), size))
-    starts = np.concatenate([[0], np.cumsum(widths)])
-    base = wp.array(starts, dtype=wp.int32, device=device)
-    columns = wp.zeros(size * int(starts[-1]), dtype=wp.int32, device=device)
-    given = [matrix.rows, matrix.columns, base, columns]
-    Recorder(matrix.nodes, device)(k.slice_columns, given).launch()
-    _SLICED.insert(0, (matrix.columns, base, columns))
-    del _SLICED[_KEPT:]
-    return base, columns
 
 
 def whole_blocks(size: int) -> int:
@@ -133,16 +123,16 @@ class DeviceVector:
         self.write(out)
         return out
 
-    def write(self, out: Any, share: float = 1.0) -> None:
-        """Write ``share`` times the numbers to an array."""
-        self._combine(share * self.factor, self, 0.0, out)
+    def write(self, out: Any, factor: float = 1.0) -> None:
+        """Write ``factor`` times the numbers to an array."""
+        self._combine(factor * self.factor, self, 0.0, out)
 
     def _combine(self, own: float, other: DeviceVector, factor: float, out: Any) -> None:
         from . import kernels_krylov as k
 
         wp = start_warp()
-        given = [self.raw, wp.float64(own), other.raw, wp.float64(factor), out]
-        wp.launch(k.combine, len(out), inputs=given, device=out.device)
+        inputs = [self.raw, wp.float64(own), other.raw, wp.float64(factor), out]
+        wp.launch(k.combine, len(out), inputs=inputs, device=out.device)
 
     def numpy(self) -> np.ndarray:
         """Copy of the numbers (nodes, 3)."""
@@ -218,36 +208,23 @@ class ConjugateGradients:
         self.open = launch(k.cg_open, [0.0, 0, self.scalars, self.state], size=1)
         self.close = launch(k.cg_close, [self.scalars, self.state], size=1)
         self.along = Inner(r, z, self.scalars, 2)
-        known = (matrix, lower, q, r)
-        self.forward = self._fused(*known) if r.device.is_cuda else self._plain(*known)
-
-    def _plain(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
-        """Along the direction p: q = A p, curvature, new x and r, size of r unscaled."""
-        from . import kernels_krylov as k
-
-        unscaled = start_warp().zeros_like(r)
-        advance = [self.p, q, lower, self.scalars, self.x, r, unscaled]
-        return [
-            matrix.product(self.p, q),
-            Inner(self.p, q, self.scalars, 1),
-            Recorder(matrix.nodes, self.device)(k.cg_advance, advance),
-            Inner(unscaled, unscaled, self.scalars, 3),
-        ]
-
-    def _fused(self, matrix: BlockMatrix, lower: Any, q: Any, r: Any) -> list[Any]:
-        """The same in two launches of whole blocks of threads."""
-        from . import kernels_krylov as k
-
-        wp = start_warp()
-        self.sliced = SlicedMatrix(matrix, wp.float64)
-        launch = Recorder(0, self.device)
-        flat = [v.view(wp.float64).flatten() for v in (self.p, q)]
-        product = [*self.sliced.arrays, *flat, self.scalars]
-        advance = [self.p, q, lower, self.scalars, self.x, r]
-        return [
-            launch(k.multiply_and_measure, product, size=whole_blocks(3 * matrix.nodes)),
-            launch(k.advance_and_measure, advance, size=whole_blocks(matrix.nodes)),
-        ]
+        if r.device.is_cuda:  # along p: q = A p, curvature, new x and r, size of r unscaled
+            self.sliced = SlicedMatrix(matrix, wp.float64)
+            flat = [v.view(wp.float64).flatten() for v in (self.p, q)]
+            product = [*self.sliced.arrays, *flat, self.scalars]
+            advance = [self.p, q, lower, self.scalars, self.x, r]
+            self.forward = [
+                launch(k.multiply_and_measure, product, size=whole_blocks(3 * matrix.nodes)),
+                launch(k.advance_and_measure, advance, size=whole_blocks(matrix.nodes)),
+            ]
+        else:
+            unscaled = wp.zeros_like(r)
+            self.forward = [
+                matrix.product(self.p, q),
+                Inner(self.p, q, self.scalars, 1),
+                launch(k.cg_advance, [self.p, q, lower, self.scalars, self.x, r, unscaled]),
+                Inner(unscaled, unscaled, self.scalars, 3),
+            ]
 
     def step(self) -> None:
         """One iteration: a new direction p, and as far along it as is best."""
@@ -293,8 +270,6 @@ class ConjugateGradients:
         self.reached = not indefinite and bool(ended <= self.target**2)
         return int(iterations)
 
-
-# Eigenvalues by Lanczos: lowest vibrations of a factored matrix, the largest of a matrix.
 
 Operator = Callable[[np.ndarray], np.ndarray]
 
@@ -349,7 +324,11 @@ def lanczos(
         projected = grown
         basis.take_off(column, rest)
         weighed = mass(rest)
-        pairs = _ritz(projected, basis, rest, weighed)
+        values, y = np.linalg.eigh((projected + projected.T) / 2)
+        values, y = values[::-1], y[:, ::-1]
+        last, gram = y[-width:], rest.T @ weighed
+        errors = np.sqrt(np.maximum(np.einsum("ip,ij,jp->p", last, gram, last), 0.0))
+        pairs = RitzPairs(values, errors, partial(_ritz_vectors, values, y, basis, rest))
         steps -= 1
         if not steps or enough(pairs):
             return pairs
@@ -374,21 +353,12 @@ class _Columns(list):
             first += block.shape[1]
 
 
-def _ritz(
-    projected: np.ndarray, basis: _Columns, rest: np.ndarray, weighed: np.ndarray
-) -> RitzPairs:
-    values, y = np.linalg.eigh((projected + projected.T) / 2)
-    values, y = values[::-1], y[:, ::-1]
-    last = y[-rest.shape[1] :]
-    gram = rest.T @ weighed
-    errors = np.sqrt(np.maximum(np.einsum("ip,ij,jp->p", last, gram, last), 0.0))
-
-    def vectors(first: int) -> np.ndarray:
-        found = rest @ (last[:, :first] / values[:first])
-        basis.take_off(-y[:, :first], found)
-        return found
-
-    return RitzPairs(values, errors, vectors)
+def _ritz_vectors(
+    values: np.ndarray, y: np.ndarray, basis: _Columns, rest: np.ndarray, first: int
+) -> np.ndarray:
+    out = rest @ (y[-rest.shape[1] :, :first] / values[:first])
+    basis.take_off(-y[:, :first], out)
+    return out
 
 
 def _orthonormal(

@@ -1,4 +1,7 @@
-"""Two-level preconditioner: Chebyshev smoothing and a coarse space of rigid aggregates."""
+"""Two-level preconditioner: Chebyshev smoothing and a coarse space.
+
+Its functions are smoothed rigid motions of aggregates, or linear ones of the corners of P2 tets.
+"""
 
 from __future__ import annotations
 
@@ -10,115 +13,62 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..device import Recorder, start_warp
-from ..elements.assembly import BlockMatrix, Pattern
-from ..elements.constraints import apply_supports, free_components
+from ..device import Recent, Recorder, start_warp
+from ..elements.assembly import BlockMatrix, Pattern, apply_supports, free_components
 from ..errors import ConvergenceError
 from .cholesky import CholeskyFactor, planned_elimination
 from .krylov import BLOCK, LargestEigenvalue, SlicedMatrix, whole_blocks
 
-# Chebyshev polynomials of a scaled matrix: before a coarse level, and after it.
-#
-# Degree 3 by default, damping the upper part [largest / SPREAD, largest] of the spectrum.
+logger = logging.getLogger(__name__)
 
+# Degree of the Chebyshev smoother, which damps the upper part [largest / SPREAD, largest].
 DEGREE = 3
 SPREAD = 25.0
 
 
 class Smoother:
-    """Launches on vectors of vec3d: of ``r`` what is left is ``residual``, what is done ``z``.
+    """Chebyshev polynomials of a scaled matrix, as launches before and after a coarse level.
 
-    A coarse level corrects ``z`` by the ``residual`` between ``before`` and ``after``.
+    Of ``r``, vectors of vec3d, what is left is ``residual``, what is done ``z``; the coarse level
+    corrects ``correction`` by the ``residual`` in between. With ``single`` these two are flat and
+    in single precision, a thread a scalar: several times faster on a GPU.
     """
 
-    def __init__(self, matrix: BlockMatrix, largest: float, degree: int = DEGREE) -> None:
-        from . import kernels_krylov as k
+    def __init__(
+        self, matrix: BlockMatrix, largest: float, degree: int = DEGREE, *, single: bool = False
+    ) -> None:
+        from .kernels_multigrid import DOUBLE_STEPS, SINGLE_STEPS
 
-        wp, A = start_warp(), [matrix.rows, matrix.columns, matrix.values]
-        device = matrix.values.device
-        self.r, self.z, res, *d = (
-            wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(5)
-        )
-        self.residual, self.correction = res, self.z
-        theta, steps = chebyshev(largest, degree)
-        launch = Recorder(matrix.nodes, device)
-        smooth = [
-            launch(k.chebyshev_step, [*A, old, keep, gain, res, new, self.z])
-            for (old, new), (keep, gain) in zip(_turns(d), steps, strict=False)
-        ]
-        last = d[len(steps) % 2]
-        self.before = [
-            launch(k.chebyshev_start, [self.r, 1 / theta, res, d[0], self.z]),
-            *smooth,
-            launch(k.subtract, [*A, last, res]),
-        ]
-        self.after = [
-            launch(k.chebyshev_restart, [*A, self.r, self.z, 1 / theta, res, d[0]]),
-            launch(k.add, [self.z, d[0]]),
-            *smooth,
-        ]
-
-
-class SingleSmoother:
-    """The same in single precision, a thread a scalar: several times faster on a GPU.
-
-    ``residual`` and ``correction`` are flat and single, ``r`` and ``z`` double.
-    """
-
-    def __init__(self, matrix: BlockMatrix, largest: float, degree: int = DEGREE) -> None:
-        from . import kernels_multigrid as k
-
-        wp = start_warp()
-        device, size = matrix.values.device, 3 * matrix.nodes
-        launch = Recorder(size, device)
-        self.sliced = SlicedMatrix(matrix, wp.float32)
-        self.sliced.refresh()
-        A = self.sliced.arrays
-        self.r, self.z = (wp.zeros(matrix.nodes, dtype=wp.vec3d, device=device) for _ in range(2))
-        r, z = (v.view(wp.float64).flatten() for v in (self.r, self.z))
-        res, x, *d = (wp.zeros(size, dtype=wp.float32, device=device) for _ in range(4))
+        wp, device, size = start_warp(), matrix.values.device, matrix.nodes
+        self.r, self.z = (wp.zeros(size, dtype=wp.vec3d, device=device) for _ in range(2))
+        if single:
+            kernels, size = SINGLE_STEPS, 3 * size
+            self.sliced = SlicedMatrix(matrix, wp.float32)
+            self.sliced.refresh()
+            A = self.sliced.arrays
+            r, z = (v.view(wp.float64).flatten() for v in (self.r, self.z))
+            res, x, *d = (wp.zeros(size, dtype=wp.float32, device=device) for _ in range(4))
+        else:
+            kernels, self.sliced, r, z, x = DOUBLE_STEPS, None, self.r, self.z, self.z
+            A = (matrix.rows, matrix.columns, matrix.values)
+            res, *d = (wp.zeros(size, dtype=wp.vec3d, device=device) for _ in range(3))
         self.residual, self.correction = res, x
-        theta, steps = chebyshev(largest, degree)
-
-        def smooth(owed: float) -> list[Any]:
-            """Launch commands of the steps after the first, which ``x`` may still be owed."""
-            return [
-                launch(
-                    k.single_step, [*A, old, keep, gain, owed if i == 0 else 0.0, res, new, x, z]
-                )
-                for i, ((old, new), (keep, gain)) in enumerate(zip(_turns(d), steps, strict=False))
-            ]
-
-        last = d[len(steps) % 2]
-        self.before = [
-            launch(k.single_start, [r, 1 / theta, res, d[0], x]),
-            *smooth(0.0),
-            launch(k.single_subtract, [*A, last, res]),
-        ]
-        self.after = [
-            launch(k.single_restart, [*A, r, x, 1 / theta, res, d[0]]),
-            *smooth(1.0),
-        ]
-
-
-def _turns(pair: list[Any]):
-    """Forever (old, new) and (new, old)."""
-    while True:
-        yield pair
-        pair = pair[::-1]
-
-
-def chebyshev(largest: float, degree: int) -> tuple[float, list[tuple[float, float]]]:
-    """Centre theta of the interval and the (keep, gain) factors of the steps after the first."""
-    low = largest / SPREAD
-    theta, delta = (largest + low) / 2, (largest - low) / 2
-    sigma = theta / delta
-    rho, steps = 1 / sigma, []
-    for _ in range(degree - 1):
-        new = 1 / (2 * sigma - rho)
-        steps.append((new * rho, 2 * new / delta))
-        rho = new
-    return theta, steps
+        low = largest / SPREAD
+        theta, delta = (largest + low) / 2, (largest - low) / 2
+        launch = Recorder(size, device)
+        self.before = [launch(kernels.start, [r, 1 / theta, res, d[0], x])]
+        self.after = [launch(kernels.restart, [*A, r, x, 1 / theta, res, d[0]])]
+        sigma = theta / delta
+        rho = 1 / sigma
+        for step in range(degree - 1):
+            new = 1 / (2 * sigma - rho)
+            factors, rho = (new * rho, 2 * new / delta), new
+            for commands, restarted in ((self.before, 0.0), (self.after, 1.0)):
+                owed = restarted if step == 0 else 0.0  # x has not taken in the first step yet
+                inputs = [*A, d[0], *factors, owed, res, d[1], x, z]
+                commands.append(launch(kernels.step, inputs))
+            d.reverse()
+        self.before.append(launch(kernels.subtract, [*A, d[0], res]))
 
 
 # A smoother serves matrices whose largest eigenvalue is this near: its margin covers as much.
@@ -181,83 +131,69 @@ class AggregateLevel:
         self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray, r: Any, z: Any
     ) -> None:
         from . import kernels_krylov as k
+        from . import kernels_multigrid as m
 
         wp = start_warp()
-        self.device = scaled.matrix.values.device
-        self.coarse = coarse = coarsen(scaled.matrix, scaled.lower, points, fixed, scaled.largest)
-        self.given, self.found = (
-            wp.zeros(coarse.count, dtype=k.vec6d, device=self.device) for _ in range(2)
+        self.device = device = scaled.matrix.values.device
+        coarse = coarsen(scaled.matrix, scaled.lower, points, fixed, scaled.largest)
+        assert coarse is not None  # it is a new one
+        self.coarse = coarse
+        self.load, self.solution = (
+            wp.zeros(coarse.count, dtype=k.vec6d, device=device) for _ in range(2)
         )
-        self.flat = [v.view(wp.float64).flatten() for v in (self.given, self.found)]
-        if coarse.members is None:
-            # Restriction, which adds to the coarse residual, and prolongation
-            from . import kernels_krylov as k
-
-            P = [self.coarse.start, self.coarse.aggregates, self.coarse.transfer]
-            launch = Recorder(len(r), self.device)
-            self.restrict, self.prolong = [
-                launch(k.scatter, [*P, r, self.given]),
-                launch(k.prolong, [*P, self.found, z]),
-            ]
-        else:
-            self.restrict, self.prolong = self._single_launches(r, z, coarse.members)
-
-    def _single_launches(self, r: Any, z: Any, members: tuple) -> list[Any]:
-        """Restriction, which writes the coarse residual, and prolongation."""
-        from . import kernels_multigrid as k
-
-        wp, coarse = start_warp(), self.coarse
-        launch = Recorder(len(z), self.device)
-        given = coarse.transfer.view(wp.float64).flatten()
-        transfer = wp.empty(len(given), dtype=wp.float32, device=self.device)
-        self.narrow = launch(k.narrow, [given, transfer], size=len(given))
+        self.flat = [v.view(wp.float64).flatten() for v in (self.load, self.solution)]
+        launch, P = Recorder(len(r), device), [coarse.start, coarse.aggregates]
+        if coarse.members is None:  # restriction adds to the coarse load
+            self.restrict = launch(k.scatter, [*P, coarse.transfer, r, self.load])
+            self.prolong = launch(k.prolong, [*P, coarse.transfer, self.solution, z])
+            return
+        numbers = coarse.transfer.view(wp.float64).flatten()
+        transfer = wp.empty(len(numbers), dtype=wp.float32, device=device)
+        self.narrow = launch(m.narrow, [numbers, transfer], size=len(numbers))
         self.narrow.launch()
-        restrict = wp.launch_tiled(
-            k.single_restrict,
+        self.restrict = wp.launch_tiled(
+            m.single_restrict,
             dim=[coarse.count],
-            inputs=[*members, transfer, r, self.flat[0]],
+            inputs=[*coarse.members, transfer, r, self.flat[0]],
             block_dim=BLOCK,
-            device=self.device,
+            device=device,
             record_cmd=True,
         )
-        P = [coarse.start, coarse.aggregates, transfer]
-        return [restrict, launch(k.single_prolong, [*P, self.flat[1], z])]
+        self.prolong = launch(m.single_prolong, [*P, transfer, self.flat[1], z])
 
     def take(self, scaled: Scaled, points: np.ndarray, fixed: np.ndarray) -> bool:
         """Become the level of another system of the same pattern, in the same arrays, on a GPU.
 
         False where it has other groups of nodes.
         """
-        known = (scaled.matrix, scaled.lower, points, fixed)
-        if not coarsen_again(self.coarse, *known, scaled.largest):
+        system = (scaled.matrix, scaled.lower, points, fixed, scaled.largest)
+        if coarsen(*system, like=self.coarse) is None:
             return False
         self.narrow.launch()
         return True
 
     def apply(self) -> None:
         """Correct z by what the motions can of r."""
-        if self.coarse.members is None:
-            self.given.zero_()
-        self.restrict.launch()
-        self._solve()
-        self.prolong.launch()
-
-    def _solve(self) -> None:
-        from . import kernels_multigrid as k
-
-        if self.coarse.factor is not None:
+        coarse = self.coarse
+        if coarse.factor is not None:
             from scipy.linalg import cho_solve
 
-            given, found = (v.numpy() for v in self.flat)
-            found[:] = cho_solve(self.coarse.factor, given, check_finite=False)
-            return
-        start_warp().launch_tiled(
-            k.dense_multiply,
-            dim=[6 * self.coarse.count],
-            inputs=[self.coarse.inverse, *self.flat],
-            block_dim=BLOCK,
-            device=self.device,
-        )
+            self.load.zero_()
+            self.restrict.launch()
+            load, solution = (v.numpy() for v in self.flat)
+            solution[:] = cho_solve(coarse.factor, load, check_finite=False)
+        else:
+            from .kernels_multigrid import dense_multiply
+
+            self.restrict.launch()
+            start_warp().launch_tiled(
+                dense_multiply,
+                dim=[6 * coarse.count],
+                inputs=[coarse.inverse, *self.flat],
+                block_dim=BLOCK,
+                device=self.device,
+            )
+        self.prolong.launch()
 
 
 class TwoLevel:
@@ -277,8 +213,7 @@ class TwoLevel:
         edges: np.ndarray | None = None,
     ) -> None:
         on_gpu, self.largest = scaled.matrix.values.device.is_cuda, scaled.largest
-        smoother = SingleSmoother if on_gpu else Smoother
-        self.smoother = smoother(scaled.matrix, scaled.largest, degree)
+        self.smoother = Smoother(scaled.matrix, scaled.largest, degree, single=on_gpu)
         self.r, self.z, self.device = self.smoother.r, self.smoother.z, self.smoother.r.device
         vectors = self.smoother.residual, self.smoother.correction
         if edges is None:
@@ -291,13 +226,13 @@ class TwoLevel:
 
         False where its polynomials or groups of nodes would be others: make a new one then.
         """
-        level, smoother = self.level, self.smoother
-        if not (isinstance(level, AggregateLevel) and isinstance(smoother, SingleSmoother)):
+        level, sliced = self.level, self.smoother.sliced
+        if not isinstance(level, AggregateLevel) or sliced is None:
             return False
-        known = LIKE * self.largest <= scaled.largest <= self.largest / LIKE
-        if not known or not level.take(scaled, points, fixed):
+        alike = LIKE * self.largest <= scaled.largest <= self.largest / LIKE
+        if not alike or not level.take(scaled, points, fixed):
             return False
-        smoother.sliced.refresh()
+        sliced.refresh()
         return True
 
     def apply(self) -> None:
@@ -309,21 +244,17 @@ class TwoLevel:
             command.launch()
 
 
-# Coarse space of the two-level preconditioner: smoothed rigid motions of groups of nodes.
-
-logger = logging.getLogger(__name__)
-
-# Boxes of the coarse space, six unknowns each. A dense factor of 1536 takes a CPU 50 ms; a GPU
-# inverts the matrix, for which fewer unknowns pay.
+# Boxes of the coarse space, six unknowns each: its functions are smoothed rigid motions of their
+# nodes. A dense factor of 1536 takes a CPU 50 ms; a GPU inverts the matrix: fewer pay there.
 BOXES = 256
 BOXES_GPU = 128
 NODES_PER_BOX = 100
-# Share by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent rigid
-# modes of small groups leave it singular to round-off.
+# Fraction by which the diagonal of a coarse matrix is raised before a GPU inverts it: dependent
+# rigid modes of small groups leave it singular to round-off.
 RAISE = 1e-12
 
-# Neighbours couple strongly when |A_ij| >= this share of sqrt(|A_ii| |A_jj|). Within one material
-# the ratio is 0.02 and more; across an interface it falls with the square root of the contrast.
+# Neighbours couple strongly when |A_ij| >= this fraction of sqrt(|A_ii| |A_jj|). Within one
+# material it is 0.02 and more; across an interface it falls with the root of the contrast.
 STRENGTH = 5e-3
 # A strongly coupled part of a box smaller than this joins the rest of its box: a motion of so few
 # nodes is the smoother's work.
@@ -361,9 +292,8 @@ class Coarse:
     inverse: Any
 
 
-# Boxes of the last meshes, by the identity of their points: materials come and go on one mesh.
-_RECENT: list[tuple[np.ndarray, Any, Groups]] = []
-_KEPT = 4
+# Boxes of the last meshes: materials come and go on one mesh.
+_RECENT_BOXES: Recent[Groups] = Recent(4)
 
 
 def boxes(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "n"]:
@@ -432,26 +362,17 @@ def make_groups(points: np.ndarray, label: np.ndarray, device: Any) -> Groups:
     )
 
 
-def _boxes(points: np.ndarray, device: Any) -> Groups:
-    """Boxes of about equally many nodes."""
-    for known, where, groups in _RECENT:
-        if known is points and where == device:
-            return groups
-    most = BOXES_GPU if device.is_cuda else BOXES
-    count = min(most, max(1, len(points) // NODES_PER_BOX))
-    groups = make_groups(points, boxes(points, count), device)
-    _RECENT.insert(0, (points, device, groups))
-    del _RECENT[_KEPT:]
-    return groups
-
-
 def _groups(A: BlockMatrix, points: np.ndarray, free: Any) -> Groups:
-    """Boxes of nodes, split where the couplings of the scaled matrix ``A`` are weak."""
+    """Boxes of about equally many nodes, split where the couplings of the scaled ``A`` are weak."""
     from . import kernels_multigrid as k
 
-    wp = start_warp()
-    device = A.values.device
-    groups = _boxes(points, device)
+    wp, device = start_warp(), A.values.device
+    groups = _RECENT_BOXES.get(points, device)
+    if groups is None:
+        most = BOXES_GPU if device.is_cuda else BOXES
+        count = min(most, max(1, len(points) // NODES_PER_BOX))
+        groups = make_groups(points, boxes(points, count), device)
+        _RECENT_BOXES.keep(groups, points, device)
     weak = wp.zeros(1, dtype=wp.int32, device=device)
     strength = wp.empty(len(A.columns), dtype=wp.float64, device=device)
     inputs = [A.rows, A.columns, A.values, groups.label, free, STRENGTH, strength, weak]
@@ -480,73 +401,54 @@ def _motions(groups: Groups, lower: Any, free: Any) -> Any:
 
 
 def coarsen(
-    A: BlockMatrix, lower: Any, points: np.ndarray, fixed: np.ndarray, largest: float
-) -> Coarse:
-    """Smoothed aggregation with rigid motions for the matrix ``A`` scaled by ``lower``.
-
-    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes, ``largest`` is the
-    largest eigenvalue of A.
-    """
-    from . import kernels_multigrid as k
-
-    wp = start_warp()
-    device, pattern = A.values.device, [A.rows, A.columns]
-    free = free_components(fixed, device)
-    groups = _groups(A, points, free)
-    motion = _motions(groups, lower, free)
-    launch = Recorder(A.nodes, device)
-    start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
-    launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()
-    wp.utils.array_scan(start, start, inclusive=True)
-    total = int(start[A.nodes :].numpy()[0])
-    aggregates = wp.empty(total, dtype=wp.int32, device=device)
-    transfer = wp.empty(total, dtype=k.mat36d, device=device)
-    count = len(groups.extent)
-    made = Coarse(groups, start, aggregates, transfer, None, count, None, None)
-    matrix = _galerkin(A, groups, motion, largest, made)
-    if not device.is_cuda:
-        return replace(made, factor=_cholesky(matrix.numpy()))
-    members = _members(start, aggregates, count)
-    return replace(made, members=members, inverse=inversion(len(matrix), str(device))(matrix))
-
-
-def coarsen_again(
-    like: Coarse,
     A: BlockMatrix,
     lower: Any,
     points: np.ndarray,
     fixed: np.ndarray,
     largest: float,
-) -> bool:
-    """Make the space ``like`` that of another matrix of its pattern, in the same arrays, on a GPU.
+    like: Coarse | None = None,
+) -> Coarse | None:
+    """Smoothed aggregation with rigid motions for the matrix ``A`` scaled by ``lower``.
 
-    False where its groups would be others.
+    ``points`` (nodes, 3) [m] and ``fixed`` (nodes, 3) describe the nodes, ``largest`` is the
+    largest eigenvalue of A. On a GPU a space ``like`` of another matrix of its pattern becomes that
+    of this one, in the same arrays: None where its groups would be others.
     """
-    free = free_components(fixed, A.values.device)
-    groups = _groups(A, points, free)
-    if groups is not like.groups and not np.array_equal(
-        groups.label.numpy(), like.groups.label.numpy()
-    ):
-        return False
-    matrix = _galerkin(A, groups, _motions(groups, lower, free), largest, like)
-    start_warp().copy(like.inverse, inversion(len(matrix), str(matrix.device))(matrix))
-    return True
-
-
-def _galerkin(A: BlockMatrix, groups: Groups, motion: Any, largest: float, made: Coarse) -> Any:
-    """Smooth the ``motion`` of the groups into the P of ``made``; the coarse matrix P^T A P."""
     from . import kernels_multigrid as k
 
-    wp, device = start_warp(), A.values.device
-    launch, pattern = Recorder(A.nodes, device), [A.rows, A.columns]
+    wp = start_warp()
+    device, pattern = A.values.device, [A.rows, A.columns]
+    launch, free = Recorder(A.nodes, device), free_components(fixed, device)
+    groups = _groups(A, points, free)
+    if like is None:
+        start = wp.zeros(A.nodes + 1, dtype=wp.int32, device=device)
+        launch(k.count_labels, [*pattern, groups.label, start[1:]]).launch()
+        wp.utils.array_scan(start, start, inclusive=True)
+        total = int(start[A.nodes :].numpy()[0])
+        aggregates = wp.empty(total, dtype=wp.int32, device=device)
+        transfer = wp.empty(total, dtype=k.mat36d, device=device)
+        made = Coarse(groups, start, aggregates, transfer, None, len(groups.extent), None, None)
+    else:
+        made = like
+        label, old = groups.label, like.groups.label
+        if label is not old and not np.array_equal(label.numpy(), old.numpy()):
+            return None
+    # P = (1 - omega A) motions, and the coarse matrix P^T A P
     P = (made.start, made.aggregates, made.transfer)
-    omega = 4 / (3 * largest)
-    launch(k.smooth, [*pattern, A.values, groups.label, motion, omega, *P]).launch()
+    motions, omega = _motions(groups, lower, free), 4 / (3 * largest)
+    launch(k.smooth, [*pattern, A.values, groups.label, motions, omega, *P]).launch()
     matrix = wp.zeros((6 * made.count, 6 * made.count), dtype=wp.float64, device=device)
     launch(k.galerkin, [*pattern, A.values, *P, matrix]).launch()
     raised = RAISE if device.is_cuda else 0.0
     launch(k.mend, [raised, matrix], size=matrix.shape).launch()
-    return matrix
+    if not device.is_cuda:
+        return replace(made, factor=_raised_factor(matrix.numpy()))
+    inverse = inversion(len(matrix), str(device))(matrix)
+    if like is None:
+        members = _members(made.start, made.aggregates, made.count)
+        return replace(made, members=members, inverse=inverse)
+    wp.copy(like.inverse, inverse)
+    return like
 
 
 def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:
@@ -563,7 +465,7 @@ def _members(start: Any, aggregates: Any, count: int) -> tuple[Any, Any, Any]:
     return first, member, owner
 
 
-def _cholesky(matrix: np.ndarray):
+def _raised_factor(matrix: np.ndarray):
     """Cholesky factor of ``matrix``, in place, its diagonal raised as little as makes it positive.
 
     Aggregates of one or two nodes have dependent rigid modes, so the matrix may be singular to
@@ -583,20 +485,16 @@ def _cholesky(matrix: np.ndarray):
     raise ConvergenceError("the stiffness matrix is not positive definite: is the body held?")
 
 
-# Coarse level of quadratic tets: linear functions of their corners, their matrix factored.
-
-# Patterns of the corners of the last spaces, by the identity of their edges.
-_CORNERS_RECENT: list[tuple[np.ndarray, Pattern]] = []
-_CORNERS_KEPT = 2
+# Patterns of the corners of the last spaces, by their edges.
+_RECENT_CORNERS: Recent[Pattern] = Recent(2)
 
 
 def corner_pattern(edges: np.ndarray, nodes: int) -> Pattern:
     """Pattern of the linear functions below a quadratic space of ``nodes`` with ``edges``."""
+    if (kept := _RECENT_CORNERS.get(edges)) is not None:
+        return kept
     from scipy.sparse import coo_array
 
-    for known, pattern in _CORNERS_RECENT:
-        if known is edges:
-            return pattern
     wp, corners = start_warp(), nodes - len(edges)
     own = np.arange(corners)
     i, j = np.concatenate([edges, edges[:, ::-1], np.stack([own, own], axis=1)]).T
@@ -604,10 +502,7 @@ def corner_pattern(edges: np.ndarray, nodes: int) -> Pattern:
     graph.sort_indices()
     rows = wp.array(graph.indptr, dtype=wp.int32, device="cpu")
     columns = wp.array(graph.indices, dtype=wp.int32, device="cpu")
-    pattern = Pattern(rows, columns, None)
-    _CORNERS_RECENT.insert(0, (edges, pattern))
-    del _CORNERS_RECENT[_CORNERS_KEPT:]
-    return pattern
+    return _RECENT_CORNERS.keep(Pattern(rows, columns, None), edges)
 
 
 class CornerLevel:
@@ -649,19 +544,18 @@ class CornerLevel:
         launch(k.corner_matrix, [*arrays, below.rows, below.columns, values]).launch()
         apply_supports(below, np.zeros((corners, 3), dtype=bool))  # empty rows get their 1
         self.factor = CholeskyFactor(below, planned_elimination(pattern))
-        self.given, self.found = (wp.zeros(corners, dtype=wp.vec3d, device="cpu") for _ in range(2))
-        self.restrict = launch(k.restrict_to_corners, [ends, transfer, r, self.given])
-        self.prolong = launch(k.prolong_from_corners, [ends, transfer, self.found, z])
+        self.load, self.solution = (
+            wp.zeros(corners, dtype=wp.vec3d, device="cpu") for _ in range(2)
+        )
+        self.restrict = launch(k.restrict_to_corners, [ends, transfer, r, self.load])
+        self.prolong = launch(k.prolong_from_corners, [ends, transfer, self.solution, z])
 
     def apply(self) -> None:
         """Correct z by what the linear functions can of r."""
-        self.given.zero_()
+        self.load.zero_()
         self.restrict.launch()
-        self.found.numpy()[:] = self.factor.solve(self.given.numpy())
+        self.solution.numpy()[:] = self.factor.solve(self.load.numpy())
         self.prolong.launch()
-
-
-# Inverse of a dense matrix on a device: what a GPU solves the coarse system with.
 
 
 class Inversion:
@@ -683,30 +577,26 @@ class Inversion:
         """Invert ``matrix`` in place."""
         wp = start_warp()
         wp.copy(self.matrix, matrix)
-        if matrix.device.is_cuda:
-            self._replay()
-        else:
+        if not matrix.device.is_cuda:
             self._sweep()
+        else:
+            if self.graph is None:
+                with wp.ScopedCapture(device=self.matrix.device) as capture:
+                    self._sweep()
+                self.graph = capture.graph
+            wp.capture_launch(self.graph)
         wp.copy(matrix, self.matrix)
         return matrix
-
-    def _replay(self) -> None:
-        wp = start_warp()
-        if self.graph is None:
-            with wp.ScopedCapture(device=self.matrix.device) as capture:
-                self._sweep()
-            self.graph = capture.graph
-        wp.capture_launch(self.graph)
 
     def _sweep(self) -> None:
         from . import kernels_multigrid as k
 
         size, width = len(self.matrix), k.PIVOT
         launch = Recorder(size, self.matrix.device)
-        given = [self.matrix, 0, width, self.row, self.column]
-        pivot = launch(k.take_pivot, given, size=whole_blocks(width * size))
-        given = [self.row, self.column, 0, width, self.matrix]
-        step = launch(k.eliminate, given, size=(size, size))
+        inputs = [self.matrix, 0, width, self.row, self.column]
+        pivot = launch(k.take_pivot, inputs, size=whole_blocks(width * size))
+        inputs = [self.row, self.column, 0, width, self.matrix]
+        step = launch(k.eliminate, inputs, size=(size, size))
         for first in range(0, size, width):
             for command, place in ((pivot, 1), (step, 2)):
                 command.set_param_at_index(place, first)

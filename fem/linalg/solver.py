@@ -29,7 +29,7 @@ DIRECT = 6_000
 MOST_ENTRIES = 400_000_000
 # The iterations grow as 1 / sqrt(1 - 2 nu): P2 at nu = .4999 takes about 600.
 MAX_ITERATIONS = 1000
-# A pivot this small a share of its diagonal entry may be round-off of a zero: a body that is not
+# A pivot this small a fraction of its diagonal entry may be round-off of a zero: a body that is not
 # held. (Slender bodies with contrasts of 1e8 reach 1e-10.)
 PIVOT = 1e-11
 CHOLESKY = "sparse Cholesky"
@@ -37,7 +37,7 @@ CG_AGGREGATES, CG_LINEAR = "CG over rigid aggregates", "CG over linear elements"
 # A residual of round-off alone says nothing of x (a slab of aspect 10,000 had 2.9, and moved 4e-5
 # of what it should): its last correction does. Slabs of 2e11 Pa were off by up to ten times it.
 KNOWN = 1e-3
-# That correction is found to this share of itself.
+# That correction is found to this fraction of itself.
 CORRECTED = 0.1
 # Steps of iterative refinement (round-off of high contrasts); after a correction of this share the
 # next would be its square, below round-off.
@@ -90,14 +90,13 @@ def solve_system(
             patience = iterations_worth(plan, matrix)
             if patience <= USUAL:
                 return solve_direct(matrix, b, plan, tolerance)
-    held = {"points": points, "fixed": fixed}
     system = known_system(matrix) or scale(matrix)
     if np.isnan(system.largest):  # a diagonal block is not positive
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
-    limit = min(patience, MAX_ITERATIONS)
-    below = _level_edges(matrix, edges)
+    options = {"tolerance": tolerance, "limit": min(patience, MAX_ITERATIONS)}
+    options |= {"points": points, "fixed": fixed, "edges": _level_edges(matrix, edges)}
     try:
-        solution = solve_iterative(system, b, **held, tolerance=tolerance, limit=limit, edges=below)
+        solution = solve_iterative(system, b, **options)
     except NotPositive:
         return Solution(np.full_like(b, np.nan), np.inf, 0, 0.0, True)
     if solution.reached(tolerance):
@@ -110,8 +109,8 @@ def solve_system(
     scaled_b = np.einsum("nij,nj->ni", system.inverse.numpy(), b)
     direct = solve_direct(system.matrix, scaled_b, plan, tolerance=0.0)
     x = np.linalg.solve(lower.transpose(0, 2, 1), direct.x[..., None])[..., 0]
-    said = f"{direct.solver} after {solution.iterations} iterations of {solution.solver}"
-    return direct._replace(x=x, iterations=solution.iterations, floor=solution.floor, solver=said)
+    solver = f"{direct.solver} after {solution.iterations} iterations of {solution.solver}"
+    return direct._replace(x=x, iterations=solution.iterations, floor=solution.floor, solver=solver)
 
 
 def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | None:
@@ -119,12 +118,8 @@ def _level_edges(matrix: BlockMatrix, edges: np.ndarray | None) -> np.ndarray | 
     if edges is None or not len(edges) or matrix.values.device.is_cuda:
         return None
     plan = planned_elimination(corner_pattern(edges, matrix.nodes))
-    return edges if affordable(plan, matrix) else None
-
-
-def affordable(plan: Elimination, matrix: BlockMatrix) -> bool:
-    """Whether a factor fits into memory and takes no longer than CG usually does."""
-    return plan.entries <= MOST_ENTRIES and iterations_worth(plan, matrix) <= USUAL
+    fits = plan.entries <= MOST_ENTRIES
+    return edges if fits and iterations_worth(plan, matrix) <= USUAL else None
 
 
 def iterations_worth(plan: Elimination, matrix: BlockMatrix) -> int:
@@ -150,7 +145,10 @@ def solve_direct(
         if change < SETTLED:
             break
     error = _length(b - matrix.times(x)) / (_length(b) or 1.0)
-    floor = _round_off(matrix, x, b) if error > tolerance else 0.0
+    floor = 0.0
+    if error > tolerance:  # what evaluating b - A x in fp64 leaves: cancellation of |A| |x| terms
+        terms = abs(matrix.to_scipy()) @ np.abs(x).reshape(-1)
+        floor = 64 * np.finfo(float).eps * _length(terms) / (_length(b) or 1.0)
     suspect = bool(factor.smallest_pivot < PIVOT)
     return Solution(x, error, 0, floor, suspect, change, CHOLESKY)
 
@@ -158,12 +156,6 @@ def solve_direct(
 def _length(v: np.ndarray) -> float:
     """Euclidean length without BLAS, whose threads take milliseconds to meet."""
     return float(np.sqrt(np.square(v).sum()))
-
-
-def _round_off(matrix: BlockMatrix, x: np.ndarray, b: np.ndarray) -> float:
-    """Relative residual that evaluating b - A x in fp64 leaves: cancellation of |A| |x| terms."""
-    terms = abs(matrix.to_scipy()) @ np.abs(x).reshape(-1)
-    return 64 * np.finfo(float).eps * _length(terms) / (_length(b) or 1.0)
 
 
 def solve_iterative(
@@ -188,14 +180,14 @@ def solve_iterative(
     launch = Recorder(system.matrix.nodes, cycle.device)
     size = _length(b) or 1.0
     # The V-cycle may be in single precision, whose range is small.
-    given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
-    launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+    load = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
+    launch(k.block_multiply, [system.inverse, load, False, cycle.r]).launch()
     cg.start(tolerance, limit)
-    solution, rest = wp.empty_like(given), wp.empty_like(given)
+    solution, rest = wp.empty_like(load), wp.empty_like(load)
     launch(k.block_multiply, [system.inverse, cg.x, True, solution]).launch()
     # The true residual, not the recursive one.
     system.matrix.multiply(cg.x, cycle.z)
-    launch(k.remainder, [given, system.lower, cycle.z, rest]).launch()
+    launch(k.remainder, [load, system.lower, cycle.z, rest]).launch()
     error, iterations = norm(rest), cg.finish()
     x = size * solution.numpy()
     if error <= tolerance:
@@ -233,25 +225,18 @@ def rough_inverse(
 
     def solve(b: np.ndarray) -> np.ndarray:
         size = _length(b) or 1.0
-        given = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
-        launch(k.block_multiply, [system.inverse, given, False, cycle.r]).launch()
+        load = wp.array(b / size, dtype=wp.vec3d, device=cycle.device)
+        launch(k.block_multiply, [system.inverse, load, False, cycle.r]).launch()
         cg.run(tolerance, MAX_ITERATIONS)
-        launch(k.block_multiply, [system.inverse, cg.x, True, given]).launch()
-        return size * given.numpy()
+        launch(k.block_multiply, [system.inverse, cg.x, True, load]).launch()
+        return size * load.numpy()
 
     return solve
 
 
-class _Kept(NamedTuple):
-    system: Scaled
-    cycle: TwoLevel
-    cg: ConjugateGradients
-
-
-# What solved the last systems on a GPU: graphs of launches on arrays that the next of the same
-# pattern can take.
-_RECENT: list[_Kept] = []
-_MOST_KEPT = 1
+# What solved the last system on a GPU, if any: graphs of launches on arrays that the next one of
+# the same pattern can take.
+_RECENT: list[tuple[Scaled, TwoLevel, ConjugateGradients]] = []
 
 
 def known_system(matrix: BlockMatrix) -> Scaled | None:
@@ -259,10 +244,10 @@ def known_system(matrix: BlockMatrix) -> Scaled | None:
 
     What is known of an older system in the same arrays is no longer true.
     """
-    for kept in _RECENT:
-        if kept.system.matrix.columns is matrix.columns:
-            kept.system.take(matrix)
-            return kept.system
+    for system, *_ in _RECENT:
+        if system.matrix.columns is matrix.columns:
+            system.take(matrix)
+            return system
     return None
 
 
@@ -270,20 +255,17 @@ def _prepared(
     system: Scaled, points: np.ndarray, fixed: np.ndarray, edges: np.ndarray | None
 ) -> tuple[TwoLevel, ConjugateGradients]:
     """Preconditioner and CG of a ``system``: those of its arrays where they fit it, or new ones."""
-    for kept in _RECENT:
-        if kept.system is system:
-            if kept.cycle.take(system, points, fixed):
-                return kept.cycle, kept.cg
-            _RECENT.remove(kept)
+    for kept, cycle, cg in [*_RECENT]:
+        if kept is system:
+            if cycle.take(system, points, fixed):
+                return cycle, cg
+            _RECENT.clear()
     cycle = TwoLevel(system, points, fixed, edges=edges)
     cg = ConjugateGradients(system.matrix, system.lower, cycle, cycle.r, cycle.z)
     if edges is None and system.matrix.values.device.is_cuda:
-        _RECENT.insert(0, _Kept(system, cycle, cg))
-        del _RECENT[_MOST_KEPT:]
+        _RECENT[:] = [(system, cycle, cg)]
     return cycle, cg
 
-
-# Linear systems that change little from one to the next: the preconditioner is kept.
 
 # Unknowns up to which the preconditioner is a direct factor without anything being estimated.
 REUSED_DIRECT = 4_000
@@ -313,7 +295,7 @@ class FactorCycle:
         self.z.numpy()[:] = self.factor.solve(self.r.numpy())
 
 
-class _reused_Kept(NamedTuple):
+class _Kept(NamedTuple):
     """What is expensive: scaling and preconditioner of ``system``, CG of the ``current`` matrix."""
 
     system: Scaled
@@ -340,7 +322,7 @@ class RepeatedSolver:
 
     def __init__(self, points: np.ndarray, fixed: np.ndarray) -> None:
         self.points, self.fixed = points, fixed
-        self._kept: _reused_Kept | None = None
+        self._kept: _Kept | None = None
         self._usual = 0
         self.factors = False
 
@@ -350,8 +332,7 @@ class RepeatedSolver:
         Both are arrays (nodes, 3), or vectors on the device of the matrix.
         """
         size = length(b)
-        share = 0.3 * goal / max(size, 1e-300)
-        target = float(np.clip(share, TIGHTEST, LOOSEST) * size)
+        target = float(np.clip(0.3 * goal / max(size, 1e-300), TIGHTEST, LOOSEST) * size)
         if self._kept is not None and self._kept.current.columns is not matrix.columns:
             self._kept = _around(matrix, self._kept.system, self._kept.cg.preconditioner)
         if self._kept is not None:
@@ -365,9 +346,17 @@ class RepeatedSolver:
         worth = _factor_worth(matrix)
         self.factors |= worth == 0
         for limit in (LIMIT,) if self.factors else (min(worth, LIMIT), LIMIT):
-            self._kept = self._fresh(matrix)
-            if self._kept is None:
+            # Preconditioner of the matrix; none if it is seen not to be positive.
+            copy = BlockMatrix(matrix.rows, matrix.columns, start_warp().clone(matrix.values))
+            system, self._kept = scale(copy), None
+            if np.isnan(system.largest):
                 break
+            try:
+                two = None if self.factors else TwoLevel(system, self.points, self.fixed, DEGREE)
+                cycle = two or FactorCycle(system)
+            except NotPositive:
+                break
+            self._kept = _around(matrix, system, cycle)
             x, self._usual = self._iterate(self._kept, matrix, b, target, limit)
             if x is not None:
                 return x
@@ -376,22 +365,9 @@ class RepeatedSolver:
             self.factors = True
         return np.nan * b
 
-    def _fresh(self, matrix: BlockMatrix) -> _reused_Kept | None:
-        """Preconditioner of ``matrix``; none if it is seen not to be positive."""
-        wp = start_warp()
-        system = scale(BlockMatrix(matrix.rows, matrix.columns, wp.clone(matrix.values)))
-        if np.isnan(system.largest):
-            return None
-        if not self.factors:
-            return _around(matrix, system, TwoLevel(system, self.points, self.fixed, DEGREE))
-        try:
-            return _around(matrix, system, FactorCycle(system))
-        except NotPositive:
-            return None
-
     @staticmethod
     def _iterate(
-        kept: _reused_Kept, matrix: BlockMatrix, b: Any, target: float, limit: int
+        kept: _Kept, matrix: BlockMatrix, b: Any, target: float, limit: int
     ) -> tuple[Any, int]:
         from . import kernels_krylov as k
 
@@ -413,8 +389,8 @@ class RepeatedSolver:
         iterations = cg.finish()
         if not cg.reached:
             return None, 0 if cg.indefinite else iterations
-        found = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
-        return size * found, iterations
+        solution = DeviceVector(x) if isinstance(b, DeviceVector) else x.numpy()
+        return size * solution, iterations
 
 
 def _factor_worth(matrix: BlockMatrix) -> int:
@@ -430,7 +406,7 @@ def _factor_worth(matrix: BlockMatrix) -> int:
     return min(iterations_worth(plan, matrix), LIMIT) if plan.entries <= MOST_ENTRIES else LIMIT + 1
 
 
-def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _reused_Kept:
+def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _Kept:
     """CG with the preconditioner ``cycle`` of ``system`` for matrices of the pattern of ``matrix``.
 
     It has a matrix of its own, whose values are those of every new system in turn.
@@ -438,4 +414,4 @@ def _around(matrix: BlockMatrix, system: Scaled, cycle: Any) -> _reused_Kept:
     wp = start_warp()
     current = BlockMatrix(matrix.rows, matrix.columns, wp.empty_like(matrix.values))
     cg = ConjugateGradients(current, system.lower, cycle, cycle.r, cycle.z)
-    return _reused_Kept(system, current, cg, cycle.r)
+    return _Kept(system, current, cg, cycle.r)

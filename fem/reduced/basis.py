@@ -10,8 +10,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..device import single_threaded
-from ..elements.assembly import Discretisation, add_diagonal, discretise, linear_stiffness
-from ..elements.constraints import apply_supports, node_supports
+from ..elements.assembly import (
+    Discretisation,
+    add_diagonal,
+    apply_supports,
+    discretise,
+    linear_stiffness,
+    node_supports,
+)
 from ..elements.elastic import ElasticBody
 from ..elements.forces import load_vector, lumped_mass
 from ..elements.space import Space, element_points, extend_linear, make_space

@@ -17,8 +17,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import one_thread, single_threaded
-from ..elements.assembly import Discretisation, add_diagonal, discretise
-from ..elements.constraints import apply_supports, node_supports
+from ..elements.assembly import (
+    Discretisation,
+    add_diagonal,
+    apply_supports,
+    discretise,
+    node_supports,
+)
 from ..elements.elastic import ElasticBody
 from ..elements.forces import load_vector, lumped_mass
 from ..elements.space import Space, extend_linear, make_space

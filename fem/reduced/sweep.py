@@ -17,8 +17,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..device import single_threaded
-from ..elements.assembly import discretise, linear_stiffness, stiffness
-from ..elements.constraints import apply_supports, node_supports
+from ..elements.assembly import (
+    apply_supports,
+    discretise,
+    linear_stiffness,
+    node_supports,
+    stiffness,
+)
 from ..elements.forces import lumped_mass
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law

@@ -5,17 +5,17 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ..errors import InputError, UsageError
 from ..mesh import TetMesh
-from .loads import Traction, pressure, spread_force, spread_torque
+from .loads import pressure, spread_force, spread_torque
 from .obstacles import Box, Capsule, Obstacle, Plane, Sphere
 from .scene import Hold, Scene
 from .supports import Supports
@@ -97,53 +97,54 @@ class BoundaryConditions:
             values = np.where(free, value, held.values[place.points])[:, place.axes]
             held = held.with_fixed(place.points, place.axes, values)
             holds.append(Hold(place.words, place.points, place.axes, tuple(value.tolist())))
-        ground = None if self.fix else scene.ground
-        return replace(
-            replace(scene, supports=held, holds=tuple(holds), ground=ground),
-            tractions=(*scene.tractions, *self._tractions(scene, warnings)),
-            obstacles=(*scene.obstacles, *map(stated_obstacle, self.obstacle)),
-            gravity_vector=self._gravity(scene),
-            warnings=tuple(warnings),
-        )
-
-    def _tractions(self, scene: Scene, warnings: list[str]) -> Iterator[Traction]:
-        make = {"load": spread_force, "torque": spread_torque, "pressure": pressure}
-        for kind in LOADS:
+        tractions = [*scene.tractions]
+        make = {"load": spread_force, "pressure": pressure, "torque": spread_torque}
+        for kind, spread in make.items():
             for place, value in self._placed(scene, kind):
-                said = f"--{kind} {place.words}"
+                option = f"--{kind} {place.words}"
                 if not len(place.faces):
-                    raise UsageError(f"{said}: it has no face on the surface, where loads act")
+                    raise UsageError(f"{option}: it has no face on the surface, where loads act")
                 if not place.whole:
                     warnings.append(
-                        f"{said}: no whole face lies there; the {len(place.faces)} faces that "
+                        f"{option}: no whole face lies there; the {len(place.faces)} faces that "
                         "touch it are loaded"
                     )
-                given = float(value[0]) if kind == "pressure" else value
+                number = float(value[0]) if kind == "pressure" else value
                 try:
-                    load = make[kind](scene.mesh, place.faces, given)
+                    load = spread(mesh, place.faces, number)
                 except InputError as error:
-                    raise UsageError(f"{said}: {error}") from error
-                yield load._replace(name=place.words)
+                    raise UsageError(f"{option}: {error}") from error
+                tractions.append(load._replace(name=place.words))
+        obstacles = (*scene.obstacles, *map(stated_obstacle, self.obstacle))
+        gravity = np.asarray(scene.gravity_vector, dtype=float)
+        if self.gravity_dir is not None:
+            way = np.asarray(self.gravity_dir, dtype=float)
+            if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
+                raise UsageError(
+                    f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0"
+                )
+            if not gravity.any():
+                raise UsageError("--gravity-dir: this scene has no gravity to turn")
+            gravity = float(np.linalg.norm(gravity)) * way / np.linalg.norm(way)
+        return replace(
+            scene,
+            supports=held,
+            holds=tuple(holds),
+            ground=None if self.fix else scene.ground,
+            tractions=tuple(tractions),
+            obstacles=obstacles,
+            gravity_vector=gravity,
+            warnings=tuple(warnings),
+        )
 
     def _placed(self, scene: Scene, kind: str) -> Iterator[tuple[Selection, np.ndarray]]:
         for words in getattr(self, kind):
             place, equals, value = words.rpartition("=")
             if not equals:
-                wanted = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
-                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={wanted}")
-            found = numbers(value, COUNTS[kind], f"--{kind} {words}")
-            yield _selected(scene, kind, place), found
-
-    def _gravity(self, scene: Scene) -> np.ndarray:
-        size = float(np.linalg.norm(scene.gravity_vector))
-        if self.gravity_dir is None:
-            return np.asarray(scene.gravity_vector, dtype=float)
-        way = np.asarray(self.gravity_dir, dtype=float)
-        if way.shape != (3,) or not np.isfinite(way).all() or not np.linalg.norm(way) > 0:
-            raise UsageError(f"--gravity-dir {self.gravity_dir}: wanted three numbers, not all 0")
-        if size == 0:
-            raise UsageError("--gravity-dir: this scene has no gravity to turn")
-        return size * way / np.linalg.norm(way)
+                form = "NUMBER" if COUNTS[kind] == 1 else "X,Y,Z"
+                raise UsageError(f"--{kind} {words!r}: wanted SELECTION={form}")
+            row = numbers(value, COUNTS[kind], f"--{kind} {words}")
+            yield _selected(scene, kind, place), row
 
 
 def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
@@ -152,11 +153,10 @@ def entries(given: str | Iterable[str] | Mapping[str, Any]) -> tuple[str, ...]:
         return (given,)
     if not isinstance(given, Mapping):
         return tuple(given)
-    return tuple(f"{place}={_joined(value)}" for place, value in given.items())
-
-
-def _joined(value: float | Sequence[float] | np.ndarray) -> str:
-    return ",".join(repr(float(x)) for x in np.atleast_1d(np.asarray(value, dtype=float)))
+    rows = [
+        (place, np.atleast_1d(np.asarray(value, dtype=float))) for place, value in given.items()
+    ]
+    return tuple(f"{place}={','.join(repr(float(x)) for x in row)}" for place, row in rows)
 
 
 def _selected(scene: Scene, kind: str, words: str) -> Selection:
@@ -166,15 +166,11 @@ def _selected(scene: Scene, kind: str, words: str) -> Selection:
         raise UsageError(f"--{kind} {error}") from error
 
 
-# Selections: places of a mesh in words, as points to hold and faces to load.
-
 AXES = "xyz"
 FORMS = "part:NAME, box:x0,y0,z0,x1,y1,z1, plane:z<0.01 (or x>1), near:x,y,z,r or all"
-# Places reach this share of the diagonal further: `plane:z<0` means the face at z = 0 too, and
+# Places reach this fraction of the diagonal further: `plane:z<0` means the face at z = 0 too, and
 # coordinates written as text lose their last digits.
 TOUCH = 1e-6
-
-Distance = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
 
 
 class Selection(NamedTuple):
@@ -201,7 +197,12 @@ def select(mesh: TetMesh, words: str) -> Selection:
         Where the words are not understood or nothing of the mesh lies there: it names the nearest
         part and the box of the mesh.
     """
-    place, axes = _split_axes(mesh, words)
+    # Directions stand after the last colon; a part may be called 'lid:x'
+    place, axes = words, (0, 1, 2)
+    before, _, last = words.rpartition(":")
+    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
+    if not is_part and last and re.fullmatch("x?y?z?", last) and (":" in before or before == "all"):
+        place, axes = before, tuple(AXES.index(axis) for axis in last)
     kind, _, rest = place.partition(":")
     if kind == "part":
         folded = {known.casefold(): i for i, known in enumerate(mesh.region_names)}
@@ -217,12 +218,27 @@ def select(mesh: TetMesh, words: str) -> Selection:
         boundary = mesh.boundary
         faces = boundary.faces[inside[boundary.tet]]
         return Selection(words, axes, np.unique(mesh.tets[inside]), faces, whole=True)
-    if kind not in _PLACES:
+    x = mesh.points
+    if kind == "box":
+        corners = numbers(rest, 6, words).reshape(2, 3)
+        lo, hi = corners.min(axis=0), corners.max(axis=0)
+        away = np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
+    elif kind == "plane":
+        axis, sign, level = half_space(rest, words)
+        away = np.maximum(sign * (x[:, axis] - level), 0.0)
+    elif kind == "near":
+        *centre, radius = numbers(rest, 4, words)
+        if not radius > 0:
+            raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
+        away = np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
+    elif kind == "all":
+        if rest:
+            raise UsageError(f"{words!r}: wanted all, or all:xy")
+        away = np.zeros(len(x))
+    else:
         raise UsageError(f"{words!r}: no place is called {kind!r}; wanted {FORMS}")
-    distance = _PLACES[kind](rest, words)
     touch = TOUCH * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     used = np.unique(mesh.tets)
-    away = distance(mesh.points)
     ids = used[away[used] <= touch]
     if not ids.size:
         nearest = used[np.argmin(away[used])]
@@ -242,87 +258,34 @@ def select(mesh: TetMesh, words: str) -> Selection:
 def numbers(text: str, count: int, words: str) -> np.ndarray:
     """``count`` finite numbers with commas between them; ``UsageError`` naming ``words`` else."""
     try:
-        found = np.array([float(part) for part in text.split(",")])
+        values = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        found = np.zeros(0)
-    if found.shape != (count,) or not np.isfinite(found).all():
-        wanted = "a number" if count == 1 else f"{count} numbers with commas between them"
-        raise UsageError(f"{words!r}: {text!r} is not {wanted}")
-    return found
+        values = np.zeros(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        form = "a number" if count == 1 else f"{count} numbers with commas between them"
+        raise UsageError(f"{words!r}: {text!r} is not {form}")
+    return values
 
 
-def described_bounds(mesh: TetMesh) -> str:
-    """The box of a mesh in words: 'x 0 to 1, y 0 to 0.1, z 0 to 0.1 m'."""
-    spans = zip(AXES, *mesh.bounds, strict=True)
-    return ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans) + " m"
+def half_space(text: str, words: str) -> tuple[int, float, float]:
+    """Axis, sign and level [m] of 'z<0.01': where sign * x[axis] is below sign * level.
 
-
-def _split_axes(mesh: TetMesh, words: str) -> tuple[str, tuple[int, ...]]:
-    """The place, and the directions after the last colon; a part may be called 'lid:x'."""
-    place, colon, last = words.rpartition(":")
-    is_part = words.startswith("part:") and words[len("part:") :] in mesh.region_names
-    if not is_part and colon and place and re.fullmatch("x?y?z?", last) and last:
-        if ":" in place or place == "all":
-            return place, tuple(AXES.index(axis) for axis in last)
-    return words, (0, 1, 2)
-
-
-def _box(text: str, words: str) -> Distance:
-    corners = numbers(text, 6, words).reshape(2, 3)
-    lo, hi = corners.min(axis=0), corners.max(axis=0)
-    return lambda x: np.linalg.norm(np.maximum(np.maximum(lo - x, x - hi), 0.0), axis=1)
-
-
-class HalfSpace(NamedTuple):
-    """Where sign * x[axis] is below sign * ``level`` [m]."""
-
-    axis: int
-    sign: float
-    level: float
-
-
-def half_space(text: str, words: str) -> HalfSpace:
-    """Half of space in words such as 'z<0.01'; ``UsageError`` naming ``words`` else."""
-    found = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
-    if found is None:
+    ``UsageError`` naming ``words`` where it is something else.
+    """
+    match = re.fullmatch(r"\s*([xyz])\s*([<>])=?(.+)", text)
+    if match is None:
         raise UsageError(f"{words!r}: wanted plane:z<0.01 or plane:x>1 [m]")
-    sign = 1.0 if found[2] == "<" else -1.0
-    return HalfSpace(AXES.index(found[1]), sign, float(numbers(found[3], 1, words)[0]))
-
-
-def _plane(text: str, words: str) -> Distance:
-    axis, sign, level = half_space(text, words)
-    return lambda x: np.maximum(sign * (x[:, axis] - level), 0.0)
-
-
-def _near(text: str, words: str) -> Distance:
-    *centre, radius = numbers(text, 4, words)
-    if not radius > 0:
-        raise UsageError(f"{words!r}: radius {radius:g} m, wanted > 0")
-    return lambda x: np.maximum(np.linalg.norm(x - np.array(centre), axis=1) - radius, 0.0)
-
-
-def _all(text: str, words: str) -> Distance:
-    if text:
-        raise UsageError(f"{words!r}: wanted all, or all:xy")
-    return lambda x: np.zeros(len(x))
-
-
-_PLACES: dict[str, Callable[[str, str], Distance]] = {
-    "box": _box,
-    "plane": _plane,
-    "near": _near,
-    "all": _all,
-}
+    sign = 1.0 if match[2] == "<" else -1.0
+    return AXES.index(match[1]), sign, float(numbers(match[3], 1, words)[0])
 
 
 def _around(mesh: TetMesh, most: int = 8) -> str:
     names = ", ".join(mesh.region_names[:most])
     more = f" and {len(mesh.region_names) - most} more" if len(mesh.region_names) > most else ""
-    return f"parts are {names}{more}; the mesh spans {described_bounds(mesh)}"
+    spans = zip(AXES, *mesh.bounds, strict=True)
+    box = ", ".join(f"{axis} {lo:.4g} to {hi:.4g}" for axis, lo, hi in spans)
+    return f"parts are {names}{more}; the mesh spans {box} m"
 
-
-# Obstacles in words: 'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s.
 
 OBSTACLES = (
     "plane:z<0 (or x>1), sphere:x,y,z,r, box:x0,y0,z0,x1,y1,z1 or capsule:x0,y0,z0,x1,y1,z1,r"
@@ -332,42 +295,41 @@ OBSTACLES = (
 def stated_obstacle(words: str) -> Obstacle:
     """Find the obstacle that ``words`` mean [m], with its velocity [m/s] after '=', if it moves.
 
-    A plane is solid where its words hold: 'plane:z<0' is the ground.
+    'sphere:0,0,1,0.1=0,0,-2' is a ball that comes down at 2 m/s. A plane is solid where its words
+    hold: 'plane:z<0' is the ground.
 
     Raises
     ------
     UsageError
         Where the words are not understood.
     """
-    said = f"--obstacle {words}"
+    option = f"--obstacle {words}"
     shape, equals, way = words.partition("=") if "<=" not in words else (words, "", "")
-    velocity = tuple(numbers(way, 3, said).tolist()) if equals else (0.0, 0.0, 0.0)
+    velocity = tuple(numbers(way, 3, option).tolist()) if equals else (0.0, 0.0, 0.0)
     kind, _, rest = shape.strip().partition(":")
     if kind == "plane":
-        axis, sign, level = half_space(rest, said)
+        axis, sign, level = half_space(rest, option)
         normal = sign * np.eye(3)[axis]
         return Plane(tuple(sign * level * normal), tuple(normal), velocity)
     if kind == "sphere":
-        *centre, radius = numbers(rest, 4, said).tolist()
-        return Sphere(tuple(centre), _positive(radius, said), velocity)
+        *centre, radius = numbers(rest, 4, option).tolist()
+        return Sphere(tuple(centre), _positive(radius, option), velocity)
     if kind == "capsule":
-        *ends, radius = numbers(rest, 7, said).tolist()
-        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, said), velocity)
+        *ends, radius = numbers(rest, 7, option).tolist()
+        return Capsule(tuple(ends[:3]), tuple(ends[3:]), _positive(radius, option), velocity)
     if kind == "box":
-        corners = numbers(rest, 6, said).reshape(2, 3)
+        corners = numbers(rest, 6, option).reshape(2, 3)
         half = np.abs(corners[1] - corners[0]) / 2
-        _positive(float(half.min()), said)
+        _positive(float(half.min()), option)
         return Box(tuple(corners.mean(axis=0).tolist()), tuple(half.tolist()), velocity)
-    raise UsageError(f"{said}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
+    raise UsageError(f"{option}: no obstacle is called {kind!r}; wanted {OBSTACLES}")
 
 
-def _positive(size: float, said: str) -> float:
+def _positive(size: float, option: str) -> float:
     if not size > 0:
-        raise UsageError(f"{said}: it has the size {size:g} m, wanted > 0")
+        raise UsageError(f"{option}: it has the size {size:g} m, wanted > 0")
     return size
 
-
-# A TOML file of boundary conditions: what `--scene` reads.
 
 SCALARS = ("gravity", "gravity_dir")
 
@@ -411,22 +373,22 @@ def read_conditions(path: Path) -> ConditionsFile:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read the scene {path}: {error}") from error
-    known = (*KINDS, "body", *SCALARS)
+    keys = (*KINDS, "body", *SCALARS)
     for key in document:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
+        if key not in keys:
+            near = difflib.get_close_matches(key, keys, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(known)}{hint}")
-    given: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
+            raise UsageError(f"{path}: unknown key {key!r}: known are {', '.join(keys)}{hint}")
+    options: dict[str, Any] = {kind: _entries(path, kind, document) for kind in KINDS}
     gravity, way = document.get("gravity"), document.get("gravity_dir")
     if gravity is not None and not _is_number(gravity):
         raise UsageError(f"{path}: gravity = {gravity!r}, wanted a number [m/s^2]")
     if way is not None:
         if not (isinstance(way, list) and len(way) == 3 and all(map(_is_number, way))):
             raise UsageError(f"{path}: gravity_dir = {way!r}, wanted three numbers")
-        given["gravity_dir"] = tuple(map(float, way))
+        options["gravity_dir"] = tuple(map(float, way))
     bodies = tuple(str(path.parent / body) for body in _entries(path, "body", document))
-    return ConditionsFile(BoundaryConditions(**given), gravity, bodies)
+    return ConditionsFile(BoundaryConditions(**options), gravity, bodies)
 
 
 def _is_number(value: Any) -> bool:

@@ -97,8 +97,8 @@ def spread_force(
     >>> round(float(load.value[0, 2]), 9)  # Pa: 6 N on 0.06 m^2
     -100.0
     """
-    share = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
-    return Traction(faces, np.tile(share, (len(faces), 1)))
+    value = np.asarray(force, dtype=float) / face_areas(mesh.points, faces).sum()
+    return Traction(faces, np.tile(value, (len(faces), 1)))
 
 
 def spread_torque(
@@ -139,10 +139,10 @@ def spread_torque(
     areas, arms = _arms(mesh, faces)
     square = (areas * (arms**2).sum(axis=1)).sum()
     moments = square * np.eye(3) - np.einsum("f,fi,fj->ij", areas, arms, arms)
-    wanted = np.asarray(torque, dtype=float)
-    spin = np.linalg.pinv(moments, rcond=1e-9, hermitian=True) @ wanted
+    total = np.asarray(torque, dtype=float)
+    spin = np.linalg.pinv(moments, rcond=1e-9, hermitian=True) @ total
     # A moment of the line about itself is round-off, 1e-16 of the others: 1e-9 lies far from both.
-    if not (square > 0 and np.allclose(moments @ spin, wanted, atol=1e-9 * abs(wanted).max())):
+    if not (square > 0 and np.allclose(moments @ spin, total, atol=1e-9 * abs(total).max())):
         raise InputError(
             f"a torque about the line of its {len(faces)} face(s): wanted a wider surface"
         )

@@ -120,8 +120,8 @@ class Capsule:
     def distance(self, x: np.ndarray) -> Distance:
         """Distance from the surface of the capsule."""
         start, along = np.asarray(self.start), np.subtract(self.end, self.start)
-        share = np.clip((x - start) @ along / max(float(along @ along), 1e-300), 0, 1)
-        away = x - start - share[:, None] * along
+        alpha = np.clip((x - start) @ along / max(float(along @ along), 1e-300), 0, 1)
+        away = x - start - alpha[:, None] * along
         length = np.linalg.norm(away, axis=1)
         return Distance(length - self.radius, _unit(away, length))
 

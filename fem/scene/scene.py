@@ -110,19 +110,19 @@ class Scene:
         """Longest side of the body's bounding box [m]."""
         return float(np.ptp(self.mesh.bounds, axis=0).max())
 
-    def similar(self, share: float) -> Scene:
-        """Scene whose motion is ``share`` times that of a body 1 / ``share`` times as large.
+    def similar(self, scale: float) -> Scene:
+        """Scene whose motion is ``scale`` times that of a body 1 / ``scale`` times as large.
 
-        By similarity: stresses act as share^2, accelerations and speeds as ``share`` of themselves.
+        By similarity: stresses act as share^2, accelerations and speeds as ``scale`` of themselves.
         """
         old = material_of(self.mesh)
-        tensor = None if old.tensor is None else share**2 * old.tensor
-        material = replace(old, E=share**2 * old.E, tensor=tensor)
+        tensor = None if old.tensor is None else scale**2 * old.tensor
+        material = replace(old, E=scale**2 * old.E, tensor=tensor)
         return replace(
             self,
             mesh=self.mesh.with_material(material),
-            gravity_vector=share * np.asarray(self.gravity_vector, dtype=float),
-            velocity=share * np.asarray(self.velocity, dtype=float),
-            tractions=tuple(t._replace(value=share**2 * t.value) for t in self.tractions),
-            forces=None if self.forces is None else share**2 * self.forces,
+            gravity_vector=scale * np.asarray(self.gravity_vector, dtype=float),
+            velocity=scale * np.asarray(self.velocity, dtype=float),
+            tractions=tuple(t._replace(value=scale**2 * t.value) for t in self.tractions),
+            forces=None if self.forces is None else scale**2 * self.forces,
         )

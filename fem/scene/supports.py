@@ -78,10 +78,9 @@ class Supports:
         return replace(self, springs=springs)
 
 
-# What a body stands on or hangs from: supports found from its geometry.
-
-# Nodes within this share of the height above the lowest one stand on the ground: feet are rarely
-# meshed perfectly flat, and fTetWild moves a surface by 1e-3 of the diagonal.
+# Supports found from the geometry of a body: nodes within this fraction of its height above the
+# lowest one stand on the ground. Feet are rarely meshed perfectly flat, and fTetWild moves a
+# surface by 1e-3 of the diagonal.
 BASE_SHARE = 0.02
 
 
@@ -134,27 +133,21 @@ def find_supports(
         waiting -= done
     supports = Supports(fixed, np.zeros(fixed.shape), np.zeros(fixed.shape), float(assumed))
     where = "highest" if from_top else "lowest"
-    return FoundSupports(supports, _told(loose, len(members), assumed, where))
-
-
-def _told(loose: int, pieces: int, share: float, where: str) -> tuple[str, ...]:
-    """What is said of pieces that nothing else holds: one sentence for all of them."""
-    if not loose:
-        return ()
-    does = "are" if loose > 1 else "is"
-    return (
-        f"{loose} of {pieces} pieces ({share:.1%} of the volume) {does} attached to nothing that "
-        f"is held: held at {'their' if loose > 1 else 'its'} own {where} points",
+    does, whose = ("are", "their") if loose > 1 else ("is", "its")
+    warning = (
+        f"{loose} of {len(members)} pieces ({assumed:.1%} of the volume) {does} attached to "
+        f"nothing that is held: held at {whose} own {where} points"
     )
+    return FoundSupports(supports, (warning,) if loose else ())
 
 
 def _lowest(points: np.ndarray, ids: np.ndarray, axis: int) -> np.ndarray:
     """Ids near the lowest point that span a plane: the share of the height grows until they do."""
     z = points[ids, axis] - points[ids, axis].min()
-    share = BASE_SHARE
-    while share < 1 and not spans_plane(points[ids[z <= share * z.max()]]):
-        share *= 1.5
-    return ids[z <= share * z.max()]
+    fraction = BASE_SHARE
+    while fraction < 1 and not spans_plane(points[ids[z <= fraction * z.max()]]):
+        fraction *= 1.5
+    return ids[z <= fraction * z.max()]
 
 
 def _clamp_lowest(points, ids, axis, fixed) -> None:

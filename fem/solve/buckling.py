@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..device import single_threaded, start_warp
-from ..elements.assembly import Discretisation, discretise
-from ..elements.constraints import held_stiffness, node_supports
+from ..elements.assembly import discretise, held_stiffness, node_supports
 from ..elements.elastic import displacement_gradients, linear_stress
 from ..elements.space import element_points
 from ..errors import ConvergenceError, InputError
@@ -66,14 +65,6 @@ def find_load_factor(result: StaticResult, supports: Supports) -> LoadFactor:
         raise InputError(f"load factor under the law {result.law!r}: wanted {Law.LINEAR.value!r}")
     grid = discretise(result.mesh, result.order)
     held = node_supports(supports, grid.space)
-    share, shape = _largest_share(_pencil(grid, result, held))
-    shape = shape[: grid.space.points]
-    if not share > 0:
-        return LoadFactor(np.inf, np.zeros_like(shape))
-    return LoadFactor(1 / share, shape / np.linalg.norm(shape, axis=1).max())
-
-
-def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Pencil:
     H = displacement_gradients(grid, result.node_displacement, element_points(grid.space.order))
     material = material_of(result.mesh)
     stress = linear_stress(H, material)
@@ -93,16 +84,21 @@ def _pencil(grid: Discretisation, result: StaticResult, held: Supports) -> _Penc
 
     wp = start_warp()
     pattern, count = grid.pattern, len(grid.space.nodes)
-    given = wp.array(stress, dtype=wp.mat33d, device=grid.device)
+    stresses = wp.array(stress, dtype=wp.mat33d, device=grid.device)
     values = wp.zeros(pattern.columns.shape[0], dtype=wp.float64, device=grid.device)
-    inputs = [grid.points, grid.elements, grid.quadrature, given, pattern.slots, values]
+    inputs = [grid.points, grid.elements, grid.quadrature, stresses, pattern.slots, values]
     wp.launch(k.geometric_stiffness, len(stress), inputs=inputs, device=grid.device)
     arrays = (values.numpy(), pattern.columns.numpy(), pattern.rows.numpy())
-    return _Pencil(inverse, free, csr_array(arrays, shape=(count, count)))
+    pencil = _Pencil(inverse, free, csr_array(arrays, shape=(count, count)))
+    eigenvalue, shape = _largest_eigenvalue(pencil)
+    shape = shape[: grid.space.points]
+    if not eigenvalue > 0:
+        return LoadFactor(np.inf, np.zeros_like(shape))
+    return LoadFactor(1 / eigenvalue, shape / np.linalg.norm(shape, axis=1).max())
 
 
-def _largest_share(pencil: _Pencil) -> tuple[float, np.ndarray]:
-    """Largest eigenvalue of -K_sigma x = share K x, and its x (nodes, 3); zero if hardly any.
+def _largest_eigenvalue(pencil: _Pencil) -> tuple[float, np.ndarray]:
+    """Largest eigenvalue of -K_sigma x = value K x, and its x (nodes, 3); zero if hardly any.
 
     By Lanczos in the inner product of K, every vector made orthogonal to all before it.
     """

@@ -1,4 +1,7 @@
-"""Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction."""
+"""Contact with obstacles and itself: a logarithmic barrier, lagged smoothed Coulomb friction.
+
+And what a body that only stands needs of the ground, its ``foothold``.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +20,22 @@ from ..scene.obstacles import Distance, Obstacle, obstacle_size
 from ..scene.up import UpAxis, up_index, up_vector
 from .self_contact import ContactPressures, PieceForce, SelfContact, largest_pressure
 
-# The barrier acts closer than this share of the body's diagonal.
+# The barrier acts closer than this fraction of the body's diagonal.
 BARRIER_SHARE = 1e-3
-# Barrier stiffness as a share of the body's own E: stiff against the body, which is a thousand
+# Barrier stiffness as a fraction of the body's own E: stiff against the body, which is a thousand
 # barrier thicknesses wide, and soft enough for Newton.
 STIFFNESS_SHARE = 0.1
-# A Newton step may use up this share of a gap.
+# A Newton step may use up this fraction of a gap.
 GAP_SHARE = 0.9
 # Advancement along a step that meets no obstacle within so many moves is stopped there.
 ADVANCES = 60
-# Sliding slower than this share of the body's diagonal per second is sticking.
+# Sliding slower than this fraction of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
 
 def barrier_thickness(mesh: TetMesh) -> float:
     """Distance [m] from an obstacle at which it begins to push ``mesh``."""
     return BARRIER_SHARE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-
-
-class Nearness(NamedTuple):
-    """Sites of the body and their ``distance`` from the obstacle of that number."""
-
-    obstacle: int
-    sites: Sites
-    distance: Distance
 
 
 class Contact:
@@ -90,13 +85,13 @@ class Contact:
     def _shift(self, obstacle: int) -> np.ndarray:
         return self.time * np.asarray(self.obstacles[obstacle].velocity, dtype=float)
 
-    def _touching(self, u: np.ndarray, margin: float) -> Iterator[Nearness]:
-        """Sites with their distances: all that are closer than ``margin`` [m], and more."""
+    def _touching(self, u: np.ndarray, margin: float) -> Iterator[tuple[int, Sites, Distance]]:
+        """Number of an obstacle, sites and distances: all closer than ``margin`` [m], and more."""
         for k, surface in enumerate(self.surfaces):
             shift = self._shift(k)
             for sites in surface.near(u, shift, margin):
                 x = sites.rest + sites.moved(u) - shift
-                yield Nearness(k, sites, self.obstacles[k].distance(x))
+                yield k, sites, self.obstacles[k].distance(x)
 
     def gap(self, u: np.ndarray) -> float:
         """Smallest distance [m] of any site from any obstacle, and of what touches itself."""
@@ -104,17 +99,17 @@ class Contact:
         for k, surface in enumerate(self.surfaces):
             shift, obstacle = self._shift(k), self.obstacles[k]
             x = surface.rest[surface.corners] + u[surface.corners] - shift
-            known = float(obstacle.distance(x).gap.min())
-            for sites in surface.near(u, shift, known):
+            nearest = float(obstacle.distance(x).gap.min())
+            for sites in surface.near(u, shift, nearest):
                 x = sites.rest + sites.moved(u) - shift
-                known = min(known, float(obstacle.distance(x).gap.min()))
-            smallest = min(smallest, known)
+                nearest = min(nearest, float(obstacle.distance(x).gap.min()))
+            smallest = min(smallest, nearest)
         return smallest
 
     def check_sizes(self, u: np.ndarray) -> None:
         """Raise ``InputError`` where an obstacle touches a face far larger than itself."""
         for k, surface in enumerate(self.surfaces):
-            if surface.touches_too_large(u, self._shift(k), self.thickness):
+            if surface.close(surface.too_large, u, self._shift(k), self.thickness).size:
                 raise InputError(
                     f"obstacle {k + 1} is {obstacle_size(self.obstacles[k]):.3g} m in size, less "
                     f"than a {MOST_CELLS * 2 * SPACING:.0f}th of a face that it touches: it would "
@@ -134,8 +129,8 @@ class Contact:
 
     def value(self, u: np.ndarray) -> float:
         """Barrier and friction energy [J]; infinite on contact."""
-        rubbed = self.own.friction_energy(u) if self.own else 0.0
-        return self.barrier(u) + rubbed + sum(lag.energy(u) for lag in self.lagged)
+        own = self.own.friction_energy(u) if self.own else 0.0
+        return self.barrier(u) + own + sum(lag.energy(u) for lag in self.lagged)
 
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
         """Add the gradient [N] of the energy to ``out`` (nodes, 3)."""
@@ -212,39 +207,32 @@ class Contact:
                 continue
             shift, reach = self._shift(k), self.thickness + float(np.linalg.norm(move))
             near = [*self.surfaces[k].near(u, shift, reach)]
-            wanted = []
+            gaps = []
             for sites in near:
                 x = sites.rest + sites.moved(u) - shift
                 now, before = obstacle.distance(x), obstacle.distance(x + move)
-                wanted.append(np.minimum(before.gap, 0.5 * self.thickness))
+                gaps.append(np.minimum(before.gap, 0.5 * self.thickness))
                 if sites.alone:
-                    push = np.maximum(wanted[-1] - now.gap, 0.0)
+                    push = np.maximum(gaps[-1] - now.gap, 0.0)
                     sites.spread(push[:, None] * now.normal, u)
-            self._carry(k, u, move, near, wanted)
+            # Whole faces go along until half the gaps are there. One that moves as the obstacle
+            # does keeps its gap; its neighbours may then have to move.
+            start, carried, before = u.copy(), np.zeros(len(u), dtype=bool), -1
+            while carried.sum() > before:
+                before = carried.sum()
+                for sites, gap in zip(near, gaps, strict=True):
+                    x = sites.rest + sites.moved(u) - shift
+                    carried[sites.nodes[obstacle.distance(x).gap < 0.5 * gap]] = True
+                if carried.sum() > before:
+                    u[carried] = start[carried] + move
         return u
 
-    def _carry(self, k: int, u: np.ndarray, move: np.ndarray, near: list, wanted: list) -> None:
-        """Carry whole faces by ``move`` (3,) [m] until half the ``wanted`` gaps are there.
-
-        A face that moves as the obstacle does keeps its gap; its neighbours may then have to move.
-        """
-        start, carried = u.copy(), np.zeros(len(u), dtype=bool)
-        while True:
-            before = carried.sum()
-            for sites, gap in zip(near, wanted, strict=True):
-                x = sites.rest + sites.moved(u) - self._shift(k)
-                tight = self.obstacles[k].distance(x).gap < 0.5 * gap
-                carried[sites.nodes[tight]] = True
-            if carried.sum() == before:
-                return
-            u[carried] = start[carried] + move
-
     def longest_step(self, u: np.ndarray, step: np.ndarray) -> float:
-        """Largest share of ``step`` that leaves a tenth of every gap, by safe advancement.
+        """Largest fraction of ``step`` that leaves a tenth of every gap, by safe advancement.
 
         Distance changes no faster than position, so a site may always move by its distance.
         """
-        share = self.own.longest_step(u, step) if self.own else 1.0
+        fraction = self.own.longest_step(u, step) if self.own else 1.0
         farthest = np.linalg.norm(step, axis=1).max() / GAP_SHARE if self.surfaces else 0.0
         for k, sites, first in self._touching(u, farthest):
             p = sites.moved(step)
@@ -261,8 +249,8 @@ class Contact:
                 done = np.minimum(done + room, 1.0)
                 if (room < 1e-3 * np.maximum(done, 1e-12)).all() or (done >= 1).all():
                     break
-            share = min(share, float(done.min()))
-        return share
+            fraction = min(fraction, float(done.min()))
+        return fraction
 
     def obstacle_forces(self, u: np.ndarray) -> np.ndarray:
         """Force of every obstacle on the body [N], shape (obstacles, 3)."""
@@ -300,26 +288,22 @@ class Contact:
         return -out
 
 
-# Sites of contact: the places of a surface that keep out of an obstacle.
-#
-# Where faces are small against the obstacle these are the nodes. A face that is large against it
-# gets a lattice of further places, so close together that the obstacle cannot slip between them.
-
-# Places on a face are apart by at most this share of the obstacle's size: a ball of radius R that
-# sits between three of them is s^2 / 6 R = R / 100 inside the face.
+# Sites of contact are the nodes where faces are small against the obstacle. A face that is large
+# against it gets a lattice of further places, apart by at most this fraction of its size: a ball
+# of radius R that sits between three of them is s^2 / 6 R = R / 100 inside the face.
 SPACING = 0.25
 # Most places along the edge of a face: smaller obstacles are refused.
 MOST_CELLS = 64
 
 
 class Sites(NamedTuple):
-    """Places ``rest`` (n, 3) [m] that move with the shares (n, k) of their ``nodes`` (n, k).
+    """Places ``rest`` (n, 3) [m] that move with fractions ``alpha`` (n, k) of ``nodes`` (n, k).
 
     ``weight`` (n,) [J] is stiffness times area times thickness.
     """
 
     nodes: Int[np.ndarray, "n k"]
-    share: Float[np.ndarray, "n k"]
+    alpha: Float[np.ndarray, "n k"]
     rest: Float[np.ndarray, "n 3"]
     weight: Float[np.ndarray, "n"]
 
@@ -332,14 +316,14 @@ class Sites(NamedTuple):
         """Value of the nodal field ``u`` (nodes, 3) at the places."""
         if self.alone:
             return u[self.nodes[:, 0]]
-        return np.einsum("nk,nkd->nd", self.share, u[self.nodes])
+        return np.einsum("nk,nkd->nd", self.alpha, u[self.nodes])
 
     def spread(self, values: Float[np.ndarray, "n 3"], out: np.ndarray) -> None:
         """Add ``values`` at the places to the nodes of ``out`` (nodes, 3)."""
         if self.alone:
             out[self.nodes[:, 0]] += values
         else:
-            np.add.at(out, self.nodes, self.share[:, :, None] * values[:, None])
+            np.add.at(out, self.nodes, self.alpha[:, :, None] * values[:, None])
 
     def spread_blocks(
         self, blocks: Float[np.ndarray, "n 3 3"], diagonal: np.ndarray, pairs: list
@@ -351,9 +335,9 @@ class Sites(NamedTuple):
         near = np.flatnonzero(np.abs(blocks).max(axis=(1, 2)) > 0)
         if not near.size:
             return
-        nodes, share = self.nodes[near], self.share[near]
+        nodes, alpha = self.nodes[near], self.alpha[near]
         i, j = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        both = share[:, :, None] * share[:, None, :]
+        both = alpha[:, :, None] * alpha[:, None, :]
         pairs.append((i, j, both[..., None, None] * blocks[near, None, None]))
 
 
@@ -365,7 +349,7 @@ class _Group(NamedTuple):
 
     nodes: np.ndarray
     stiffness: np.ndarray
-    share: np.ndarray
+    alpha: np.ndarray
 
 
 class SurfaceSites:
@@ -397,11 +381,17 @@ class SurfaceSites:
         nodes = faces
         if space.order == 2:
             nodes = np.hstack([faces, edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]])])
-        wanted = np.maximum(longest / (SPACING * obstacle_size(obstacle)), space.order)
-        cells = np.minimum(2 ** np.ceil(np.log2(wanted)), MOST_CELLS).astype(int)
+        spacings = np.maximum(longest / (SPACING * obstacle_size(obstacle)), space.order)
+        cells = np.minimum(2 ** np.ceil(np.log2(spacings)), MOST_CELLS).astype(int)
         plain = cells == space.order
-        self.too_large = nodes[wanted > 2 * MOST_CELLS]
-        self.nodal = _nodal(nodes[plain], areas[plain], stiffness, space)
+        self.too_large = nodes[spacings > 2 * MOST_CELLS]
+        # Nodes of faces that need no more places, each with its part of their area
+        parts = np.array([1 / 3] * 3 if space.order == 1 else [1 / 12] * 3 + [1 / 4] * 3)
+        area = np.zeros(len(space.nodes))
+        np.add.at(area, nodes[plain], areas[plain, None] * parts)
+        ids = np.flatnonzero(area > 0)
+        weight = stiffness[ids] * area[ids]
+        self.nodal = Sites(ids[:, None], np.ones((len(ids), 1)), space.nodes[ids], weight)
         self.groups = []
         for count in np.unique(cells[~plain]).tolist():
             own = cells == count
@@ -417,19 +407,15 @@ class SurfaceSites:
         if len(self.nodal.nodes):
             yield self.nodal
         for group in self.groups:
-            close = self._close(group.nodes, u, shift, margin)
+            close = self.close(group.nodes, u, shift, margin)
             if close.size:
-                places = len(group.share)
+                places = len(group.alpha)
                 nodes = np.repeat(group.nodes[close], places, axis=0)
-                share = np.tile(group.share, (len(close), 1))
-                rest = np.einsum("nk,nkd->nd", share, self.rest[nodes])
-                yield Sites(nodes, share, rest, np.repeat(group.stiffness[close], places))
+                alpha = np.tile(group.alpha, (len(close), 1))
+                rest = np.einsum("nk,nkd->nd", alpha, self.rest[nodes])
+                yield Sites(nodes, alpha, rest, np.repeat(group.stiffness[close], places))
 
-    def touches_too_large(self, u: np.ndarray, shift: np.ndarray, margin: float) -> bool:
-        """Whether the obstacle is near a face with too few places for it to be kept out."""
-        return bool(self._close(self.too_large, u, shift, margin).size)
-
-    def _close(self, faces: np.ndarray, u: np.ndarray, shift: np.ndarray, margin: float):
+    def close(self, faces: np.ndarray, u: np.ndarray, shift: np.ndarray, margin: float):
         """Indices of all ``faces`` (faces, k) that are closer than ``margin``, and of more."""
         corners = self.rest[faces] + u[faces]
         centre = corners.mean(axis=1)
@@ -445,28 +431,7 @@ def face_lattice(cells: int, nodes: int) -> Float[np.ndarray, "places nodes"]:
     return np.hstack([b * (2 * b - 1), 4 * b * np.roll(b, -1, axis=1)]) if nodes == 6 else b
 
 
-def _nodal(nodes: np.ndarray, areas: np.ndarray, stiffness: np.ndarray, space: Space) -> Sites:
-    """Nodes of faces that need no more places, each with its share of their area."""
-    share = np.array([1 / 3] * 3 if space.order == 1 else [1 / 12] * 3 + [1 / 4] * 3)
-    area = np.zeros(len(space.nodes))
-    np.add.at(area, nodes, areas[:, None] * share)
-    ids = np.flatnonzero(area > 0)
-    ones = np.ones((len(ids), 1))
-    return Sites(ids[:, None], ones, space.nodes[ids], stiffness[ids] * area[ids])
-
-
 # Smoothed Coulomb friction (Li et al. 2020, IPC), its normal forces frozen during a solve.
-
-
-class Slip(NamedTuple):
-    """Slip ``y`` (n, 3) [m] along an obstacle, and the functions of it that friction is made of.
-
-    ``over`` is f1(|y|) / |y| [1/m], ``potential`` is f0(|y|) [m].
-    """
-
-    y: np.ndarray
-    over: np.ndarray
-    potential: np.ndarray
 
 
 class Lagged(NamedTuple):
@@ -484,15 +449,15 @@ class Lagged(NamedTuple):
     start: np.ndarray
     limit: float
 
-    def slip(self, u: np.ndarray) -> Slip:
-        """Tangential slip at the displacement ``u`` (nodes, 3) [m]."""
+    def slip(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tangential slip y (n, 3) [m] at ``u`` [m], f1(|y|) / |y| [1/m] and f0(|y|) [m]."""
         y = self.sites.moved(u) - self.start
         y = y - (y * self.normal).sum(axis=1, keepdims=True) * self.normal
         size, limit = np.linalg.norm(y, axis=1), self.limit
         inside = size < limit
         over = np.where(inside, (2 - size / limit) / limit, 1 / np.maximum(size, limit))
         potential = np.where(inside, size**2 / limit - size**3 / (3 * limit**2) + limit / 3, size)
-        return Slip(y, over, potential)
+        return y, over, potential
 
     def gradient(self, u: np.ndarray) -> np.ndarray:
         """Derivative of the potential by the place of every site [N], shape (n, 3)."""
@@ -501,7 +466,7 @@ class Lagged(NamedTuple):
 
     def energy(self, u: np.ndarray) -> float:
         """Potential of friction [J]."""
-        return float((self.force * self.slip(u).potential).sum())
+        return float((self.force * self.slip(u)[2]).sum())
 
     def hessian(self, u: np.ndarray, *, sharp: bool) -> np.ndarray:
         """Positive second derivative at every site [N/m], shape (n, 3, 3).
@@ -522,9 +487,6 @@ class Lagged(NamedTuple):
 def outer(n: np.ndarray) -> np.ndarray:
     """Outer product of every row (n, 3) with itself, (n, 3, 3)."""
     return n[:, :, None] * n[:, None, :]
-
-
-# Where a load meets the ground, and how far within the feet of what stands there.
 
 
 class Foothold(NamedTuple):
@@ -558,15 +520,12 @@ def foothold(
     about = moment - np.cross(base, force)
     place = np.array([-about[y], about[x]]) / force[z]
     slides = float(np.hypot(force[x], force[y]) / abs(force[z]))
-    return Foothold(_depth(place, feet[:, [x, y]]), slides)
-
-
-def _depth(place: Float[np.ndarray, "2"], feet: Float[np.ndarray, "n 2"]) -> float:
-    """How deep a place lies in the convex hull of others: negative outside, where it is a bound."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        sides = ConvexHull(feet).equations
+        sides = ConvexHull(feet[:, [x, y]]).equations
     except QhullError:  # feet on a line hold nothing upright
-        return -float(np.linalg.norm(feet - place, axis=1).min())
-    return float(-(sides[:, :2] @ place + sides[:, 2]).max())
+        inside = -float(np.linalg.norm(feet[:, [x, y]] - place, axis=1).min())
+    else:  # outside it is a bound
+        inside = float(-(sides[:, :2] @ place + sides[:, 2]).max())
+    return Foothold(inside, slides)

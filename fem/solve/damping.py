@@ -44,7 +44,14 @@ class Damping:
 
 
 class Rayleigh:
-    """Damping forces of a body of nodal ``mass`` [kg] (nodes,)."""
+    """Damping forces of a body of nodal ``mass`` [kg] (nodes,).
+
+    Viscosity is a stress that resists the rate of strain and leaves turns alone (Kelvin & Voigt).
+    Over a step of dt the rate is (E - E_0) / dt with Green's strains at its ends. Its stress is
+    then the derivative of dt |rate|^2 / 2 by the displacement, with Hooke's law as the norm: a turn
+    of any size costs nothing, and small motions see exactly the stiffness at rest times their
+    velocity.
+    """
 
     def __init__(
         self,
@@ -56,72 +63,25 @@ class Rayleigh:
         if damping.stiffness and material.tensor is not None:
             raise InputError("damping in proportion to stiffness knows no grain: wanted mass alone")
         self.alpha, self.beta = damping.mass, damping.stiffness
-        self.mass = damping.mass * mass[:, None]
-        viscous = LameParameters(*(damping.stiffness * m for m in material.lame))
-        self.viscosity = Viscosity(grid, viscous) if damping.stiffness else None
+        self.mass, self.grid = damping.mass * mass[:, None], grid
+        lame = [grid.array(self.beta * np.asarray(m)) for m in material.lame]  # [Pa s]
+        self._arrays = [grid.points, grid.elements, grid.quadrature, *lame]
 
     def force(self, u: np.ndarray, v: np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """Damping force [N] at the displacement ``u`` [m] and velocity ``v`` [m/s]."""
-        return self.mass * v + (self.viscosity.force(u, v) if self.viscosity else 0.0)
+        return self.mass * v + (self._viscous(1.0, u, v, rate=True).force if self.beta else 0.0)
 
     def step(self, u: np.ndarray, start: np.ndarray, dt: float) -> Response:
         """Half the energy [J] lost in a step of ``dt`` [s] from ``start`` to ``u``, its force."""
         push = self.mass * (u - start) / dt
         energy = 0.5 * float(((u - start) * push).sum())
-        if not self.viscosity:
+        if not self.beta:
             return Response(energy, push)
-        more, force = self.viscosity.step(u, start, dt)
+        more, force = self._viscous(1 / dt, u, start, rate=False)
         return Response(energy + more, push + force)
 
-    def stresses(
-        self, u: np.ndarray, start: np.ndarray, v: np.ndarray | None, dt: float
-    ) -> list[Callable[[LameParameters], np.ndarray]]:
-        """Viscous stresses (tets, points, 3, 3) of given moduli: of ``step``, of ``force`` at v."""
-        if not self.viscosity:
-            return []
-        stress, beta = self.viscosity.stress, self.beta
-        of_step = lambda lame: beta / dt * stress(u, start, lame, rate=False)  # noqa: E731
-        if v is None:
-            return [of_step]
-        return [of_step, lambda lame: beta * stress(start, v, lame, rate=True)]
-
-    def add_to(
-        self, matrix: BlockMatrix, u: np.ndarray, start: np.ndarray, dt: float, *, projected: bool
-    ) -> None:
-        """Add the derivative of the force of ``step`` to ``matrix``."""
-        if self.viscosity:
-            self.viscosity.add_tangent(matrix, u, start, dt, projected=projected)
-        add_diagonal(matrix, self.mass[:, :, None] / dt * np.eye(3))
-
-
-# Viscosity: a stress that resists the rate of strain and leaves turns alone (Kelvin & Voigt).
-#
-# Over a step of dt the rate is (E - E_0) / dt with Green's strains at its ends. Its stress is then
-# the derivative of dt |rate|^2 / 2 by the displacement, with Hooke's law as the norm: a turn of
-# any size costs nothing, and small motions see exactly the stiffness at rest times their velocity.
-
-
-class Viscosity:
-    """Viscous force of a body of the Lame parameters ``lame`` [Pa s] (tets,)."""
-
-    def __init__(self, grid: Discretisation, lame: LameParameters) -> None:
-        self.grid = grid
-        arrays = [self.grid.array(np.asarray(m)) for m in lame]
-        self._arrays = [grid.points, grid.elements, grid.quadrature, *arrays]
-
-    def force(
-        self, u: Float[np.ndarray, "nodes 3"], v: Float[np.ndarray, "nodes 3"]
-    ) -> Float[np.ndarray, "nodes 3"]:
-        """Force [N] with which nodes at the displacement ``u`` [m] resist their velocity ``v``."""
-        return self._response(1.0, u, v, rate=True).force
-
-    def step(
-        self, u: Float[np.ndarray, "nodes 3"], start: Float[np.ndarray, "nodes 3"], dt: float
-    ) -> Response:
-        """Potential [J] and force [N] at the end ``u`` of a step of ``dt`` [s] from ``start``."""
-        return self._response(1 / dt, u, start, rate=False)
-
-    def _response(self, scale: float, u: np.ndarray, along: np.ndarray, *, rate: bool) -> Response:
+    def _viscous(self, scale: float, u: np.ndarray, along: np.ndarray, *, rate: bool) -> Response:
+        """Potential [J] and force [N] of the viscosity, ``rate``: for the velocity ``along``."""
         from ..elements import kernels_elastic as k
 
         wp = start_warp()
@@ -133,36 +93,46 @@ class Viscosity:
         wp.launch(k.energy_and_force, tets, inputs=inputs, device=device)
         return Response(float(energy.numpy().sum()), force.numpy())
 
-    def add_tangent(
-        self, matrix: BlockMatrix, u: np.ndarray, start: np.ndarray, dt: float, *, projected: bool
-    ) -> None:
-        """Add the second derivative [N/m] of the potential of ``step`` to ``matrix``.
+    def stresses(
+        self, u: np.ndarray, start: np.ndarray, v: np.ndarray | None, dt: float
+    ) -> list[Callable[[LameParameters], np.ndarray]]:
+        """Viscous stresses (tets, points, 3, 3) of given moduli: of ``step``, of ``force`` at v.
 
-        ``projected``: no tet has a negative part.
-        """
-        from ..elements import kernels_elastic as k
-
-        inputs = [*self._arrays, 1 / dt, self.grid.array(u), self.grid.array(start), projected]
-        inputs += [self.grid.pattern.slots, matrix.values]
-        tets, device = len(self.grid.space.elements), self.grid.device
-        start_warp().launch(k.tangent, tets, inputs=inputs, device=device)
-
-    def stress(
-        self, u: np.ndarray, along: np.ndarray, lame: LameParameters, *, rate: bool
-    ) -> Float[np.ndarray, "tets points 3 3"]:
-        """First Piola stress at the points of ``element_points``, linear in ``lame`` (broadcast).
-
-        For the change of strain from the displacement ``along`` to ``u`` [m]; ``rate``: for the
-        velocity ``along``.
+        First Piola stresses at the points of ``element_points``, linear in the moduli (broadcast).
         """
         from ..elements import kernels_elastic as k
 
         wp = start_warp()
         where = element_points(self.grid.space.order)
-        H, G = (displacement_gradients(self.grid, field, where) for field in (u, along))
-        given = [wp.array(x.reshape(-1, 3, 3), dtype=wp.mat33d, device="cpu") for x in (H, G)]
-        moduli = [np.broadcast_to(m, H.shape[:2]).astype(float).ravel() for m in lame]
-        moduli = [wp.array(m, dtype=wp.float64, device="cpu") for m in moduli]
-        P = wp.empty_like(given[0])
-        wp.launch(k.stress, len(P), inputs=[*given, rate, *moduli, P], device="cpu")
-        return P.numpy().reshape(H.shape)
+
+        def stress(lame: LameParameters, at: np.ndarray, along: np.ndarray, rate: bool):
+            H, G = (displacement_gradients(self.grid, field, where) for field in (at, along))
+            arrays = [wp.array(x.reshape(-1, 3, 3), dtype=wp.mat33d, device="cpu") for x in (H, G)]
+            moduli = [np.broadcast_to(m, H.shape[:2]).astype(float).ravel() for m in lame]
+            moduli = [wp.array(m, dtype=wp.float64, device="cpu") for m in moduli]
+            P = wp.empty_like(arrays[0])
+            wp.launch(k.stress, len(P), inputs=[*arrays, rate, *moduli, P], device="cpu")
+            return P.numpy().reshape(H.shape)
+
+        if not self.beta:
+            return []
+        of_step = lambda lame: self.beta / dt * stress(lame, u, start, False)  # noqa: E731
+        if v is None:
+            return [of_step]
+        return [of_step, lambda lame: self.beta * stress(lame, start, v, True)]
+
+    def add_to(
+        self, matrix: BlockMatrix, u: np.ndarray, start: np.ndarray, dt: float, *, projected: bool
+    ) -> None:
+        """Add the derivative of the force of ``step`` to ``matrix``.
+
+        ``projected``: no tet has a negative part.
+        """
+        from ..elements import kernels_elastic as k
+
+        if self.beta:
+            inputs = [*self._arrays, 1 / dt, self.grid.array(u), self.grid.array(start), projected]
+            inputs += [self.grid.pattern.slots, matrix.values]
+            tets, device = len(self.grid.space.elements), self.grid.device
+            start_warp().launch(k.tangent, tets, inputs=inputs, device=device)
+        add_diagonal(matrix, self.mass[:, :, None] / dt * np.eye(3))

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..deprecation import renamed_options
 from ..device import checked_device, one_thread
-from ..elements.assembly import discretise
-from ..elements.constraints import node_supports
+from ..elements.assembly import discretise, node_supports
 from ..elements.elastic import ElasticBody, Response
 from ..elements.forces import load_vector, lumped_mass, node_counts, node_velocities
 from ..errors import ConvergenceError, InputError
@@ -31,7 +29,7 @@ from .schemes import DeviceSteps, Forecast, Incremental, Kinematics, Scheme, Ste
 
 logger = logging.getLogger(__name__)
 
-# A step ends when the unbalanced force is below this share of the external and inertial force.
+# A step ends when the unbalanced force is below this fraction of the external and inertial force.
 TOLERANCE = 1e-4
 # A step that fails is halved so often at most.
 HALVINGS = 8
@@ -78,7 +76,6 @@ class Dynamics:
     (0.5, -1.25)
     """
 
-    @renamed_options(gravity="gravity_vector")
     def __init__(
         self,
         mesh: TetMesh,
@@ -111,8 +108,7 @@ class Dynamics:
         self.contact = Contact(
             mesh, grid.space, obstacles, friction, thickness, self_contact=self_contact
         )
-        known = (grid, material_of(mesh), self.mass)
-        self.damping = Rayleigh(*known, damping) if damping else None
+        self.damping = Rayleigh(grid, material_of(mesh), self.mass, damping) if damping else None
         area = float((np.ptp(mesh.bounds, axis=0) ** 2).sum())
         self.noise = NOISE * float(np.median(material_of(mesh).E)) * area
         self.rigidity = nodal_rigidity(mesh, grid.space)
@@ -206,7 +202,10 @@ class Dynamics:
         step = Step.of(*made)
         self.contact.begin(state.u, state.time + dt, dt)
         u, iterations = self._solve(step)
-        if leapt := self._leaps(step, u):  # what was before it is of no use
+        # Where contact stops or throws the body within the step, what was before is of no use
+        touches = self.contact.acts and (state.barrier > 0 or self.contact.barrier(u) > 0)
+        energy = state.kinetic + state.elastic + state.barrier
+        if leapt := touches and step.leaps(u, self.mass[:, None], energy):
             self._forecast = Forecast()
             if step.before is not None:
                 made, step = (*made[:3], None), step.restarted
@@ -217,13 +216,6 @@ class Dynamics:
         self.state = self._measured(state.time + dt, Kinematics(u, v, a), iterations)
         self._before, self._dt, self._step_made = None if leapt else now, dt, made
         self._forecast.add(a)
-
-    def _leaps(self, step: Step, u: np.ndarray) -> bool:
-        """Whether contact stops or throws the body within the ``step`` to ``u``."""
-        old = self.state
-        touches = self.contact.acts and (old.barrier > 0 or self.contact.barrier(u) > 0)
-        energy = old.kinetic + old.elastic + old.barrier
-        return touches and step.leaps(u, self.mass[:, None], energy)
 
     def _solve(self, step: Step) -> tuple[np.ndarray, int]:
         old, fixed = self.state.u, self.held.fixed
@@ -239,8 +231,8 @@ class Dynamics:
         count = 0
         for _ in range(FRICTION_PASSES if self.contact.friction else 1):
             self.contact.lag_friction(u)
-            found = minimise(potential, u, solve=self.solver, tolerance=self.tolerance)
-            u, count = found.u, count + found.iterations
+            minimum = minimise(potential, u, solve=self.solver, tolerance=self.tolerance)
+            u, count = minimum.u, count + minimum.iterations
         return u, count
 
     def solve_adjoint(self, step: Step, u: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -268,7 +260,25 @@ class DynamicMethod:
         frames = checked_count("frames", scene.frames)
         dt = checked_positive("duration", scene.duration, "s") / frames
         order, stiffening = motion_elements(scene.mesh, scene.supports, order)
-        body = _body_of(scene, law or Law.NEO_HOOKEAN, order, device, scheme)
+        forces = scene.forces
+        if scene.tractions:
+            grid = discretise(scene.mesh, order, checked_device(device))
+            forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
+        body = Dynamics(
+            scene.mesh,
+            supports=scene.supports,
+            gravity_vector=scene.gravity_vector,
+            forces=forces,
+            obstacles=scene.obstacles,
+            friction=scene.friction,
+            thickness=scene.thickness,
+            self_contact=scene.self_contact,
+            velocity=scene.velocity,
+            law=law or Law.NEO_HOOKEAN,
+            order=order,
+            scheme=scheme,
+            device=device,
+        )
         states, halved = [body.state], 0
         for frame in range(1, frames + 1):
             states.append(body.step(dt))
@@ -276,31 +286,16 @@ class DynamicMethod:
             if progress is not None:
                 progress(frame, frames)
         locks, notes = locking_share(scene.mesh) if order == 1 else 0.0, body.contact.notes
-        smaller, kept = halving_notes(halved, frames), scene.self_contact and not notes
-        known = {"kept_apart": kept, "notes": notes + smaller, "stiffening": stiffening}
-        return MotionResult(tuple(states), dt, len(scene.mesh.points), order, locks, **known)
+        return MotionResult(
+            tuple(states),
+            dt,
+            len(scene.mesh.points),
+            order,
+            locks,
+            kept_apart=scene.self_contact and not notes,
+            notes=notes + halving_notes(halved, frames),
+            stiffening=stiffening,
+        )
 
 
 METHOD = DynamicMethod()
-
-
-def _body_of(scene: Scene, law: str, order: int, device: str, scheme: Scheme) -> Dynamics:
-    grid = discretise(scene.mesh, order, checked_device(device))
-    forces = scene.forces
-    if scene.tractions:
-        forces = load_vector(scene.mesh, grid, traction=scene.tractions, forces=forces)
-    return Dynamics(
-        scene.mesh,
-        supports=scene.supports,
-        gravity_vector=scene.gravity_vector,
-        forces=forces,
-        obstacles=scene.obstacles,
-        friction=scene.friction,
-        thickness=scene.thickness,
-        self_contact=scene.self_contact,
-        velocity=scene.velocity,
-        law=law,
-        order=order,
-        scheme=scheme,
-        device=device,
-    )

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..elements.space import affordable_order
 from ..errors import ConvergenceError, UsageError
 from ..laws.law import LAWS, Law
-from ..mesh import TetMesh, material_of
-from ..scene.obstacles import Plane
+from ..mesh import material_of
 from ..scene.scene import Scene
-from ..scene.supports import Supports
 from .buckling import find_load_factor
 from .contact import barrier_thickness
 from .error import find_discretisation_error
 from .method import FrameProgress
-from .nodal_pressure import solve_averaged
 from .nonlinear import solve_nonlinear
-from .result import LoadFactor, SagResult, StaticResult, locking_share
-from .statics import solve_static
+from .result import SagResult, StaticResult, locking_share
+from .statics import solve_averaged, solve_static
 
 logger = logging.getLogger(__name__)
 
@@ -79,13 +75,25 @@ class StaticMethod:
             "forces": scene.forces,
             "device": device,
         }
-        solve = partial(solve_static, scene.mesh, scene.held, **loads)
-        given, order = order, order or affordable_order(scene.mesh)
-        grain = material_of(scene.mesh).tensor is not None
-        if given is None and order == 1 and locking_share(scene.mesh) > 0 and not grain:
-            solve = partial(_solve_unlocked, scene.mesh, scene.held, **loads)
+        isotropic = material_of(scene.mesh).tensor is None
+        averaged = order is None and isotropic and locking_share(scene.mesh) > 0
+
+        def solve(*, order: int) -> StaticResult:
+            """Linear elements have averaged pressures where quadratic ones are not affordable."""
+            if averaged and order == 1:
+                return solve_averaged(scene.mesh, scene.held, **loads)
+            return solve_static(scene.mesh, scene.held, order=order, **loads)
+
+        order = order or affordable_order(scene.mesh)
         static = solve(order=order)
-        factor, load_factor_unmade = _load_factor(scene, static)
+        factor, load_factor_unmade = None, ""  # of buckling, or why there is none
+        if static.order == 1:
+            load_factor_unmade = "linear elements are far too stiff against it: --order 2"
+        else:
+            try:
+                factor = find_load_factor(static, scene.held)
+            except ConvergenceError as error:
+                load_factor_unmade = str(error)
         error, trusted = find_discretisation_error(static, scene.held, solve, **loads), True
         if law is None or LAWS[law].finite:
             name = law or Law.NEO_HOOKEAN
@@ -93,35 +101,22 @@ class StaticMethod:
         for warning in warnings:
             logger.warning(warning)
         largest, longest = _largest(static), scene.longest
-        supported = np.asarray(scene.held.fixed.any(axis=1))
-        answer = (static, scene.height, largest, largest / longest, error)
-        known = {
-            "load_factor": factor,
-            "load_factor_unmade": load_factor_unmade,
-            "trusted": trusted,
-            "assumed": scene.held.assumed,
-        }
-        return SagResult(*answer, supported, tuple(warnings), **known)
+        return SagResult(
+            static,
+            scene.height,
+            largest,
+            largest / longest,
+            error,
+            np.asarray(scene.held.fixed.any(axis=1)),
+            tuple(warnings),
+            load_factor=factor,
+            load_factor_unmade=load_factor_unmade,
+            trusted=trusted,
+            assumed=scene.held.assumed,
+        )
 
 
 METHOD = StaticMethod()
-
-
-def _solve_unlocked(mesh: TetMesh, held: Supports, *, order: int, **loads: Any) -> StaticResult:
-    """Linear elements with averaged pressures, where quadratic ones are not affordable."""
-    if order == 1:
-        return solve_averaged(mesh, held, **loads)
-    return solve_static(mesh, held, order=order, **loads)
-
-
-def _load_factor(scene: Scene, static: StaticResult) -> tuple[LoadFactor | None, str]:
-    """Load factor of buckling, or why there is none."""
-    if static.order == 1:
-        return None, "linear elements are far too stiff against it: --order 2"
-    try:
-        return find_load_factor(static, scene.held), ""
-    except ConvergenceError as error:
-        return None, str(error)
 
 
 def _largest(static: StaticResult) -> float:
@@ -129,31 +124,29 @@ def _largest(static: StaticResult) -> float:
     return float(np.linalg.norm(static.displacement, axis=1).max())
 
 
-class _Rest(NamedTuple):
-    """The answer to keep, and whether it can be trusted as a rest."""
-
-    static: StaticResult
-    trusted: bool
-
-
 def _checked_strain(
     scene: Scene, linear: StaticResult, law: str, warnings: list[str], loads: dict[str, Any]
-) -> _Rest:
-    """Solve again under ``law`` where the linear answer strains or sinks too much; or keep it."""
-    share = _largest(linear) / scene.longest
-    if share > COLLAPSE:
+) -> tuple[StaticResult, bool]:
+    """Answer under ``law`` where the linear one strains or sinks too much; whether to trust it."""
+    fraction = _largest(linear) / scene.longest
+    if fraction > COLLAPSE:
         warnings.append(
-            f"it collapses: the linear answer moves {share:.1f} times its longest side, which "
+            f"it collapses: the linear answer moves {fraction:.1f} times its longest side, which "
             "says that it cannot stand, not how it lies"
         )
-        return _Rest(linear, False)
-    ground = _lowered(scene)
+        return linear, False
+    ground = scene.ground
+    if ground is not None:  # so low that it does not push the body yet
+        normal = np.asarray(ground.normal, dtype=float)
+        normal /= np.linalg.norm(normal)
+        lowered = ground.point - barrier_thickness(scene.mesh) * normal
+        ground = replace(ground, point=tuple(lowered))
     if linear.max_strain > LINEAR_LIMIT:
-        said = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
+        why = f"the linear answer strains {linear.max_strain:.0%}, more than {LINEAR_LIMIT:.0%}: "
     elif ground and not ground.distance(scene.mesh.points + linear.displacement).gap.min() > 0:
-        said = "the linear answer sinks into the ground: "
+        why = "the linear answer sinks into the ground: "
     else:
-        return _Rest(linear, True)
+        return linear, True
     title = LAWS[law].title
     options = {"law": law, "order": linear.order, "iterations": ITERATIONS}
     options["obstacles"] = (ground,) if ground else ()
@@ -161,17 +154,7 @@ def _checked_strain(
     try:
         static = solve_nonlinear(scene.mesh, scene.held, **options, **loads)
     except ConvergenceError as error:
-        warnings.append(f"{said}it is not to be trusted, and Newton stopped ({title}: {error})")
-        return _Rest(linear, False)
-    warnings.append(f"{said}repeated with the {title} law")
-    return _Rest(static, True)
-
-
-def _lowered(scene: Scene) -> Plane | None:
-    """The ground, so low that it does not push the body yet."""
-    if scene.ground is None:
-        return None
-    normal = np.asarray(scene.ground.normal, dtype=float)
-    normal /= np.linalg.norm(normal)
-    point = scene.ground.point - barrier_thickness(scene.mesh) * normal
-    return replace(scene.ground, point=tuple(point))
+        warnings.append(f"{why}it is not to be trusted, and Newton stopped ({title}: {error})")
+        return linear, False
+    warnings.append(f"{why}repeated with the {title} law")
+    return static, True

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import single_threaded
-from ..elements.assembly import discretise
-from ..elements.constraints import held_stiffness, node_supports
+from ..elements.assembly import discretise, held_stiffness, node_supports
 from ..elements.space import (
     EDGES,
     LARGEST_MOVING,
@@ -124,10 +123,7 @@ def find_discretisation_error(
 # The unknowns of the cubic elements are eliminated to those that quadratic ones lack, the surplus:
 # at every step of CG for these the quadratic ones follow, through the inverse of their stiffness.
 
-# Displacement (nodes, 3) [m] under forces (nodes, 3) [N].
-Inverse = Callable[[np.ndarray], np.ndarray]
-
-# The steps end where one wins less than this share of all energy that was won; flat cells and nu
+# The steps end where one wins less than this fraction of all energy that was won; flat cells and nu
 # near .5 would creep on for long.
 GAIN, MOST_STEPS = 0.02, 20
 # True error of a displacement over what cubic elements win of it, which are off themselves: by
@@ -199,27 +195,25 @@ class _CubicElements:
             g, own = self.gradients[part], u[self.numbers[part]] * self.signs[part]
             along = (own.swapaxes(1, 2).reshape(-1, 20) @ D.reshape(20, 40)).reshape(-1, 3, 10, 4)
             H = np.matmul(along, g[:, None])  # (tets, component, number, axis)
-            stress = self.volumes[part, None, None, None] * self._stress(H, part)
+            # Stress [Pa], in the same order
+            turned = H.transpose(0, 3, 2, 1)
+            if self.material.tensor is not None:
+                strain = mandel_vector(((H + turned) / 2).swapaxes(1, 2))
+                vectors = np.einsum("tij,tnj->tni", self.material.tensor[part], strain)
+                stress = mandel_tensor(vectors).swapaxes(1, 2)
+            else:
+                lam, mu = (m[part, None, None, None] for m in self.material.lame)
+                stress = mu * (H + turned)
+                trace = lam[..., 0] * np.trace(H, axis1=1, axis2=3)[:, None]
+                for axis in range(3):
+                    stress[:, axis, :, axis] += trace[:, 0]
+            stress = self.volumes[part, None, None, None] * stress
             pulled = np.matmul(stress, g[:, None].swapaxes(-1, -2)).reshape(-1, 40)
             back = (pulled @ D.reshape(20, 40).T).reshape(-1, 3, 20).swapaxes(1, 2)
             local[part] = back * self.signs[part]
         ids = self.numbers.ravel()
         each = (np.bincount(ids, local[..., axis].ravel(), self.count) for axis in range(3))
         return np.stack([*each], axis=1)
-
-    def _stress(self, H: np.ndarray, part: slice) -> np.ndarray:
-        """Stress [Pa] of gradients ``H`` (tets, component, number, axis), in the same order."""
-        turned = H.transpose(0, 3, 2, 1)
-        if self.material.tensor is not None:
-            strain = mandel_vector(((H + turned) / 2).swapaxes(1, 2))
-            found = np.einsum("tij,tnj->tni", self.material.tensor[part], strain)
-            return mandel_tensor(found).swapaxes(1, 2)
-        lam, mu = (m[part, None, None, None] for m in self.material.lame)
-        stress = mu * (H + turned)
-        trace = lam[..., 0] * np.trace(H, axis1=1, axis2=3)[:, None]
-        for axis in range(3):
-            stress[:, axis, :, axis] += trace[:, 0]
-        return stress
 
     def surplus_blocks(self) -> Float[np.ndarray, "surplus 3 3"]:
         """Diagonal blocks [N/m] of the surplus functions, without the grain."""
@@ -259,7 +253,7 @@ class _CubicElements:
 def cubic_surplus(
     result: StaticResult,
     supports: Supports,
-    inverse: Inverse,
+    inverse: Callable[[np.ndarray], np.ndarray],
     *,
     gravity_vector: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     traction: Sequence[Traction] = (),

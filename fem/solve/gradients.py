@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..deprecation import renamed_options
 from ..device import checked_device
-from ..elements.assembly import Discretisation, discretise, stiffness
-from ..elements.constraints import node_supports, reduced_load
+from ..elements.assembly import Discretisation, discretise, node_supports, reduced_load, stiffness
 from ..elements.elastic import displacement_gradients, first_piola
 from ..elements.forces import mass_shares
 from ..elements.space import TET_POINTS, affordable_order, element_points, shape_functions
@@ -87,15 +85,14 @@ def _function(
 
         @staticmethod
         def backward(context: Any, *outer: torch.Tensor) -> tuple[torch.Tensor, ...]:
-            given = outer[0].detach().cpu().double().numpy()
-            return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(given))
+            loss = outer[0].detach().cpu().double().numpy()
+            return tuple(torch.from_numpy(g).to(outer[0]) for g in backward(loss))
 
     result = Displacement.apply(*tensors)
     assert isinstance(result, torch.Tensor)
     return result
 
 
-@renamed_options(gravity="gravity_vector")
 def static_displacement(
     mesh: TetMesh,
     supports: Supports,
@@ -167,14 +164,13 @@ def static_displacement(
         adjoint = np.where(held.fixed, 0.0, solution.x)
         stress = _elastic_stress(grid, Law.LINEAR, u)
         by_E, by_nu = _by_moduli(grid, mesh, material, stress, adjoint)
-        share = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
-        lifted = np.einsum("i,tid->td", share, adjoint[grid.space.elements])
+        fraction = shape_functions(grid.space.order, TET_POINTS).mean(axis=0)
+        lifted = np.einsum("i,tid->td", fraction, adjoint[grid.space.elements])
         return MaterialGradient(by_E, by_nu, mesh.volumes * (lifted @ np.asarray(gravity_vector)))
 
     return _function(forward, backward, (E, nu, rho))
 
 
-@renamed_options(gravity="gravity_vector")
 def implicit_step(
     make: Callable[[TetMesh], Dynamics],
     mesh: TetMesh,
@@ -243,8 +239,8 @@ def implicit_step(
         u, step = body.state.u, body.last_step
         start, law, grid = step.now, body.body.law, body.body.grid
         twice = step.scheme is Scheme.TRAPEZOIDAL  # it has the forces of both ends
-        given = np.where(body.held.fixed, 0.0, outer)
-        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(step, u, given))
+        loss = np.where(body.held.fixed, 0.0, outer)
+        adjoint = np.where(body.held.fixed, 0.0, body.solve_adjoint(step, u, loss))
         stresses = [_elastic_stress(grid, law, x) for x in ((u, start.u) if twice else (u,))]
         pull = (2 if twice else 1) * gravity - step.factor * (u - start.u - dt * start.v)
         if body.damping:

@@ -37,9 +37,10 @@ class Method(Protocol):
         device: str = "cpu",
         progress: FrameProgress | None = None,
     ) -> SagResult | MotionResult | Modes:
-        """Answer of ``scene``; None leaves ``law`` and ``order`` [1 or 2] to the method.
+        """Answer of ``scene``; ``progress`` is called after every frame of a motion.
 
-        ``progress`` is called after every frame of a motion.
+        None leaves ``law`` and ``order`` [1 or 2] to the method. One that has no elements, or takes
+        its laws from the materials, raises ``UsageError`` where it is given a choice.
         """
         ...
 

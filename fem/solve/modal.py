@@ -1,4 +1,4 @@
-"""Natural frequencies and shapes of a body, free or held."""
+"""Natural frequencies and shapes of a body, free or held; inverses of its stiffness."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from ..elements.assembly import (
     BlockMatrix,
     Discretisation,
     add_diagonal,
+    apply_supports,
     discretise,
+    held_stiffness,
     linear_stiffness,
+    node_supports,
 )
-from ..elements.constraints import apply_supports, held_stiffness, node_supports
 from ..elements.forces import consistent_mass, diagonal_mass, lumped_mass
 from ..elements.space import LARGEST_MOVING, Space, affordable_order, extend_linear
 from ..errors import ConvergenceError, InputError
 from ..laws.law import Law
 from ..linalg.cholesky import (
-    CholeskyFactor,
     NotPositive,
     find_factor,
     known_factor,
@@ -142,7 +143,11 @@ def natural_modes(
     used[space.unused] = False
     free = ~held.fixed & used[:, None]
     stopped = (held.fixed | (held.springs > 0))[: space.points]
-    motions = extend_linear(space, _free(mesh, stopped))
+    try:
+        motions = free_motions(mesh, stopped).motions
+    except InputError:  # too many pieces: what the whole can do
+        whole = rigid_motions(mesh.points - mesh.points.mean(axis=0))
+        motions = whole[..., : 0 if stopped.any() else 6]
     mass = (diagonal_mass if lumped else consistent_mass)(mesh, grid)
     material = material_of(mesh)
     speed2 = float((material.lame.mu / material.rho).min())
@@ -153,7 +158,7 @@ def natural_modes(
         free,
         mass,
         (speed2 / float((np.ptp(mesh.bounds, axis=0) ** 2).sum())),
-        motions,
+        extend_linear(space, motions),
     )
     unknowns, rigid = int(problem.free.sum()), problem.motions.shape[2]
     if count + rigid >= unknowns // 2:
@@ -174,15 +179,6 @@ def natural_modes(
         )
     shapes = np.ascontiguousarray(x.T).reshape(count, -1, 3)
     return Modes(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi), shapes, residual)
-
-
-def _free(mesh: TetMesh, stopped: np.ndarray) -> np.ndarray:
-    """Motions (points, 3, k) that meet no resistance; of too many pieces, of the whole only."""
-    try:
-        return free_motions(mesh, stopped).motions
-    except InputError:
-        whole = rigid_motions(mesh.points - mesh.points.mean(axis=0))
-        return whole[..., : 0 if stopped.any() else 6]
 
 
 class ModalMethod:
@@ -221,16 +217,24 @@ def _factored(
     problem: Vibrations, matrix: BlockMatrix, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lowest squares of frequencies [1/s^2], and shapes (3 nodes, count), by a factor."""
-    factor, shift = _shifted_factor(problem, matrix)
-    rigid = problem.motions.shape[2]
+    rigid, shift, factor = problem.motions.shape[2], 0.0, None
+    plan = planned_elimination(matrix, problem.grid.space.edges)
+    if not rigid:  # statics may have made the factor
+        try:
+            factor = known_factor(matrix.to("cpu"), plan)
+        except NotPositive:
+            pass
+    if factor is None or not factor.smallest_pivot > PIVOT:  # K is singular
+        shift = SHIFT * problem.slow
+        factor = known_factor(problem.stiffness(shift).to("cpu"), plan)
 
     def inverse(x: np.ndarray) -> np.ndarray:
         return factor.solve(x.reshape(len(problem.free), 3, -1)).reshape(x.shape)
 
     def enough(pairs: RitzPairs) -> bool:
-        wanted = rigid + count
-        error = pairs.errors[:wanted] / np.abs(pairs.values[:wanted])
-        return len(error) == wanted and bool(error.max() < CONVERGED)
+        total = rigid + count
+        error = pairs.errors[:total] / np.abs(pairs.values[:total])
+        return len(error) == total and bool(error.max() < CONVERGED)
 
     width = min(count + 3, WIDEST)
     start = np.random.default_rng(0).normal(size=(problem.free.size, width))
@@ -240,50 +244,22 @@ def _factored(
     return square[rigid:], pairs.vectors(rigid + count)[:, rigid:]
 
 
-def _shifted_factor(problem: Vibrations, matrix: BlockMatrix) -> tuple[CholeskyFactor, float]:
-    """Factor of K, which statics may have made; of K + shift M where K is singular."""
-    edges = problem.grid.space.edges
-    if not problem.motions.shape[2]:
-        try:
-            factor = known_factor(matrix.to("cpu"), planned_elimination(matrix, edges))
-            if factor.smallest_pivot > PIVOT:
-                return factor, 0.0
-        except NotPositive:
-            pass
-    shift = SHIFT * problem.slow
-    raised = problem.stiffness(shift).to("cpu")
-    return known_factor(raised, planned_elimination(matrix, edges)), shift
-
-
 def _lobpcg(problem: Vibrations, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """As ``_factored``, by iterating on a block of vectors with the V-cycle."""
+    """As ``_factored``, by iterating on a block of vectors with one V-cycle.
+
+    The cycle is that of K raised by a lumped mass, on the free unknowns.
+    """
     from scipy.sparse import kron
-    from scipy.sparse.linalg import lobpcg
+    from scipy.sparse.linalg import LinearOperator, lobpcg
+
+    from ..linalg import kernels_krylov as k
 
     free = problem.free.reshape(-1)
     K = problem.stiffness().to("cpu").to_scipy().tocsr()[free][:, free]
     M = kron(problem.mass, np.eye(3), format="csr")[free][:, free]
     motions = problem.motions.reshape(free.size, -1)[free]
     start = np.random.default_rng(0).normal(size=(K.shape[0], count + 4))
-    options = {"B": M, "M": _v_cycle(problem), "largest": False, "tol": None}
-    if motions.shape[1]:
-        options["Y"] = np.linalg.qr(motions)[0]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # it warns of residuals: ours are checked
-        square, found = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
-    order = np.argsort(square)[:count]
-    x = np.zeros((free.size, count))
-    x[free] = found[:, order]
-    return square[order], x
-
-
-def _v_cycle(problem: Vibrations) -> Any:
-    """One V-cycle on K, raised by a lumped mass, as an operator on the free unknowns."""
-    from scipy.sparse.linalg import LinearOperator
-
-    from ..linalg import kernels_krylov as k
-
-    space, free = problem.grid.space, problem.free.reshape(-1)
+    space = problem.grid.space
     matrix = linear_stiffness(problem.grid, material_of(problem.mesh))  # its own: it changes
     apply_supports(matrix, problem.held.fixed, problem.held.springs)
     raised = problem.slow * lumped_mass(problem.mesh, space)
@@ -304,11 +280,18 @@ def _v_cycle(problem: Vibrations) -> Any:
         unscaled.launch()
         return z.numpy().reshape(-1)[free].copy()
 
-    size = int(free.sum())
-    return LinearOperator((size, size), matvec=apply, dtype=float)  # type: ignore
+    inverse = LinearOperator(K.shape, matvec=apply, dtype=float)  # type: ignore
+    options = {"B": M, "M": inverse, "largest": False, "tol": None}
+    if motions.shape[1]:
+        options["Y"] = np.linalg.qr(motions)[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # it warns of residuals: ours are checked
+        square, modes = lobpcg(K, start, maxiter=MAX_ITERATIONS, **options)
+    order = np.argsort(square)[:count]
+    x = np.zeros((free.size, count))
+    x[free] = modes[:, order]
+    return square[order], x
 
-
-# A held stiffness and its inverse for many loads: a factor where one is affordable, else CG.
 
 # Operations of a factor above which it is not made for this alone: half a minute of a core.
 MOST_OPERATIONS = 1e12

@@ -1,4 +1,7 @@
-"""Static equilibrium under large deformation."""
+"""Static equilibrium under large deformation: the minimum of an energy.
+
+By Newton's method with backtracking, and by dynamic relaxation.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from ..deprecation import renamed_options
 from ..device import single_threaded
-from ..elements.assembly import BlockMatrix, Discretisation, add_diagonal
-from ..elements.constraints import apply_supports
+from ..elements.assembly import BlockMatrix, add_diagonal, apply_supports
 from ..elements.elastic import ElasticBody, displacement_gradients
 from ..elements.forces import lumped_mass
 from ..elements.space import EDGES, element_points
@@ -27,15 +28,13 @@ from .contact import Contact
 from .result import StaticResult
 from .statics import check_held, discrete_problem, static_result
 
-# The minimum of a nodal energy: Newton's method with backtracking, and dynamic relaxation.
-
 logger = logging.getLogger(__name__)
 
 MAX_ITERATIONS = 100
-# The step is halved until the energy falls by this share of the slope (Armijo).
+# The step is halved until the energy falls by this fraction of the slope (Armijo).
 SUFFICIENT = 1e-4
 HALVINGS = 30
-# An energy is known to this share of its terms: below it, a step is judged by its residual.
+# An energy is known to this fraction of its terms: below it, a step is judged by its residual.
 ENERGY_NOISE = 1e-12
 # Steps of dynamic relaxation.
 RELAXATIONS = 400
@@ -134,15 +133,15 @@ def backtrack(objective: Objective, u: Any, step: Any, here: Point) -> tuple[Any
     slope = inner_product(here.gradient, step)  # no number where the step has one that is none
     if not (np.isfinite(slope) and slope < 0):
         return None
-    share = min(1.0, objective.longest_step(u, step))
+    fraction = min(1.0, objective.longest_step(u, step))
     for _ in range(HALVINGS):
-        trial = u + share * step
+        trial = u + fraction * step
         there = objective.evaluate(trial)
         change = there.energy - here.energy
         unclear = abs(change) <= ENERGY_NOISE * max(abs(here.energy), -slope)
-        if change <= SUFFICIENT * share * slope or (unclear and there.residual < here.residual):
+        if change <= SUFFICIENT * fraction * slope or (unclear and there.residual < here.residual):
             return trial, there
-        share /= 2
+        fraction /= 2
     return None
 
 
@@ -180,9 +179,9 @@ def relax(
         if moved is None:
             dt *= SHORTER
             continue
-        share = float(np.linalg.norm(moved[0] - u) / (np.linalg.norm(move) or 1.0))
+        fraction = float(np.linalg.norm(moved[0] - u) / (np.linalg.norm(move) or 1.0))
         u, here = moved
-        dt *= SHORTER if share < CUT else LONGER if share > 1 - CUT else 1.0
+        dt *= SHORTER if fraction < CUT else LONGER if fraction > 1 - CUT else 1.0
         logger.debug("relaxation %d: dt %.2g s, residual %.3g N", step, dt, here.residual)
     raise ConvergenceError(
         f"it did not come to rest in {RELAXATIONS} steps: the forces still differ by "
@@ -196,7 +195,7 @@ TOLERANCE = 1e-8
 LINEAR_TOLERANCE = 1e-5
 # Newton steps of one step of the load.
 STEP_LIMIT = 15
-# First step of the relaxation, as a share of the time of a fall across the body.
+# First step of the relaxation, as a fraction of the time of a fall across the body.
 FALL_SHARE = 0.05
 
 
@@ -248,7 +247,6 @@ class Potential:
         return self.contact.longest_step(u, step) if self.contact else np.inf
 
 
-@renamed_options(gravity="gravity_vector")
 @single_threaded
 def solve_nonlinear(
     mesh: TetMesh,
@@ -331,13 +329,21 @@ def solve_nonlinear(
     mass = lumped_mass(mesh, grid.space)
     options = {"solve": linear, "tolerance": tolerance}
     if relaxation:
-        found = _find_rest(potential, u, mass, limit=iterations, **options)
+        minimum = _find_rest(potential, u, mass, limit=iterations, **options)
     else:
-        found = minimise(potential, u, limit=iterations, **options)
-    _check_orientation(grid, found.u)
-    pushed = load + contact.forces(found.u, len(found.u)) if contact else load
-    residual = found.residual / scale
-    return static_result(mesh, elastic, found.u, pushed, held, residual, found.iterations)
+        minimum = minimise(potential, u, limit=iterations, **options)
+    # No tet may be inside out in a corner, along an edge, or where it was integrated
+    middles = np.eye(4)[EDGES].mean(axis=1)
+    where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
+    J = np.linalg.det(displacement_gradients(grid, minimum.u, where) + np.eye(3)).min(axis=1)
+    if not (J > 0).all():
+        raise ConvergenceError(
+            f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
+            "the mesh is too coarse for so large a deformation, or it folds onto itself"
+        )
+    pushed = load + contact.forces(minimum.u, len(minimum.u)) if contact else load
+    residual = minimum.residual / scale
+    return static_result(mesh, elastic, minimum.u, pushed, held, residual, minimum.iterations)
 
 
 def _find_rest(
@@ -359,29 +365,17 @@ def _find_rest(
     while done < 1 and halvings <= NONLINEAR_HALVINGS:
         potential.load = min(1.0, done + step) * load
         try:
-            found = minimise(potential, u, solve=solve, tolerance=tolerance, limit=STEP_LIMIT)
-            u, count, done = found.u, count + found.iterations, min(1.0, done + step)
+            minimum = minimise(potential, u, solve=solve, tolerance=tolerance, limit=STEP_LIMIT)
+            u, count, done = minimum.u, count + minimum.iterations, min(1.0, done + step)
         except ConvergenceError:
             step, halvings = step / 2, halvings + 1
     potential.load = load
     if done >= 1:
-        return found._replace(iterations=count)
+        return minimum._replace(iterations=count)
     logger.info("Newton stopped at %.0f %% of the load: dynamic relaxation", 100 * done)
     size = float(np.linalg.norm(np.ptp(potential.body.grid.space.nodes, axis=0)))
     force = float(np.abs(load.sum(axis=0)).max()) or potential.scale
     dt = FALL_SHARE * float(np.sqrt(size * mass.sum() / force))
-    held = potential.held.fixed
-    found = relax(potential, u, mass=mass, fixed=held, dt=dt, solve=solve, tolerance=tolerance)
-    return found._replace(iterations=count + found.iterations)
-
-
-def _check_orientation(grid: Discretisation, u: np.ndarray) -> None:
-    """Raise if a tet is inside out in a corner, along an edge, or where it was integrated."""
-    middles = np.eye(4)[EDGES].mean(axis=1)
-    where = np.concatenate([np.eye(4), middles, element_points(grid.space.order)])
-    J = np.linalg.det(displacement_gradients(grid, u, where) + np.eye(3)).min(axis=1)
-    if not (J > 0).all():
-        raise ConvergenceError(
-            f"{int((~(J > 0)).sum())} of {len(J)} tets end inside out (J down to {J.min():.2g}): "
-            "the mesh is too coarse for so large a deformation, or it folds onto itself"
-        )
+    options = {"fixed": potential.held.fixed, "solve": solve, "tolerance": tolerance}
+    minimum = relax(potential, u, mass=mass, dt=dt, **options)
+    return minimum._replace(iterations=count + minimum.iterations)

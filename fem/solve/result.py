@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..deprecation import say_renamed
 from ..elements.elastic import von_mises
 from ..elements.space import Space
 from ..mesh import TetMesh, material_of
-from .self_contact import ContactPressures, PieceForce, in_time, largest_ever
+from ..scene.scene import Scene
+from .self_contact import ContactPressures, PieceForce
 
 # Poisson's ratio beyond which P1 tets answer too stiffly: use order 2, or averaged pressures.
 LOCKING = 0.4
@@ -186,12 +186,6 @@ class SagResult:
         """Von Mises stress [Pa] of every tet."""
         return self.static.von_mises
 
-    @property
-    def gap(self) -> DiscretisationError:
-        """Old name of ``discretisation_error``."""
-        say_renamed("SagResult", "gap", "discretisation_error")
-        return self.discretisation_error
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -304,12 +298,20 @@ class MotionResult:
     @property
     def piece_forces(self) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
         """Force [N] on one piece by another, by their numbers, in every frame."""
-        return in_time([frame.piece_forces for frame in self.frames])
+        out: dict[tuple[int, int], np.ndarray] = {}
+        for i, frame in enumerate(self.frames):
+            for on, by, force in frame.piece_forces:
+                out.setdefault((on, by), np.zeros((len(self.frames), 3)))[i] = force
+        return dict(sorted(out.items()))
 
     @property
     def largest_pressures(self) -> ContactPressures | None:
         """Largest contact pressures [Pa] ever, where they are known."""
-        return largest_ever([frame.pressures for frame in self.frames])
+        known = [frame.pressures for frame in self.frames if frame.pressures is not None]
+        if not known:
+            return None
+        obstacles = np.max([pressures.obstacles for pressures in known], axis=0)
+        return ContactPressures(obstacles, max(pressures.own for pressures in known))
 
     @property
     def smallest_gap(self) -> float:
@@ -344,9 +346,6 @@ class Modes:
     frequencies: Float[np.ndarray, "modes"]
     shapes: Float[np.ndarray, "modes nodes 3"]
     residual: float
-
-
-# What is kept of a motion that particles found.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -389,8 +388,6 @@ class ParticleRun:
     gradients: Float[np.ndarray, "frames n 3 3"]
 
 
-# How far a motion is from the body's: by few coordinates, and by elements that lock.
-
 # Beyond this share a reduced motion is not that of the full body.
 MOTION_LIMIT = 0.05
 # Linear elements bend as quadratic ones do while they are less than this many times as stiff.
@@ -419,4 +416,52 @@ def too_coarse(stiffening: float) -> str | None:
         return None
     return (
         f"the mesh is too coarse for linear elements: {stiffening:.2g} times too stiff in bending"
+    )
+
+
+# A body strained by this share has an energy that is worth no word.
+UNSEEN = 1e-10
+
+
+class EnergyBalance(NamedTuple):
+    """Energies of a motion [J].
+
+    ``given`` is what it had at the start and what loads and moving obstacles put in, at most at any
+    time; ``excess`` what it had beyond what it was given until then, at most; ``lost`` what is
+    missing at the end. Of that ``dropped`` went in one frame, the one that ends at ``time`` [s].
+    """
+
+    given: float
+    excess: float
+    lost: float
+    dropped: float
+    time: float
+
+
+def energy_balance(motion: MotionResult, scene: Scene) -> EnergyBalance | None:
+    """Balance of kinetic, elastic and potential energy; None where supports of particles move.
+
+    Loads are dead, so that their work is in the potential; a moving obstacle works by its force
+    over the frame, and one that stands gives nothing.
+    """
+    if motion.particles is not None and scene.held.values[scene.held.fixed].any():
+        return None
+    frames = motion.frames
+    body = np.array([f.kinetic + f.elastic + f.barrier for f in frames])
+    potential = np.array([f.potential for f in frames])
+    given = body[0] + potential[0] - potential
+    if scene.obstacles:  # work of those that move, until every frame
+        speeds = np.array([obstacle.velocity for obstacle in scene.obstacles], dtype=float)
+        power = np.einsum("foi,oi->f", motion.obstacle_forces, speeds)
+        given += motion.dt * np.concatenate([[0.0], np.cumsum(power[1:])])
+    missing = given - body
+    drops = np.diff(missing)
+    worst = int(np.argmax(drops)) + 1
+    floor = UNSEEN**2 * float(material_of(scene.mesh).E @ scene.mesh.volumes)
+    return EnergyBalance(
+        max(float(given.max()), floor),
+        float(max(0.0, -missing.min())),
+        float(max(0.0, missing[-1])),
+        float(max(0.0, drops[worst - 1])),
+        frames[worst].time,
     )

@@ -10,8 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ..device import start_warp
-from ..elements.assembly import BlockMatrix, add_diagonal
-from ..elements.constraints import apply_supports, drop_rows, free_components
+from ..elements.assembly import (
+    BlockMatrix,
+    add_diagonal,
+    apply_supports,
+    drop_rows,
+    free_components,
+)
 from ..elements.space import Space
 from ..linalg.krylov import DeviceVector, length, whole_blocks
 from ..mesh import TetMesh, material_of
@@ -115,9 +120,7 @@ class Forecast:
         return sum(self.differences[: self.terms], 0.0)
 
 
-# The energy that an implicit step minimises, on the host or on a device.
-
-# Forces of inertia and elasticity are known to this share of what |u| would make of them.
+# Forces of inertia and elasticity are known to this fraction of what |u| would make of them.
 ROUND_OFF = 2e-15
 # Forces balanced to this share: near enough for the Hessian of friction itself.
 NEAR = 1e-2
@@ -159,9 +162,9 @@ class Incremental:
             braked = of.damping.step(u, self.start, self.dt)
             energy, gradient = energy + braked.energy, gradient + braked.force
         gradient[of.held.fixed] = 0.0
-        found = Point(energy, gradient, max(*sizes, self.least))
-        self.near = u if found.residual <= NEAR * found.scale else None
-        return found
+        point = Point(energy, gradient, max(*sizes, self.least))
+        self.near = u if point.residual <= NEAR * point.scale else None
+        return point
 
     def hessian(self, u: np.ndarray, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
@@ -179,38 +182,17 @@ class Incremental:
         return self.of.contact.longest_step(u, step)
 
 
-class DeviceConstants(NamedTuple):
-    """What of a body stays the same from step to step, on its device: an entry a node."""
-
-    mass: Any
-    rigidity: Any
-    load: Any
-    springs: Any
-    free: Any
-
-    @classmethod
-    def of(cls, body: Any, device: str) -> DeviceConstants:
-        """Mass [kg], rigidity [N/m], load [N], springs [N/m], free components of a body."""
-        wp = start_warp()
-        mass, rigidity = (
-            wp.array(np.ravel(v), dtype=wp.float64, device=device)
-            for v in (body.mass, body.rigidity)
-        )
-        load, springs = (DeviceVector.of(v, device).array for v in (body.load, body.held.springs))
-        return cls(mass, rigidity, load, springs, free_components(body.held.fixed, device))
-
-
 class DeviceIncremental:
     """The same potential without contact and damping: vectors stay on the device.
 
-    ``elastic`` is the elastic energy [J] where it was evaluated last; ``diagonal`` the inertia and
-    springs [N/m], an array of vec3d.
+    ``constants`` are those of ``DeviceSteps``, ``elastic`` is the elastic energy [J] where it was
+    evaluated last; ``diagonal`` the inertia and springs [N/m], an array of vec3d.
     """
 
     def __init__(
-        self, body: Any, known: DeviceConstants, factor: float, target: Any, diagonal: Any
+        self, body: Any, constants: tuple, factor: float, target: Any, diagonal: Any
     ) -> None:
-        self.of, self.known, self.factor = body, known, factor
+        self.of, self.constants, self.factor = body, constants, factor
         self.target, self.diagonal, self.elastic = target, diagonal, 0.0
         self.loaded = _size(body.load)
 
@@ -218,25 +200,25 @@ class DeviceIncremental:
         """Energy, gradient, and size of the external and inertial force."""
         from ..elements import kernels_field as k
 
-        wp, (mass, rigidity, *known) = start_warp(), self.known
+        wp, (mass, rigidity, *fixed) = start_warp(), self.constants
         energy, force = self.of.body.responses(u)
         gradient = wp.empty_like(force)
         sums = wp.zeros(5, dtype=wp.float64, device=force.device)
         inertia = [self.target, wp.float64(self.factor), mass, rigidity]
-        given = [u.array, *inertia, force, *known, gradient, sums]
-        wp.launch(k.incremental, whole_blocks(len(force)), inputs=given, device=force.device)
+        inputs = [u.array, *inertia, force, *fixed, gradient, sums]
+        wp.launch(k.incremental, whole_blocks(len(force)), inputs=inputs, device=force.device)
         wp.utils.array_sum(energy, out=sums[4:])
         rest, push, left, target, self.elastic = sums.numpy().tolist()
         least = max(self.of.noise, ROUND_OFF * np.sqrt(target) / self.of.tolerance)
         scale = max(self.loaded, float(np.sqrt(push)), least)
-        found = DeviceVector(gradient, size=float(np.sqrt(left)))
-        return Point(self.elastic + rest, found, scale)
+        unbalanced = DeviceVector(gradient, size=float(np.sqrt(left)))
+        return Point(self.elastic + rest, unbalanced, scale)
 
     def hessian(self, u: DeviceVector, *, projected: bool) -> BlockMatrix:
         """Hessian [N/m] with prescribed rows dropped."""
         matrix = self.of.body.tangent(u, projected=projected)
         add_diagonal(matrix, self.diagonal)
-        drop_rows(matrix, self.known.free)
+        drop_rows(matrix, self.constants[-1])
         return matrix
 
     def longest_step(self, u: DeviceVector, step: DeviceVector) -> float:
@@ -250,7 +232,14 @@ class DeviceSteps:
     def __init__(self, body: Any, device: str) -> None:
         wp = start_warp()
         self.of, self.device = body, device
-        self.known = DeviceConstants.of(body, device)
+        # Mass [kg], rigidity [N/m], load [N], springs [N/m] and free components of every node
+        self.constants = (
+            wp.array(body.mass, dtype=wp.float64, device=device),
+            wp.array(body.rigidity.ravel(), dtype=wp.float64, device=device),
+            DeviceVector.of(body.load, device).array,
+            DeviceVector.of(body.held.springs, device).array,
+            free_components(body.held.fixed, device),
+        )
         shape = (DEGREE + 1, len(body.mass))
         self._differences = wp.zeros(shape, dtype=wp.vec3d, device=device)
         self._ended: Motion | None = None  # whose motion ``_now`` is
@@ -266,56 +255,50 @@ class DeviceSteps:
 
     def advance(self, dt: float) -> Motion:
         """The state after a step of ``dt`` [s] from that of the body."""
+        from ..elements import kernels_field as k
+
         body = self.of
         if dt != self._dt or body.state is not self._ended:
             self._forget(dt)
             arrays = (body.state.u, body.state.v, body.state.a)
             self._now = Kinematics(*(DeviceVector.of(x, self.device) for x in arrays))
         step = Step.of(body.scheme, dt, self._now, self._before)
-        aim, start = self._foreseen(step)
-        # Inertia of a step and springs [N/m], an array of vec3d
-        factor = step.factor
-        if self._diagonal[0] != factor:
-            diagonal = factor * self.of.mass[:, None] + self.of.held.springs
-            self._diagonal = (factor, DeviceVector.of(diagonal, self.device).array)
-        there = DeviceIncremental(body, self.known, step.factor, aim, self._diagonal[1])
-        found = minimise(there, start, solve=body.solver, tolerance=body.tolerance)
-        known = (there.elastic, found.iterations)
-        self._ended = self._settled(body.state.time + dt, step.ended(found.u), *known)
-        return self._ended
-
-    def _foreseen(self, step: Step) -> tuple[Any, DeviceVector]:
-        """Target with what is held in its place, and where the forecast leads."""
-        from ..elements import kernels_field as k
-
-        wp, old = start_warp(), step.now.u.array
+        wp, (mass, _, load, springs, free) = start_warp(), self.constants
+        # Target with what is fixed in its place, and where the forecast leads
+        old, nodes = step.now.u.array, len(mass)
         aim, start = wp.empty_like(old), wp.empty_like(old)
         ahead = [self._differences, self._terms, wp.float64(1 / step.factor)]
-        given = [old, step.target.array, self.known.free, *ahead, aim, start]
-        wp.launch(k.foresee, len(old), inputs=given, device=self.device)
-        return aim, DeviceVector(start)
-
-    def _settled(self, time: float, ended: Kinematics, elastic: float, iterations: int) -> Motion:
-        """The motion that a step ended with, and its part in the next forecast."""
-        from ..elements import kernels_field as k
-
-        wp, (mass, _, load, springs, free) = start_warp(), self.known
+        inputs = [old, step.target.array, free, *ahead, aim, start]
+        wp.launch(k.foresee, nodes, inputs=inputs, device=self.device)
+        if self._diagonal[0] != step.factor:  # inertia of a step and springs [N/m]
+            diagonal = step.factor * body.mass[:, None] + body.held.springs
+            self._diagonal = (step.factor, DeviceVector.of(diagonal, self.device).array)
+        there = DeviceIncremental(body, self.constants, step.factor, aim, self._diagonal[1])
+        options = {"solve": body.solver, "tolerance": body.tolerance}
+        minimum = minimise(there, DeviceVector(start), **options)
+        # The motion that the step ended with, and its part in the next forecast
+        u, v, a = step.ended(minimum.u)
         self._count = min(self._count + 1, DEGREE + 1)
-        nodes = len(mass)
         motion = wp.empty((3, nodes), dtype=wp.vec3d, device=self.device)
         sums = wp.zeros(3 + self._count, dtype=wp.float64, device=self.device)
-        moved = [ended.u.array, ended.v.raw, wp.float64(ended.v.factor), ended.a.raw]
-        given = [*moved, wp.float64(ended.a.factor), free, mass, load, springs, self._count]
-        out = [motion, self._differences, sums]
-        wp.launch(k.end_of_step, whole_blocks(nodes), inputs=[*given, *out], device=self.device)
+        inputs = [u.array, v.raw, wp.float64(v.factor), a.raw, wp.float64(a.factor), free, mass]
+        inputs += [load, springs, self._count, motion, self._differences, sums]
+        wp.launch(k.end_of_step, whole_blocks(nodes), inputs=inputs, device=self.device)
         kinetic, sprung, lifted, *squares = sums.numpy().tolist()
         self._terms = int(np.argmin(squares))
         self._before, rows = self._now, motion.numpy()
         self._now = Kinematics(*(DeviceVector(motion[row]) for row in range(3)))
-        known = dict(zip(("u", "v", "a"), rows, strict=True)) | {"iterations": iterations}
-        energies = {"kinetic": kinetic, "elastic": elastic + sprung, "potential": lifted}
-        # What the state says of contact stays: there is none.
-        return replace(self.of.state, time=time, **known, **energies)
+        ended = replace(  # what the state says of contact stays: there is none
+            body.state,
+            time=body.state.time + dt,
+            **dict(zip(("u", "v", "a"), rows, strict=True)),
+            kinetic=kinetic,
+            elastic=there.elastic + sprung,
+            potential=lifted,
+            iterations=minimum.iterations,
+        )
+        self._ended = ended
+        return ended
 
 
 def nodal_rigidity(mesh: TetMesh, space: Space) -> Float[np.ndarray, "nodes 1"]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -16,20 +15,20 @@ from ..elements.space import Space
 from ..errors import InputError
 from ..mesh import TetMesh, area_vectors, material_of, piece_names, point_components
 
-# Barrier stiffness as a share of the softest E: stiff against the body, soft enough for Newton.
+# Barrier stiffness as a fraction of the softest E: stiff against the body, soft enough for Newton.
 STIFFNESS_SHARE = 0.1
 # What is near is looked for this many thicknesses further than the barrier acts, so that the list
 # holds until something has moved so far.
 MARGIN = 2.0
-# Where nothing is near, how far it is to the next is looked for within this share of an edge.
+# Where nothing is near, how far it is to the next is looked for within this fraction of an edge.
 FAR = 0.5
-# A list serves the body where it has turned to while it bent by no more than this share of it.
+# A list serves the body where it has turned to while it bent by no more than this fraction of it.
 TURNED = 0.5
-# A Newton step may use up this share of a gap.
+# A Newton step may use up this fraction of a gap.
 GAP_SHARE = 0.9
 # Additive steps of one pair's continuous detection; what has none left stops there.
 ADVANCES = 1000
-# Sliding slower than this share of the body's diagonal per second is sticking.
+# Sliding slower than this fraction of the body's diagonal per second is sticking.
 STICK_SHARE = 1e-3
 
 
@@ -39,17 +38,6 @@ class PieceForce(NamedTuple):
     on: int
     by: int
     force: np.ndarray
-
-
-def in_time(
-    frames: Sequence[tuple[PieceForce, ...]],
-) -> dict[tuple[int, int], Float[np.ndarray, "frames 3"]]:
-    """Force [N] on one piece by another, by their numbers, in every frame."""
-    found: dict[tuple[int, int], np.ndarray] = {}
-    for i, forces in enumerate(frames):
-        for on, by, force in forces:
-            found.setdefault((on, by), np.zeros((len(frames), 3)))[i] = force
-    return dict(sorted(found.items()))
 
 
 class _Near(NamedTuple):
@@ -115,10 +103,10 @@ class SelfContact:
         """Pairs of ``candidates`` that push each other; None where there are none."""
         if candidates is None:
             return None
-        found = ipc_toolkit().NormalCollisions()
-        found.use_area_weighting = True
-        found.build(candidates, self.surface.mesh, x, self.thickness)
-        return found if len(found) else None
+        pairs = ipc_toolkit().NormalCollisions()
+        pairs.use_area_weighting = True
+        pairs.build(candidates, self.surface.mesh, x, self.thickness)
+        return pairs if len(pairs) else None
 
     def _find(self, x: np.ndarray) -> _Near:
         """What may meet around ``x``, the last list while it holds."""
@@ -182,17 +170,15 @@ class SelfContact:
             return np.zeros_like(x)
         return self.potential.gradient(pairs, self.surface.mesh, x).reshape(-1, 3) / self.unit
 
-    def _rub(self, u: np.ndarray) -> np.ndarray | float:
-        if self._sliding is None:
-            return 0.0
-        rubbed, potential = self._sliding
-        slope = potential.gradient(rubbed, self.surface.mesh, self._slip(u))
-        return slope.reshape(-1, 3) / self.unit
-
     def add_gradient(self, u: np.ndarray, out: np.ndarray) -> None:
         """Add the gradient [N] of the energy to ``out`` (nodes, 3)."""
+        rub = 0.0
+        if self._sliding is not None:
+            rubbed, potential = self._sliding
+            slope = potential.gradient(rubbed, self.surface.mesh, self._slip(u))
+            rub = slope.reshape(-1, 3) / self.unit
         if self._here(u)[1] is not None or self._sliding is not None:
-            out[self.nodes] += self.push(u) + self._rub(u)
+            out[self.nodes] += self.push(u) + rub
 
     def with_hessian(self, u: np.ndarray, matrix: BlockMatrix) -> BlockMatrix:
         """``matrix`` with the positive part of the Hessian [N/m], grown by the pairs that meet."""
@@ -247,33 +233,29 @@ class SelfContact:
 
     def piece_forces(self, u: np.ndarray) -> tuple[PieceForce, ...]:
         """Force of every piece on every other that it touches."""
-        total: dict[tuple[int, int], np.ndarray] = {}
-        for ids, slope in self._pair_slopes(u):
-            piece, each = self.piece[ids], slope.reshape(-1, 3)
-            a, b = int(piece.min()), int(piece.max())
-            if a != b:
-                force = -each[piece == b].sum(axis=0) / self.unit
-                total[a, b] = total.get((a, b), 0.0) + force
-        return tuple(
-            found
-            for (a, b), force in sorted(total.items())
-            for found in (PieceForce(b, a, force), PieceForce(a, b, -force))
-        )
-
-    def _pair_slopes(self, u: np.ndarray) -> Iterator[tuple[list[int], np.ndarray]]:
-        """Vertices of every pair that pushes or rubs, and the slope of its energy by them."""
         x, pairs = self._here(u)
         if self.piece.max() == 0 or pairs is None:
-            return
-        kinds = [(pairs, self.potential, x)]
+            return ()
+        pushing = [(pairs, self.potential, x)]
         if self._sliding is not None:
-            kinds.append((*self._sliding, self._slip(u)))
+            pushing.append((*self._sliding, self._slip(u)))
         edges, faces = self.surface.edges, self.surface.faces
-        for found, potential, at in kinds:
-            for k in range(len(found)):
-                pair = found[k]
+        total: dict[tuple[int, int], np.ndarray] = {}
+        for collisions, potential, at in pushing:
+            for k in range(len(collisions)):
+                pair = collisions[k]
                 ids = [i for i in pair.vertex_ids(edges, faces) if i >= 0]
-                yield ids, potential.gradient(pair, at[ids].reshape(-1))
+                slope = potential.gradient(pair, at[ids].reshape(-1)).reshape(-1, 3)
+                piece = self.piece[ids]
+                a, b = int(piece.min()), int(piece.max())
+                if a != b:
+                    force = -slope[piece == b].sum(axis=0) / self.unit
+                    total[a, b] = total.get((a, b), 0.0) + force
+        return tuple(
+            piece_force
+            for (a, b), force in sorted(total.items())
+            for piece_force in (PieceForce(b, a, force), PieceForce(a, b, -force))
+        )
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:
@@ -282,8 +264,6 @@ def _moved(before: np.ndarray, after: np.ndarray) -> float:
     move -= move.mean(axis=0)
     return float(np.sqrt(np.einsum("nd,nd->n", move, move).max()))
 
-
-# The surface of a body as the IPC toolkit wants it: flat faces, pieces, and who may meet whom.
 
 # Faces of one piece that are closer than so many thicknesses of the barrier at rest are the two
 # sides of a wall: they cannot meet without crushing it.
@@ -330,23 +310,17 @@ class CollisionSurface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def flat_faces(mesh: TetMesh, space: Space) -> Int[np.ndarray, "faces 3"]:
-    """Nodes of the outward faces; a quadratic one is four flat ones between its six nodes."""
-    faces = mesh.boundary.faces
-    if space.order == 1:
-        return faces
-    a, b, c = faces.T
-    ab, bc, ca = edge_nodes(space, faces[:, [[0, 1], [1, 2], [2, 0]]]).T
-    flat = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([np.stack(corners, axis=1) for corners in flat])
-
-
 def collision_surface(
     mesh: TetMesh, space: Space, unit: float, thickness: float
 ) -> CollisionSurface:
     """Surface of ``mesh`` in lengths of ``unit`` [m]; ``thickness`` is the barrier's, in these."""
-    ipc = ipc_toolkit()
-    nodes, local = np.unique(flat_faces(mesh, space), return_inverse=True)
+    ipc, flat = ipc_toolkit(), mesh.boundary.faces
+    if space.order == 2:  # a quadratic face is four flat ones between its six nodes
+        a, b, c = flat.T
+        ab, bc, ca = edge_nodes(space, flat[:, [[0, 1], [1, 2], [2, 0]]]).T
+        four = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        flat = np.concatenate([np.stack(corners, axis=1) for corners in four])
+    nodes, local = np.unique(flat, return_inverse=True)
     faces = np.asfortranarray(local.reshape(-1, 3), dtype=np.int32)
     rest = np.asfortranarray((space.nodes[nodes] - mesh.bounds[0]) / unit)
     edges = ipc.edges(faces)
@@ -394,7 +368,7 @@ def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:
         return [0] if crossed else []
     mesh.can_collide = ipc.make_vertex_patches_filter(surface.piece)
     touching = _close(surface, TOUCH * thickness)
-    found = {int(k) for ids in touching for k in surface.piece[ids]}
+    joint = {int(k) for ids in touching for k in surface.piece[ids]}
     if crossed:
         boxes = np.array(
             [
@@ -405,38 +379,31 @@ def _overlapping(surface: CollisionSurface, thickness: float) -> list[int]:
         for a in range(count):
             for b in range(a, count):
                 meet = (boxes[a, 0] <= boxes[b, 1]).all() and (boxes[b, 0] <= boxes[a, 1]).all()
-                if meet and _cross(surface, a, b):
-                    found |= {a, b}
-    return sorted(found)
-
-
-def _cross(surface: CollisionSurface, a: int, b: int) -> bool:
-    """Whether the piece ``a`` goes through the piece ``b``, or through itself."""
-    ipc, rest = ipc_toolkit(), surface.rest
-    faces = surface.faces[np.isin(surface.piece[surface.faces[:, 0]], (a, b))]
-    mesh = ipc.CollisionMesh(rest, ipc.edges(faces), np.asfortranarray(faces))
-    if a != b:
-        mesh.can_collide = ipc.make_vertex_patches_filter(surface.piece)
-    return ipc.has_intersections(mesh, rest)
+                if not meet:
+                    continue
+                faces = surface.faces[np.isin(surface.piece[surface.faces[:, 0]], (a, b))]
+                both = ipc.CollisionMesh(rest, ipc.edges(faces), np.asfortranarray(faces))
+                if a != b:
+                    both.can_collide = ipc.make_vertex_patches_filter(surface.piece)
+                if ipc.has_intersections(both, rest):
+                    joint |= {a, b}
+    return sorted(joint)
 
 
 def _close(surface: CollisionSurface, reach: float) -> list[list[int]]:
     """Vertices of all pairs of faces and edges that are closer than ``reach`` at rest."""
-    ipc, given = ipc_toolkit(), (surface.rest, surface.edges, surface.faces)
+    ipc, surfaces = ipc_toolkit(), (surface.rest, surface.edges, surface.faces)
     candidates, near = ipc.Candidates(), ipc.NormalCollisions()
     candidates.build(surface.mesh, surface.rest, reach / 2)
     near.build(candidates, surface.mesh, surface.rest, reach)
     if not len(near):
         return []
     return [
-        [i for i in pair.vertex_ids(*given[1:]) if i >= 0]
+        [i for i in pair.vertex_ids(*surfaces[1:]) if i >= 0]
         for pairs in (candidates.fv_candidates, candidates.ee_candidates)
         for pair in pairs
-        if pair.compute_distance(*given) < reach**2
+        if pair.compute_distance(*surfaces) < reach**2
     ]
-
-
-# Contact pressure: nodal forces over the surface that faces them.
 
 
 class ContactPressures(NamedTuple):
@@ -444,15 +411,6 @@ class ContactPressures(NamedTuple):
 
     obstacles: Float[np.ndarray, "obstacles"]
     own: float
-
-
-def largest_ever(known: Sequence[ContactPressures | None]) -> ContactPressures | None:
-    """Largest of all that are known; None where none are."""
-    found = [pressures for pressures in known if pressures is not None]
-    if not found:
-        return None
-    obstacles = np.max([pressures.obstacles for pressures in found], axis=0)
-    return ContactPressures(obstacles, max(pressures.own for pressures in found))
 
 
 def largest_pressure(

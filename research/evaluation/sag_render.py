@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...fem.elements.assembly import discretise, linear_stiffness
-from ...fem.elements.constraints import apply_supports
+from ...fem.elements.assembly import apply_supports, discretise, linear_stiffness
 from ...fem.elements.forces import lumped_mass
 from ...fem.linalg.cholesky import CholeskyFactor, planned_elimination
 from ...fem.material import ElementMaterial

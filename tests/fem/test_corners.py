@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
-from autophyx_tet.fem.elements.assembly import discretise, stiffness
-from autophyx_tet.fem.elements.constraints import apply_supports, node_supports
+from autophyx_tet.fem.elements.assembly import apply_supports, discretise, node_supports, stiffness
 from autophyx_tet.fem.elements.space import extend_linear
 from autophyx_tet.fem.linalg import solver
 from autophyx_tet.fem.linalg.multigrid import CornerLevel, scale

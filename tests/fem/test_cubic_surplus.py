@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from autophyx_tet.fem.elements.constraints import node_supports
+from autophyx_tet.fem.elements.assembly import node_supports
 from autophyx_tet.fem.elements.space import make_space
 from autophyx_tet.fem.material import OrthotropicConstants
 from autophyx_tet.fem.mesh import TetMesh, box_mesh

@@ -17,8 +17,7 @@ from autophyx_tet.fem.scene.obstacles import Plane
 from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.contact import Contact
 from autophyx_tet.fem.solve.dynamics import Dynamics
-from autophyx_tet.fem.solve.energy import energy_balance
-from autophyx_tet.fem.solve.result import Motion, MotionResult
+from autophyx_tet.fem.solve.result import Motion, MotionResult, energy_balance
 from autophyx_tet.fem.solve.schemes import Scheme
 from autophyx_tet.fem.springs.method import SpringMethod
 from autophyx_tet.fem.verdicts import PARTICLE_EXCESS, SPRING_EXCESS, keeps_energy

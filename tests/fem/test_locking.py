@@ -17,10 +17,9 @@ from autophyx_tet.fem.scene.supports import Supports
 from autophyx_tet.fem.solve.dynamics import METHOD
 from autophyx_tet.fem.solve.error import linear_stiffening
 from autophyx_tet.fem.solve.modal import natural_modes
-from autophyx_tet.fem.solve.nodal_pressure import solve_averaged
 from autophyx_tet.fem.solve.result import ModelError, MotionResult
 from autophyx_tet.fem.solve.schemes import Scheme
-from autophyx_tet.fem.solve.statics import solve_static
+from autophyx_tet.fem.solve.statics import solve_averaged, solve_static
 from autophyx_tet.fem.verdicts import follows, locking
 
 from .bodies import faces_at, shaken_box, with_uniform

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from autophyx_tet.fem.device import start_warp
 from autophyx_tet.fem.elements.assembly import add_diagonal, discretise, stiffness
-from autophyx_tet.fem.linalg.multigrid import SPREAD, SingleSmoother, Smoother, scale
+from autophyx_tet.fem.linalg.multigrid import SPREAD, Smoother, scale
 from autophyx_tet.fem.mesh import box_mesh
 from numpy.polynomial.chebyshev import chebval
 
@@ -31,13 +31,13 @@ def error_left(scaled, degree):
 
 @pytest.mark.parametrize("degree", [2, 3])
 @pytest.mark.parametrize(
-    ("kind", "round_off"),
-    [(Smoother, 1e-12), (SingleSmoother, 1e-5)],  # of double, and of single precision
+    ("single", "round_off"),
+    [(False, 1e-12), (True, 1e-5)],  # of double, and of single precision
 )
-def test_what_is_left_is_a_chebyshev_polynomial(scaled, kind, round_off, degree):
+def test_what_is_left_is_a_chebyshev_polynomial(scaled, single, round_off, degree):
     """From x = 0, and once more from there: the error is what the polynomial leaves of it."""
     A = scaled.matrix.to_scipy().toarray()
-    smoother = kind(scaled.matrix, scaled.largest, degree)
+    smoother = Smoother(scaled.matrix, scaled.largest, degree, single=single)
     x = np.random.default_rng(0).normal(size=len(A))
     smoother.r.assign((A @ x).reshape(-1, 3))
     left = error_left(scaled, degree)

@@ -324,7 +324,7 @@ class Moving(Simulation):
         pushes = np.linalg.norm(self.motion.obstacle_forces, axis=2)
         forces = pushes.max(axis=0)
         # Energies [J]: given, the most beyond that, lost, most in one frame, its end [s]
-        from ...fem.solve.energy import energy_balance
+        from ...fem.solve.result import energy_balance
 
         found = energy_balance(self.motion, self.scene)
         return {
