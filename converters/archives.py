@@ -126,9 +126,7 @@ def save_springs(path: str | os.PathLike, fit: SpringFit) -> None:
     """Save ``fit``; ``load_springs`` gives it back exactly."""
     numbers = {name: np.array(getattr(fit, name)) for name in _SPRING_NUMBERS}
     save_npz(
-        path,
-        **numbers,
-        meta=np.array(json.dumps({"kind": SPRINGS, "version": SPRINGS_VERSION})),
+        path, **numbers, meta=np.array(json.dumps({"kind": SPRINGS, "version": SPRINGS_VERSION}))
     )
 
 

@@ -18,6 +18,7 @@ from ...converters.registry import GRID_FORMATS, POINT_FORMATS
 from ...fem.errors import InputError
 from ...predictors.appearance.surface import GREY, OPAQUE, density_of_points
 from ...predictors.grid import Grid
+from .triangles import Places
 
 FAINT = 0.1  # opacity below which a splat is haze, no part of the object
 SOLID = 0.3  # opacity from which a cell is matter, as in a fitted radiance field
@@ -125,7 +126,7 @@ def _colours(table: PointTable, keep: Bool[np.ndarray, "n"]) -> Float[np.ndarray
     return (colours / whole).astype(np.float64).clip(0, 1)
 
 
-def _bounds(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 3"]:
+def _bounds(points: Places) -> Float[np.ndarray, "2 3"]:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from ...fem.errors import InputError, NoVolumeError, UsageError
 from ...fem.mesh import USUAL_SIZE
@@ -18,6 +17,7 @@ from ...predictors.asset import Asset, Part, UpAxis
 from .child import ChildFailure, run_guarded
 from .formats import ASSET_FORMATS, AssetContent, NamedSurface, read_content
 from .textures import References
+from .triangles import Places
 
 if TYPE_CHECKING:
     import trimesh
@@ -330,7 +330,7 @@ def reconstructed(path: Path, content: AssetContent) -> AssetContent:
     )
 
 
-def guessed_share(mesh: trimesh.Trimesh, cloud: Float[np.ndarray, "n 3"]) -> float:
+def guessed_share(mesh: trimesh.Trimesh, cloud: Places) -> float:
     """Share of a surface's area that lies far from all points, by their spacing there."""
     from scipy.spatial import KDTree
 

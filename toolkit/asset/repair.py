@@ -27,7 +27,16 @@ from .surface import (
     subset,
     unbalanced_edges,
 )
-from .triangles import Triangles, coherent_patches, crossing_pairs, edge_components, winding_numbers
+from .triangles import (
+    Faces,
+    Places,
+    Points,
+    Triangles,
+    coherent_patches,
+    crossing_pairs,
+    edge_components,
+    winding_numbers,
+)
 
 # Holes: loops of rim edges that caps close, unless they are the rim of a sheet or a seam.
 
@@ -173,7 +182,7 @@ def weld(surface: Surface, tolerance: float, *, within_parts: bool) -> tuple[Sur
 
 
 def _merged(
-    points: Float[np.ndarray, "n 3"], owner: Int[np.ndarray, "n"], tolerance: float
+    points: Places, owner: Int[np.ndarray, "n"], tolerance: float
 ) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "n"]]:
     """One of each group of near points of one owner, and the group (n,) of every point.
 
@@ -447,7 +456,7 @@ def _outward_patches(
     return faces, loose
 
 
-def _capped(points: np.ndarray, faces: Int[np.ndarray, "faces 3"]) -> Triangles:
+def _capped(points: np.ndarray, faces: Faces) -> Triangles:
     """Return the faces of one component, then caps of its holes: inside is what these enclose."""
     used, index = np.unique(faces, return_inverse=True)
     none = np.zeros(len(faces), np.int64)
@@ -513,7 +522,7 @@ def cycle(edges: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n"] | None:
     return np.array(order) if closed else None
 
 
-def least_area_cap(loop: Float[np.ndarray, "n 3"]) -> Cap:
+def least_area_cap(loop: Places) -> Cap:
     """Triangulate a closed polygon in space [m] with the least area.
 
     By dynamic programming over its chords, after Barequet and Sharir 1995, "Filling gaps in the
@@ -570,11 +579,7 @@ class SeenShares(NamedTuple):
     above: np.ndarray
 
 
-def patch_sides(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "asked"],
-) -> Sides:
+def patch_sides(points: Points, faces: Faces, patch: Int[np.ndarray, "asked"]) -> Sides:
     """Ask on both sides of the largest faces of every patch for inside.
 
     ``patch`` numbers, from 0, those of the first faces; the others only bound.
@@ -585,11 +590,7 @@ def patch_sides(
     return Sides(inside(below, faces, patch), inside(above, faces, patch))
 
 
-def patch_views(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "asked"],
-) -> SeenShares:
+def patch_views(points: Points, faces: Faces, patch: Int[np.ndarray, "asked"]) -> SeenShares:
     """Share of all directions that each side of every patch sees out; ``patch`` as above.
 
     After Takayama, Jacobson, Kavan and Sorkine-Hornung 2014, "A simple method for correcting facet
@@ -605,9 +606,7 @@ def patch_views(
 
 
 def _probed(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "asked"],
+    points: Points, faces: Faces, patch: Int[np.ndarray, "asked"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Crossings below and above the largest faces of each patch, and the patch of each of them."""
     a, b, c = (points[faces[: len(patch), i]] for i in range(3))
@@ -624,14 +623,12 @@ def _probed(
     return below, above, patch[asked]
 
 
-def _faces_by_edge(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "edges"]:
+def _faces_by_edge(faces: Faces) -> Int[np.ndarray, "edges"]:
     return face_edges(faces).count
 
 
 def _orientation_inside(
-    counts: Int[np.ndarray, "directions n"],
-    faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "n"],
+    counts: Int[np.ndarray, "directions n"], faces: Faces, patch: Int[np.ndarray, "n"]
 ) -> Bool[np.ndarray, "patches"]:
     """Whether most points of each patch are inside: by the parity of a clear majority of rays.
 
@@ -644,9 +641,7 @@ def _orientation_inside(
 
 
 def _inside_hull(
-    counts: Int[np.ndarray, "directions n"],
-    faces: Int[np.ndarray, "faces 3"],
-    patch: Int[np.ndarray, "n"],
+    counts: Int[np.ndarray, "directions n"], faces: Faces, patch: Int[np.ndarray, "n"]
 ) -> Bool[np.ndarray, "patches"]:
     """Whether each patch is enclosed: no ray leaves, but for a few through holes if there are any.
 
@@ -663,11 +658,7 @@ def crossings(points, faces, where) -> Int[np.ndarray, "directions n"]:
     return np.bincount(rays.hit, minlength=DIRECTIONS * len(where)).reshape(DIRECTIONS, -1)
 
 
-def enclosed_shares(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    where: Float[np.ndarray, "n 3"],
-) -> Float[np.ndarray, "n"]:
+def enclosed_shares(points: Points, faces: Faces, where: Places) -> Float[np.ndarray, "n"]:
     """Share of all directions in which each point lies on the inner side of the surface.
 
     There a ray leaves it more often than it enters it, or the reverse where that is usual. The

@@ -19,6 +19,9 @@ from .surface import (
     open_components,
 )
 from .triangles import (
+    Faces,
+    Places,
+    Points,
     Triangles,
     WindingNumber,
     closest,
@@ -61,11 +64,11 @@ class Shell:
         hole = 0.0 if self.cavity is None else max(enclosed_volume(self.cavity), 0.0)
         return abs(enclosed_volume(Triangles(self.points, self.faces))) - hole
 
-    def contains(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def contains(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside, by the fast winding number."""
         return self.depth(where) > 0
 
-    def depth(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def depth(self, where: Places) -> Int[np.ndarray, "n"]:
         """How many bodies of the shell points [m] lie in, 0 outside and in the cavity."""
         corners = self.points[self.faces].reshape(-1, 3)
         lo, hi = corners.min(axis=0), corners.max(axis=0)
@@ -96,7 +99,7 @@ class Shell:
         """Winding number of its cavity, if it has one."""
         return self.cavity and WindingNumber(*self.cavity)
 
-    def nearest_part(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def nearest_part(self, where: Places) -> Int[np.ndarray, "n"]:
         """Part of the nearest face."""
         if (self.part == self.part[0]).all() or not len(where):
             return np.full(len(where), self.part[0], dtype=np.int64)
@@ -123,7 +126,7 @@ class Plates:
         volume = np.abs(component_volumes(surface)[thin])
         return cls(_of_components(surface, thin), thinnest, thickness[thin], volume)
 
-    def contain(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def contain(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] lie inside one."""
         return np.abs(winding_numbers(self.surface.points, self.surface.faces, where)) > INSIDE
 
@@ -175,7 +178,7 @@ class Solids:
         used, faces = np.unique(self.surface.faces[proper], return_inverse=True)
         return Triangles(self.surface.points[used], faces.reshape(-1, 3))
 
-    def label(self, where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def label(self, where: Places) -> Int[np.ndarray, "n"]:
         """Part that each point [m] lies in, -1 outside.
 
         Where shells overlap the one that holds the smallest volume wins, so that what is nested
@@ -299,13 +302,7 @@ SEED = 0  # the same body has the same wall
 REACHED = 1e-3  # of its depth: round-off of the distance back to the face that a point lies under
 
 
-def wall_share(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    wall: float,
-    *,
-    samples: int = SAMPLES,
-) -> WallShare:
+def wall_share(points: Points, faces: Faces, wall: float, *, samples: int = SAMPLES) -> WallShare:
     """Shares of volume and bending of the layer within ``wall`` [m] of a closed, outward surface.
 
     Points are dropped from random places of the surface to random depths; those that are nearer to
@@ -345,7 +342,7 @@ def _solid_moments(corners: Float[np.ndarray, "faces 3 3"]):
     return float(volume), centre + origin, outer / 120 - volume * np.outer(centre, centre)
 
 
-def hull_share(points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]) -> float:
+def hull_share(points: Points, faces: Faces) -> float:
     """Volume inside a closed surface [m] by that of its convex hull: 1 of a ball."""
     from scipy.spatial import ConvexHull
 
@@ -362,9 +359,7 @@ LONGEST_MITER = 3.0  # distances: a sharper spike is cut, as in a drawing
 KEPT_DEPTH = 0.9  # of the wall: an inner face nearer to the outer surface is none (thin places)
 
 
-def vertex_offsets(
-    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Float[np.ndarray, "points 3"]:
+def vertex_offsets(points: Points, faces: Faces) -> Points:
     """Move of each vertex that moves all faces around it outward by one: mitred, not averaged."""
     corners = points[faces]
     edges = np.roll(corners, -1, axis=1) - corners

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .triangles import ClosestTo, edge_components, sample
+from .triangles import ClosestTo, Faces, Points, edge_components, sample
 
 # Volume by area^1.5 below which the sign of an open component's volume says nothing (ball: 0.09).
 FLAT = 1e-3
@@ -21,8 +21,8 @@ class Surface(NamedTuple):
     ``points`` (n, 3) [m], ``faces`` (m, 3), ``part`` (m,), ``component`` (m,) from 0 on.
     """
 
-    points: Float[np.ndarray, "points 3"]
-    faces: Int[np.ndarray, "faces 3"]
+    points: Points
+    faces: Faces
     part: Int[np.ndarray, "faces"]
     component: Int[np.ndarray, "faces"]
 
@@ -33,7 +33,7 @@ def subset(surface: Surface, keep: Bool[np.ndarray, "faces"]) -> Surface:
     return Surface(surface.points, faces, surface.part[keep], edge_components(faces))
 
 
-def face_orientation(faces: Int[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
+def face_orientation(faces: Faces) -> Bool[np.ndarray, "faces"]:
     """Whether the vertices of each face run in falling cyclic order: tells two windings apart."""
     a, b, c = faces.T
     return ((a > b).astype(int) + (b > c) + (c > a)) == 2
@@ -195,14 +195,14 @@ class FaceEdges(NamedTuple):
     count: np.ndarray
 
 
-def face_edges(faces: Int[np.ndarray, "faces 3"]) -> FaceEdges:
+def face_edges(faces: Faces) -> FaceEdges:
     """Number the edges of triangles."""
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     found = equal_rows(np.column_stack([directed.min(axis=1), directed.max(axis=1)]))
     return FaceEdges(directed, found.group, found.count)
 
 
-def bounds_itself(faces: Int[np.ndarray, "faces 3"]) -> bool:
+def bounds_itself(faces: Faces) -> bool:
     """Whether every edge is run as often one way as the other: the surface has no rim.
 
     Its winding number is then a whole number that changes nowhere but across it.

@@ -11,6 +11,12 @@ from jaxtyping import Bool, Float, Int
 
 from ...fem.mesh import FACES, equal_faces
 
+# Shapes of arrays; places and points are in metres unless a function says otherwise.
+Points = Float[np.ndarray, "points 3"]
+Faces = Int[np.ndarray, "faces 3"]
+Tets = Int[np.ndarray, "tets 4"]
+Places = Float[np.ndarray, "n 3"]
+
 
 class Triangles(NamedTuple):
     """Triangle surface: ``points`` (n, 3) [m], ``faces`` (m, 3)."""
@@ -50,9 +56,7 @@ class WindingNumber:
     What it is computed from is kept, for many questions about one surface.
     """
 
-    def __init__(
-        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-    ) -> None:
+    def __init__(self, points: Points, faces: Faces) -> None:
         """Sort triangles [m] into a tree."""
         import igl
 
@@ -63,18 +67,14 @@ class WindingNumber:
         if self._tree is not None:
             self._tree.init(points, _int64(faces))
 
-    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    def __call__(self, where: Places) -> Float[np.ndarray, "n"]:
         """Winding number at ``where`` [m]."""
         if self._tree is None or not len(where):
             return np.zeros(len(where))
         return np.asarray(self._tree.winding_number(where), dtype=np.float64)
 
 
-def winding_numbers(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    where: Float[np.ndarray, "n 3"],
-) -> Float[np.ndarray, "n"]:
+def winding_numbers(points: Points, faces: Faces, where: Places) -> Float[np.ndarray, "n"]:
     """Winding number of a surface at ``where`` [m], asked once."""
     return WindingNumber(points, faces)(where)
 
@@ -82,9 +82,7 @@ def winding_numbers(
 class ClosestTo:
     """Nearest points of one surface, whose tree is kept for many questions."""
 
-    def __init__(
-        self, points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-    ) -> None:
+    def __init__(self, points: Points, faces: Faces) -> None:
         """Sort triangles [m] into a tree."""
         import igl
 
@@ -92,7 +90,7 @@ class ClosestTo:
         self._tree = igl.AABB()
         self._tree.init(self._points, self._faces)
 
-    def __call__(self, where: Float[np.ndarray, "n 3"]) -> Closest:
+    def __call__(self, where: Places) -> Closest:
         """Nearest point for each of ``where`` [m]."""
         if not len(where):
             return Closest(np.zeros(0), np.zeros(0, np.int64))
@@ -101,16 +99,12 @@ class ClosestTo:
         return Closest(np.sqrt(np.maximum(squared, 0)), np.asarray(face, dtype=np.int64))
 
 
-def closest(
-    where: Float[np.ndarray, "n 3"],
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-) -> Closest:
+def closest(where: Places, points: Points, faces: Faces) -> Closest:
     """Nearest point of a surface for each of ``where`` [m], asked once."""
     return ClosestTo(points, faces)(where)
 
 
-def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces"]:
+def edge_components(faces: Faces) -> Int[np.ndarray, "faces"]:
     """Label from 0 on of the edge-connected component of every face."""
     import igl
 
@@ -119,9 +113,7 @@ def edge_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces
     return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
 
 
-def crossing_pairs(
-    points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Int[np.ndarray, "pairs 2"]:
+def crossing_pairs(points: Points, faces: Faces) -> Int[np.ndarray, "pairs 2"]:
     """Pairs of faces that intersect and do not lie in one plane, by exact predicates."""
     from igl.predicates import find_self_intersections
 
@@ -155,7 +147,7 @@ def collapsed(surface: Triangles, count: int) -> Collapsed:
     )
 
 
-def coherent_patches(faces: Int[np.ndarray, "faces 3"]) -> Patches:
+def coherent_patches(faces: Faces) -> Patches:
     """Wind the faces of every orientable patch the same way round."""
     import igl
 
@@ -186,11 +178,7 @@ class Samples(NamedTuple):
 
 
 def sample(
-    points: Float[np.ndarray, "points 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    *,
-    rng: np.random.Generator,
-    count: int = SAMPLES,
+    points: Points, faces: Faces, *, rng: np.random.Generator, count: int = SAMPLES
 ) -> Samples:
     """Random points of uniform density on a surface, and its vertices."""
     corners = points[faces]
@@ -207,8 +195,7 @@ def sample(
     some = first if len(first) <= count else rng.choice(first, size=count, replace=False)
     vertices = faces.reshape(-1)[some]
     return Samples(
-        np.concatenate([where, points[vertices]]),
-        np.concatenate([normal[face], normal[some // 3]]),
+        np.concatenate([where, points[vertices]]), np.concatenate([normal[face], normal[some // 3]])
     )
 
 
@@ -220,7 +207,7 @@ class Facets(NamedTuple):
     right: np.ndarray
 
 
-def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
+def facets(tets: Tets) -> Facets:
     """All inner faces of a tet mesh, once each."""
     faces = tets[:, FACES].reshape(-1, 3)
     order, same = equal_faces(faces)
@@ -228,9 +215,7 @@ def facets(tets: Int[np.ndarray, "tets 4"]) -> Facets:
     return Facets(np.sort(faces[left], axis=1), left // 4, right // 4)
 
 
-def interface_faces(
-    tets: Int[np.ndarray, "tets 4"], region: Int[np.ndarray, "tets"]
-) -> Int[np.ndarray, "faces 3"]:
+def interface_faces(tets: Tets, region: Int[np.ndarray, "tets"]) -> Faces:
     """Faces between two tets of different regions, once each."""
     faces, left, right = facets(tets)
     return faces[region[left] != region[right]]
@@ -251,12 +236,12 @@ class Boxes(NamedTuple):
         """Volume [m^3] of one."""
         return float(self.size.prod())
 
-    def corners(self) -> Float[np.ndarray, "n 3"]:
+    def corners(self) -> Places:
         """Lower corners [m]."""
         grid = np.meshgrid(*map(np.arange, self.shape), indexing="ij")
         return self.lo + np.stack(grid, axis=-1).reshape(-1, 3) * self.size
 
-    def centres(self) -> Float[np.ndarray, "n 3"]:
+    def centres(self) -> Places:
         """Centres [m]."""
         return self.corners() + self.size / 2
 
@@ -289,7 +274,7 @@ class Boxes(NamedTuple):
 
 def stratified(
     bounds: Float[np.ndarray, "2 3"], *, rng: np.random.Generator, count: int
-) -> tuple[Boxes, Float[np.ndarray, "n 3"]]:
+) -> tuple[Boxes, Places]:
     """About ``count`` equal boxes that fill ``bounds`` [m], and one random point [m] in each."""
     lo, size = bounds[0], bounds[1] - bounds[0]
     size = np.maximum(size, FLATTEST * size.max())
@@ -298,7 +283,7 @@ def stratified(
     return boxes, boxes.within(np.ones(shape.prod(), dtype=bool), 1, rng=rng)
 
 
-Label = Callable[[Float[np.ndarray, "n 3"]], Int[np.ndarray, "n"]]
+Label = Callable[[Places], Int[np.ndarray, "n"]]
 
 
 class Inside(NamedTuple):
@@ -359,9 +344,7 @@ def inside(
     return Inside(where, labels, cells, part.error)
 
 
-def _labels(
-    label: Label, where: Float[np.ndarray, "n 3"], group: Int[np.ndarray, "n"]
-) -> Int[np.ndarray, "n"]:
+def _labels(label: Label, where: Places, group: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
     """Labels of points [m], asked once for all of a group; those in group -1 are alone."""
     alone = np.flatnonzero(group < 0)
     _, first, of_all = np.unique(group, return_index=True, return_inverse=True)
@@ -370,7 +353,7 @@ def _labels(
     return out
 
 
-def _of(where: Float[np.ndarray, "n 3"], labels: Int[np.ndarray, "n"], cell: float) -> Inside:
+def _of(where: Places, labels: Int[np.ndarray, "n"], cell: float) -> Inside:
     """Keep the points inside, of those that stand for ``cell`` [m^3] each."""
     held = np.flatnonzero(labels >= 0)
     share = len(held) / max(len(where), 1)

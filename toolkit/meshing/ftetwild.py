@@ -13,7 +13,7 @@ from ...fem.errors import UsageError
 from ...fem.mesh import boundary_faces, signed_volumes
 from ..asset.cache import Runner
 from ..asset.solids import Solids
-from ..asset.triangles import Triangles, closest, facets, sample
+from ..asset.triangles import Places, Points, Tets, Triangles, closest, facets, sample
 from .guarantees import ENVELOPE_SHARE, Separated, separate
 
 EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is given
@@ -193,11 +193,7 @@ def run_engine(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
 
 
 def by_cells(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    envelope: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, envelope: float
 ) -> Int[np.ndarray, "tets"]:
     """Give all tets between the same walls of the input, within ``envelope`` [m], one label.
 
@@ -219,11 +215,7 @@ def by_cells(
 
 
 def conforming(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    epsilon: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, epsilon: float
 ) -> Int[np.ndarray, "tets"]:
     """Relabel tets where the boundary is farther than ``epsilon`` [m] from the input.
 
@@ -251,9 +243,7 @@ def conforming(
     return part
 
 
-def _labels_off(
-    solids: Solids, where: Float[np.ndarray, "n 3"], epsilon: float
-) -> Int[np.ndarray, "n"]:
+def _labels_off(solids: Solids, where: Places, epsilon: float) -> Int[np.ndarray, "n"]:
     """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
     label = np.full(len(where), NEAR)
     far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
@@ -314,7 +304,7 @@ def edge_field(surface: Triangles, *, edge: float, layers: int) -> dict[str, np.
 
 def thicknesses(
     surface: Triangles, *, edge: float, rng: np.random.Generator, count: int = RAYS
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+) -> tuple[Places, Places, Float[np.ndarray, "n"]]:
     """Random points of an outward surface, the points opposite to them, and how far those are.
 
     Points are left out where nothing is opposite.

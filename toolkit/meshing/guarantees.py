@@ -7,13 +7,22 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ...fem.mesh import TetMesh, boundary_faces
 from ..asset.repair import RepairReport
 from ..asset.solids import Solids
 from ..asset.surface import Surface, face_edges
-from ..asset.triangles import Samples, Triangles, closest, inside, interface_faces, sample
+from ..asset.triangles import (
+    Points,
+    Samples,
+    Tets,
+    Triangles,
+    closest,
+    inside,
+    interface_faces,
+    sample,
+)
 from .losses import FileLosses
 from .quality import Quality, corner_nodes, vertex_count
 
@@ -338,14 +347,14 @@ class Separated(NamedTuple):
     ``doubled_points`` count what was done.
     """
 
-    points: Float[np.ndarray, "points 3"]
-    tets: Int[np.ndarray, "tets 4"]
+    points: Points
+    tets: Tets
     origin: Int[np.ndarray, "tets"]
     split_edges: int
     doubled_points: int
 
 
-def separate(points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]) -> Separated:
+def separate(points: Points, tets: Tets) -> Separated:
     """Double the nodes where tets meet without sharing a face, so that the boundary is manifold.
 
     A vertex where the tets form several face-connected groups gets a node for each. An edge with

@@ -14,7 +14,7 @@ from ...predictors.asset import Part
 from ..asset.repair import WELD_REL, enclosed_shares, oriented, stacked, weld
 from ..asset.solids import Solids
 from ..asset.surface import Surface, incoherence, open_components
-from ..asset.triangles import WindingNumber, closest, sample, stratified
+from ..asset.triangles import Places, WindingNumber, closest, sample, stratified
 
 MOST_LOST = 0.05  # of the volume: a body that lacks more is another body
 # Winding number from which a point is inside for certain: it sees the surface's inner side in at
@@ -49,7 +49,7 @@ class FileSurface:
         welded, _ = weld(read, tolerance, within_parts=True)
         return cls(read, seen, incoherence(welded) <= INCOHERENT, turned)
 
-    def encloses(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def encloses(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are inside for certain: as read, unless that makes no body.
 
         Where sheets overlap, as leaves do, the winding number is their sum, though no direction
@@ -71,12 +71,12 @@ class FileSurface:
             inside[which] = free < (1 - CERTAIN) ** layers
         return inside
 
-    def excludes(self, where: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def excludes(self, where: Places) -> Bool[np.ndarray, "n"]:
         """Whether points [m] are outside for certain, as read and as seen."""
         read, seen = (winding < OUTSIDE for winding in self._windings(where))
         return (read | (not self.coherent)) & seen
 
-    def _windings(self, where: Float[np.ndarray, "n 3"]) -> list[np.ndarray]:
+    def _windings(self, where: Places) -> list[np.ndarray]:
         """Sizes of the winding numbers as read and as seen."""
         read, *seen = (np.abs(winding(where)) for winding in self._winding)
         return [read, *(seen or [read])]
@@ -151,7 +151,7 @@ class FileSamples(NamedTuple):
         return cls(file, inside, part[0], cell, on, part[1], int(rng.integers(2**31)))
 
 
-def _inside(file: FileSurface, rng: np.random.Generator) -> tuple[Float[np.ndarray, "n 3"], float]:
+def _inside(file: FileSurface, rng: np.random.Generator) -> tuple[Places, float]:
     """Random points that lie inside for certain, and the volume [m^3] that each stands for."""
     corners = file.read.points[file.read.faces].reshape(-1, 3)
     bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....fem.mesh import signed_volumes
+from ...asset.triangles import Points, Tets
 from ..quality import dihedral_angles
 from .lattice import EDGES, Lattice, edges_of, tets_around
 
@@ -137,9 +138,7 @@ def _warped(
 
 
 def _divided(
-    local: Int[np.ndarray, "tets 10"],
-    region: Int[np.ndarray, "tets 4"],
-    mirrored: Bool[np.ndarray, "tets"],
+    local: Int[np.ndarray, "tets 10"], region: Tets, mirrored: Bool[np.ndarray, "tets"]
 ) -> tuple[list[DividedTets], Bool[np.ndarray, "tets"]]:
     """Cut the tets of one or two regions; say which have more."""
     high = region.max(axis=1)
@@ -175,7 +174,7 @@ def _table() -> tuple[Int[np.ndarray, "81 3 4"], Int[np.ndarray, "81"]]:
 def _wild_tets(
     lattice: Lattice,
     field: Regions,
-    points: Float[np.ndarray, "points 3"],
+    points: Points,
     wild: Bool[np.ndarray, "nodes"],
     offsets: Float[np.ndarray, "shells"],
 ) -> DividedTets:
@@ -195,7 +194,7 @@ def _wild_tets(
     return DividedTets(tets[good], region[good], mirrored[good])
 
 
-def _positive(tets: Int[np.ndarray, "tets 4"], mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
+def _positive(tets: Tets, mirrored: Bool[np.ndarray, "tets"]) -> np.ndarray:
     return np.where(mirrored[:, None], tets[:, [0, 1, 3, 2]], tets)
 
 
@@ -241,11 +240,7 @@ def _face(
     return [((tip, CUT[tip, a], CUT[tip, b]), regions[tip]), *rest]
 
 
-def junction_tets(
-    local: Int[np.ndarray, "tets 10"],
-    regions: Int[np.ndarray, "tets 4"],
-    points: Float[np.ndarray, "points 3"],
-) -> Junctions:
+def junction_tets(local: Int[np.ndarray, "tets 10"], regions: Tets, points: Points) -> Junctions:
     """Divide tets by their corners' ``regions``; ``local`` are their points, -1 where none is."""
     local, points = _with_centres(local, regions, points)
     rows, group = np.unique(regions, axis=0, return_inverse=True)
@@ -261,9 +256,7 @@ def junction_tets(
 
 
 def _with_centres(
-    local: Int[np.ndarray, "tets 10"],
-    regions: Int[np.ndarray, "tets 4"],
-    points: Float[np.ndarray, "points 3"],
+    local: Int[np.ndarray, "tets 10"], regions: Tets, points: Points
 ) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "more 3"]]:
     """Add a point in every face of three regions, one for both its tets, and one in every tet."""
     faces = np.full((len(local), 4), -1)
@@ -310,7 +303,7 @@ def patterns() -> Iterator[Pattern]:
     yield from product((-1, 0, 1), repeat=4)
 
 
-def pattern_code(signs: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+def pattern_code(signs: Tets) -> Int[np.ndarray, "tets"]:
     """Number of each pattern of -1, 0 and 1."""
     return (signs + 1) @ np.array([27, 9, 3, 1])
 

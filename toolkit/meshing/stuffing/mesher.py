@@ -16,7 +16,16 @@ from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
 from ...asset.cache import Runner
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import component_volumes, touching_places
-from ...asset.triangles import Inside, Triangles, closest, inside, winding_numbers
+from ...asset.triangles import (
+    Inside,
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    inside,
+    winding_numbers,
+)
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
@@ -90,7 +99,7 @@ def _filled(
     solids: Solids,
     target: EngineTarget,
     edge: float,
-    beads: Float[np.ndarray, "n 3"],
+    beads: Places,
     offsets: Float[np.ndarray, "shells"] | None = None,
 ) -> _Filled:
     """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
@@ -143,7 +152,7 @@ def stuff(
     features = gathered_features([features_of(shell.triangles) for shell in field.shells])
     at_rest = np.zeros(len(field.shells))
 
-    def visible(where: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    def visible(where: Places, normal: Places) -> np.ndarray:
         """Whether what is on both sides of a place differs."""
         sides = np.concatenate([where + DEPTH * normal, where - DEPTH * normal])
         out, inside = np.split(field.region_at(sides, at_rest), 2)
@@ -244,7 +253,7 @@ def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
 def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
     """Random points inside one shell; their labels tell how many more bodies share each."""
 
-    def label(where: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
+    def label(where: Places) -> Int[np.ndarray, "n"]:
         return shell.shell.depth(where) - 1
 
     crisp = shell.shell.rimless
@@ -339,9 +348,7 @@ CRUMB = 1e-3  # of the volume: a smaller piece that is a crumb of its body is he
 MOST = 0.005  # of the volume: a body that would lose more is too thin for its lattice
 
 
-def carved(
-    tets: Int[np.ndarray, "tets 4"], volumes: Float[np.ndarray, "tets"]
-) -> Bool[np.ndarray, "tets"]:
+def carved(tets: Tets, volumes: Float[np.ndarray, "tets"]) -> Bool[np.ndarray, "tets"]:
     """Which tets to keep, so that few edges with several groups of them are left."""
     keep = np.ones(len(tets), dtype=bool)
     for _ in range(CARVE_ROUNDS):
@@ -357,9 +364,7 @@ def carved(
     return keep
 
 
-def without_crumbs(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"], solids: Solids
-) -> Bool[np.ndarray, "tets"]:
+def without_crumbs(points: Points, tets: Tets, solids: Solids) -> Bool[np.ndarray, "tets"]:
     """Which tets [m] to keep: all pieces but crumbs of the whole and of a body of the input."""
     volumes = signed_volumes(points, tets)
     pieces = pieces_of(tets)
@@ -376,9 +381,7 @@ def without_crumbs(
 
 
 def _lesser_groups(
-    tets: Int[np.ndarray, "tets 4"],
-    bare: Int[np.ndarray, "edges 2"],
-    volumes: Float[np.ndarray, "tets"],
+    tets: Tets, bare: Int[np.ndarray, "edges 2"], volumes: Float[np.ndarray, "tets"]
 ) -> Int[np.ndarray, "out"]:
     """Of the tets around each edge, those that do not hang together with the largest group."""
     from scipy.sparse import coo_matrix
@@ -417,7 +420,7 @@ FLAT = 1e-3  # cubes of a long edge: a tet with less volume is flat
 NEAR = 1.0  # long edges: farther from sharp edges no chamfer has an end
 REACH = 0.7  # long edges: how far above an edge of the mesh a node is added
 
-RegionAt = Callable[[Float[np.ndarray, "n 3"]], np.ndarray]
+RegionAt = Callable[[Places], np.ndarray]
 
 
 class Ridge(NamedTuple):
@@ -430,10 +433,7 @@ class Ridge(NamedTuple):
 
 
 def filled_ridges(
-    mesh: CutMesh,
-    on_edge: Bool[np.ndarray, "points"],
-    features: FeatureFinder,
-    region: RegionAt,
+    mesh: CutMesh, on_edge: Bool[np.ndarray, "points"], features: FeatureFinder, region: RegionAt
 ) -> CutMesh:
     """Add the tets that chamfers lack, where they are good and lie in the ``region`` beside them.
 
@@ -495,10 +495,7 @@ def _above(
 
 
 def _added(
-    mesh: CutMesh,
-    groups: Int[np.ndarray, "n k 4"],
-    regions: Int[np.ndarray, "n"],
-    region: RegionAt,
+    mesh: CutMesh, groups: Int[np.ndarray, "n k 4"], regions: Int[np.ndarray, "n"], region: RegionAt
 ) -> CutMesh:
     """Add the groups of tets that are good all together, the fattest of those in each other's way.
 
@@ -598,9 +595,7 @@ class Guard:
         self.sharpest = np.maximum(sharp, np.cos(np.radians(SHARPEST)))
         self.blunt = np.minimum(blunt, np.cos(np.radians(BLUNTEST)))
 
-    def move(
-        self, nodes: Int[np.ndarray, "n"], targets: Float[np.ndarray, "n 3"]
-    ) -> Int[np.ndarray, "moved"]:
+    def move(self, nodes: Int[np.ndarray, "n"], targets: Places) -> Int[np.ndarray, "moved"]:
         """Move ``nodes`` to their ``targets``, and undo the longest move of each bad tet.
 
         Returns the nodes that stay moved.
@@ -630,9 +625,7 @@ class Guard:
         return nodes[on[nodes]]
 
 
-def _shape(
-    points: Float[np.ndarray, "points 3"], tets: Int[np.ndarray, "tets 4"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _shape(points: Points, tets: Tets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Volume, and the cosines of the sharpest and the bluntest dihedral angle, of every tet."""
     cosine = dihedral_cosines(points, tets)
     return signed_volumes(points, tets), cosine.max(axis=0), cosine.min(axis=0)

@@ -11,7 +11,17 @@ from jaxtyping import Bool, Float, Int
 from ....fem.mesh import boundary_faces, signed_volumes
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import Surface, TouchingPlaces, open_components
-from ...asset.triangles import ClosestTo, Triangles, closest, facets, sample, winding_numbers
+from ...asset.triangles import (
+    ClosestTo,
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    facets,
+    sample,
+    winding_numbers,
+)
 from .field import BEAD, NOWHERE
 
 CRUMB_OF_BODY = 0.02  # a smaller piece of a body of the input may be a crumb of a thin rim
@@ -23,11 +33,7 @@ SAMPLES = 20_000  # of the surfaces, and their vertices: where a body may touch 
 
 
 def came_off(
-    points: Float[np.ndarray, "points 3"],
-    tets: Int[np.ndarray, "tets 4"],
-    part: Int[np.ndarray, "tets"],
-    solids: Solids,
-    touching: float,
+    points: Points, tets: Tets, part: Int[np.ndarray, "tets"], solids: Solids, touching: float
 ) -> dict[int, float]:
     """Share of each part's volume in pieces that have come off a larger one.
 
@@ -81,11 +87,7 @@ class BodyTets:
     """Tets on points [m] with the ``part`` (m,) of each, and which lie in a body of a surface."""
 
     def __init__(
-        self,
-        points: Float[np.ndarray, "points 3"],
-        tets: Int[np.ndarray, "tets 4"],
-        part: Int[np.ndarray, "tets"],
-        surface: Surface,
+        self, points: Points, tets: Tets, part: Int[np.ndarray, "tets"], surface: Surface
     ) -> None:
         from scipy.spatial import KDTree
 
@@ -119,7 +121,7 @@ class BodyTets:
             self._of[body] = np.flatnonzero(self.within(body, np.arange(len(self.tets))))
         return self._of[body]
 
-    def around(self, places: Float[np.ndarray, "n 3"], reach: float) -> Int[np.ndarray, "m"]:
+    def around(self, places: Places, reach: float) -> Int[np.ndarray, "m"]:
         """Tets with their middles within ``reach`` [m] of any of the places."""
         from scipy.spatial import KDTree
 
@@ -131,13 +133,13 @@ class BodyTets:
         found, _ = KDTree(places).query(self.middles[near], distance_upper_bound=reach)
         return near[np.isfinite(found)]
 
-    def samples(self, body: int) -> Float[np.ndarray, "n 3"]:
+    def samples(self, body: int) -> Places:
         """Places [m] on a body."""
         own = self.triangles(body)
         return sample(*own, rng=np.random.default_rng(0), count=SAMPLES).where
 
 
-def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np.ndarray, "n 3"]:
+def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Places:
     """Places [m] on closed bodies of some ``parts`` that are in pieces, where these are nearest.
 
     A gap wider than ``LONGEST`` long edges [m] of the lattice stays, as one that tets of other
@@ -166,7 +168,7 @@ def parted_places(mesh: BodyTets, parts: Sequence[int], edge: float) -> Float[np
     return np.concatenate(found)
 
 
-def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[np.ndarray, "n 3"]:
+def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Places:
     """Places [m] of contacts that are ``found``, but not in the mesh.
 
     There the tets of the one body and those of the other, within ``REACH`` long edges [m] of the
@@ -200,9 +202,7 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Float[
     return np.concatenate(out)
 
 
-def _way_to(
-    mesh: BodyTets, body: int, places: Float[np.ndarray, "n 3"], edge: float
-) -> Float[np.ndarray, "m 3"]:
+def _way_to(mesh: BodyTets, body: int, places: Places, edge: float) -> Float[np.ndarray, "m 3"]:
     """Places [m] on a body, straight from those of a contact to the nearest of its tets.
 
     None where it is farther than ``LONGEST`` long edges [m] of the lattice.
@@ -219,7 +219,7 @@ class _Patch(NamedTuple):
     thinned: np.ndarray
 
 
-def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarray, "fewer 3"]:
+def _gathered(where: Places, within: float) -> Float[np.ndarray, "fewer 3"]:
     """Means of groups of places [m], each ``within`` that distance [m] of its first one."""
     _, one = np.unique(np.floor(4 * where / within), axis=0, return_index=True)
     where, out = where[one], []
@@ -231,7 +231,7 @@ def _gathered(where: Float[np.ndarray, "n 3"], within: float) -> Float[np.ndarra
 
 
 def narrowest(
-    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], edge: float
+    where: Places, pieces: Sequence[np.ndarray], edge: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Pairs of pieces, and the places [m] at which the gap between them is narrowest.
 
@@ -250,7 +250,7 @@ def narrowest(
 
 
 def _two_nearest(
-    where: Float[np.ndarray, "n 3"], pieces: Sequence[np.ndarray], reach: float
+    where: Places, pieces: Sequence[np.ndarray], reach: float
 ) -> tuple[Float[np.ndarray, "n 2"], Int[np.ndarray, "n 2"]]:
     """Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are.
 
@@ -274,7 +274,7 @@ def _two_nearest(
     return distance, np.sort(which, axis=1)
 
 
-def pieces_of(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets"]:
+def pieces_of(tets: Tets) -> Int[np.ndarray, "tets"]:
     """Piece that each tet belongs to: those that hang together by faces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
