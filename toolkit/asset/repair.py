@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...fem.mesh import area_vectors
 from ...predictors.asset import Part
 from .surface import (
     Surface,
@@ -267,12 +268,10 @@ def orient(surface: Surface, *, joint: bool) -> tuple[Surface, int, int]:
         candidates = np.unique(component[inverted[component]])
         probes = []  # just below the largest face of each, on the side that it encloses
         for one in candidates:
-            corners = surface.points[faces[component == one]]
-            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normal = area_vectors(surface.points, faces[component == one])
             length = np.linalg.norm(normal, axis=1)
-            best = length.argmax()
-            size = np.ptp(corners.reshape(-1, 3), axis=0).max()
-            below = CAVITY_DEPTH * size * normal[best] / length[best]
+            corners, best = surface.points[faces[component == one]], length.argmax()
+            below = CAVITY_DEPTH * np.ptp(corners, axis=(0, 1)).max() * normal[best] / length[best]
             probes.append(corners[best].sum(axis=0) / 3 + below)
         cavity[candidates] = winding_numbers(surface.points, faces, np.array(probes)) > -0.5
     surface = _turned(surface, (inverted & ~cavity)[surface.component])
@@ -527,15 +526,14 @@ def _crossed(
     points: Points, faces: Faces, patch: Int[np.ndarray, "asked"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Crossings of rays from below and above the largest faces of each patch, and their patches."""
-    a, b, c = (points[faces[: len(patch), i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = area_vectors(points, faces[: len(patch)])
     area = np.linalg.norm(normal, axis=1)
     order = np.lexsort([-area, patch])
     start = np.unique(patch[order], return_index=True)[1]
     asked = order[np.arange(len(order)) - start[patch[order]] < PROBES]
     step = normal[asked] / np.maximum(area[asked], np.finfo(float).tiny)[:, None]
     step *= DEPTH * np.ptp(points[faces].reshape(-1, 3), axis=0).max()
-    middle = (a + b + c)[asked] / 3
+    middle = points[faces[asked]].sum(axis=1) / 3
     ray, _ = _cast(points, faces, np.concatenate([middle - step, middle + step]))
     count = np.bincount(ray, minlength=DIRECTIONS * 2 * len(asked)).reshape(DIRECTIONS, -1)
     below, above = np.split(count, 2, axis=1)
@@ -550,11 +548,9 @@ def enclosed_shares(points: Points, faces: Faces, where: Places) -> Float[np.nda
     others in which there are none.
     """
     ray, face = _cast(points, faces, where)
-    corners = points[faces[face]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area_vectors(points, faces[face])
     way = np.sign(np.einsum("hi,hi->h", normal, _directions()[ray // len(where)]))
-    net = np.bincount(ray, weights=way, minlength=DIRECTIONS * len(where))
-    net = net.reshape(DIRECTIONS, -1)
+    net = np.bincount(ray, weights=way, minlength=DIRECTIONS * len(where)).reshape(DIRECTIONS, -1)
     return np.mean(net * np.sign(net.sum(axis=0)) > 0, axis=0)
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...fem.mesh import FACES, equal_faces
+from ...fem.mesh import FACES, area_vectors, equal_faces
 
 # Shapes of arrays; places and points are in metres unless a function says otherwise.
 Points = Float[np.ndarray, "points 3"]
@@ -60,9 +60,8 @@ class WindingNumber:
         """Sort triangles [m] into a tree."""
         import igl
 
-        corners = points[faces]
-        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        faces = faces[area.any(axis=1)]  # a point or a line winds around nothing, and crashes igl
+        # A point or a line winds around nothing, and crashes igl.
+        faces = faces[area_vectors(points, faces).any(axis=1)]
         self._tree = igl.FastWindingNumberBVH() if len(faces) else None
         if self._tree is not None:
             self._tree.init(points, _int64(faces))
@@ -181,8 +180,7 @@ def sample(
     points: Points, faces: Faces, *, rng: np.random.Generator, count: int = SAMPLES
 ) -> Samples:
     """Random points of uniform density on a surface, and its vertices."""
-    corners = points[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area_vectors(points, faces)
     area = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(area, np.finfo(float).tiny)[:, None]
     # Faces without any area are drawn like each other.
@@ -190,7 +188,7 @@ def sample(
     face = rng.choice(len(area), size=count, p=share)
     u, v = np.sort(rng.random((2, count)), axis=0)
     weight = np.stack([u, v - u, 1 - v], axis=1)
-    where = np.einsum("nk,nki->ni", weight, corners[face])
+    where = np.einsum("nk,nki->ni", weight, points[faces[face]])
     _, first = np.unique(faces, return_index=True)
     some = first if len(first) <= count else rng.choice(first, size=count, replace=False)
     vertices = faces.reshape(-1)[some]

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ...fem.mesh import TetMesh, boundary_faces
+from ...fem.mesh import TetMesh, boundary_faces, face_areas
 from ...predictors.asset import Part
 from ..asset.repair import WELD_REL, RepairReport, enclosed_shares, oriented, stacked, weld
 from ..asset.solids import Solids
@@ -470,8 +470,7 @@ def guarantees(
     """Every promise of a conversion with the number that shows it; ``names`` are the parts'."""
     enclosed = volume.total
     to_at, from_at = (names[i] if names else "" for i in (gaps.part_to, gaps.part_from))
-    a, b, c = (mesh.points[mesh.boundary.faces[:, i]] for i in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    area = float(face_areas(mesh.points, mesh.boundary.faces).sum())
     # A surface that moves by its envelope everywhere changes the volume by area times that.
     slack = area * ENVELOPE_SHARE * epsilon / enclosed + volume.uncertainty
     return (
