@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,16 +17,7 @@ from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
 from ...asset.cache import Runner
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import component_volumes, touching_places
-from ...asset.triangles import (
-    Inside,
-    Places,
-    Points,
-    Tets,
-    Triangles,
-    closest,
-    inside,
-    winding_numbers,
-)
+from ...asset.triangles import Places, Points, Tets, Triangles, closest, inside, winding_numbers
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
@@ -50,9 +42,10 @@ log = logging.getLogger(__name__)
 
 
 class _Filled(NamedTuple):
-    """A filling, and the offsets of its shells that gave their volumes."""
+    """A filling, how it fits, and the offsets of its shells that gave their volumes."""
 
     filling: Filling
+    fit: LatticeFit
     offsets: np.ndarray
 
 
@@ -64,27 +57,34 @@ def stuffed(solids: Solids, target: EngineTarget, runner: Runner) -> Filling:
     """
     if runner.progress is not None:
         runner.progress("stuffing", 0.0)
-    edge, places = _edge(solids, target), NOWHERE
+    total = sum(shell.volume for shell in solids.shells)
+    edge = target.lattice_edge(total)
+    nodes = lattice_around((solids.bounds - solids.bounds[0]) / edge).node_count
+    if nodes > MOST_NODES:
+        if target.edge_is_given:
+            raise UsageError(
+                f"an edge of {edge:.3g} m gives a lattice of {nodes} nodes, the limit is "
+                f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
+            )
+        edge *= (nodes / MOST_NODES) ** (1 / 3)
     best = _unbeaded(solids, replace(target, beads=False), edge)
-    assert best.filling.lattice is not None
-    if best.filling.lattice.parted_shares and not target.beads:
+    if best.fit.parted_shares and not target.beads:
         return best.filling  # a finer lattice may keep it in one piece
+    places = NOWHERE
     touch = touching_places(solids.surface, touching=target.epsilon, spacing=edge)
     for _ in range(ROUNDS):
         # Places [m] where the solids hang together and their tets do not
-        filling = best.filling
-        assert filling.lattice is not None
-        mesh = BodyTets(filling.mesh.points, filling.mesh.tets, filling.part, solids.surface)
+        tets = best.filling.mesh
+        mesh = BodyTets(tets.points, tets.tets, best.filling.part, solids.surface)
         # Surfaces that are samples have thin places by their noise.
-        thin = list(filling.lattice.thin_shares) if target.sharp else []
+        thin = list(best.fit.thin_shares) if target.sharp else []
         parted = parted_places(mesh, thin, edge)  # it asks for whole bodies, which are kept
         more = np.concatenate([loose_contacts(mesh, touch, edge), parted])
         if not len(more):
             break
         places = np.concatenate([places, more])
         beaded = _filled(solids, target, edge, places, best.offsets)
-        assert beaded.filling.lattice is not None
-        if beaded.filling.lattice.beads > MOST_ADDED * sum(shell.volume for shell in solids.shells):
+        if beaded.fit.beads > MOST_ADDED * total:
             break
         best = beaded
     return best.filling
@@ -116,28 +116,20 @@ def _filled(
     volumes = signed_volumes(mesh.points, mesh.tets)
     if (flat := int((volumes <= 0).sum())) > 0:
         raise NoFilling(f"{flat} tets are flat or inverted")
-    off = came_off(mesh.points, mesh.tets, part, solids, target.epsilon)
-    added = float(field.added.sum()) * edge**3
-    skin = Triangles(mesh.points, boundary_faces(mesh.tets).faces)
-    closed = closed_shares(solids, edge, skin)
+    errors: dict[int, float] = {}  # of parts that share a shell, that of the largest
+    for shell, error in zip(field.shells, found.errors.tolist(), strict=True):
+        for part_id in shell.parts.tolist():
+            errors[part_id] = max(errors.get(part_id, 0.0), error, key=abs)
+    fit = LatticeFit(
+        errors,
+        thin_shares(solids, edge),
+        came_off(mesh.points, mesh.tets, part, solids, target.epsilon),
+        closed_shares(solids, edge, Triangles(mesh.points, boundary_faces(mesh.tets).faces)),
+        float(field.added.sum()) * edge**3,
+    )
     rel = edge / target.diagonal
-    fit = LatticeFit(_errors(field, found), thin_shares(solids, edge), off, closed, added)
     used = replace(target, edge_length_rel=rel, epsilon_rel=rel, layers=1)
-    return _Filled(Filling(mesh, part, used, lattice=fit), found.offsets)
-
-
-def _edge(solids: Solids, target: EngineTarget) -> float:
-    """Long edge [m] of the lattice."""
-    edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
-    lattice = lattice_around((solids.bounds - solids.bounds[0]) / edge)
-    if lattice.node_count <= MOST_NODES:
-        return edge
-    if target.edge_is_given:
-        raise UsageError(
-            f"an edge of {edge:.3g} m gives a lattice of {lattice.node_count} nodes, the limit is "
-            f"{MOST_NODES}: give a longer --edge-length, or --mesher ftetwild"
-        )
-    return edge * (lattice.node_count / MOST_NODES) ** (1 / 3)
+    return _Filled(Filling(mesh, part, used, lattice=fit), fit, found.offsets)
 
 
 def stuff(
@@ -168,15 +160,6 @@ def stuff(
         return filled_ridges(mesh, on_edge, finder, lambda where: field.region_at(where, offsets))
 
     return matched(field, wanted_volumes(field), build, offsets)
-
-
-def _errors(field: SolidField, found: Matched) -> dict[int, float]:
-    """Relative error of each part's volume: where parts share a shell, that of the largest."""
-    out: dict[int, float] = {}
-    for shell, error in zip(field.shells, found.errors, strict=True):
-        for part in shell.parts.tolist():
-            out[part] = max(out.get(part, 0.0), float(error), key=abs)
-    return out
 
 
 # Volumes: how much of each shell is wanted, and offsets of the surfaces that give it.
@@ -237,10 +220,25 @@ def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
     shells = [ShellField.of(one, solids.bounds[0], 1.0, 1) for one in solids.largest_first]
     rng = np.random.default_rng(0)
     count = max(SAMPLES // len(shells), FEWEST)
-    held = [_samples(shell, count, rng) for shell in shells]
-    whole = np.array([_volume(*pair) for pair in zip(shells, held, strict=True)])
+    samples, whole = [], np.zeros(len(shells))
+    for rank, one in enumerate(shells):
+        shell = one.shell
+        # Labels tell how many more bodies share each point.
+        held = inside(
+            one.triangles,
+            lambda where, shell=shell: shell.depth(where) - 1,
+            one.bounds,
+            rng=rng,
+            count=count,
+            crisp=shell.rimless,
+        )
+        # The exact volume of a closed shell without what its bodies share, else the sampled one
+        exact = shell.volume - float(held.label @ held.cell)
+        near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
+        whole[rank] = exact if near else held.total
+        samples.append(held)
     own = whole.copy()
-    for rank, (where, _, cell, _) in enumerate(held):
+    for rank, (where, _, cell, _) in enumerate(samples):
         taken = cell * whole[rank] / max(cell.sum(), np.finfo(float).tiny)
         for higher in shells[rank + 1 :]:
             free = ~higher.shell.contains(where)
@@ -248,23 +246,6 @@ def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
         for lower in range(rank):
             own[lower] -= taken[shells[lower].shell.contains(where)].sum()
     return np.where(own > HIDDEN * whole, own, 0.0)
-
-
-def _samples(shell: ShellField, count: int, rng: np.random.Generator) -> Inside:
-    """Random points inside one shell; their labels tell how many more bodies share each."""
-
-    def label(where: Places) -> Int[np.ndarray, "n"]:
-        return shell.shell.depth(where) - 1
-
-    crisp = shell.shell.rimless
-    return inside(shell.triangles, label, shell.bounds, rng=rng, count=count, crisp=crisp)
-
-
-def _volume(shell: ShellField, held: Inside) -> float:
-    """Exact volume of a closed shell without what its bodies share, else the sampled one."""
-    exact = shell.shell.volume - float(held.label @ held.cell)
-    near = abs(exact - held.total) <= max(CLOSED, held.uncertainty) * held.total
-    return exact if near else held.total
 
 
 def matched(
@@ -284,7 +265,8 @@ def matched(
     offsets = np.zeros(len(area)) if offsets is None else offsets
     for number in range(MOST_PASSES):
         mesh = build(offsets)
-        found = Matched(mesh, offsets, _volumes(field, mesh), wanted)
+        volumes = np.bincount(field.rank[mesh.region], mesh.volumes, len(field.shells))
+        found = Matched(mesh, offsets, volumes.astype(np.float64), wanted)
         if best is None or found.misplaced < NO_LESS * best.misplaced:
             idle = 0
         else:
@@ -331,12 +313,6 @@ class Search:
         tried = offsets + lacks / self.slope
         self.halved = ((tried <= self.low) | (tried >= self.high)) & (lacks != 0)
         return np.where(self.halved, (self.low + self.high) / 2, tried)
-
-
-def _volumes(field: SolidField, mesh: CutMesh) -> Float[np.ndarray, "shells"]:
-    rank = field.rank[mesh.region]
-    total = np.bincount(rank, weights=mesh.volumes, minlength=len(field.shells))
-    return total.astype(np.float64)  # of no tets it is integers
 
 
 # Tets left out: crumbs, and those at a bare edge, which doubling of nodes cannot separate.
@@ -511,37 +487,24 @@ def _added(
     middle = mesh.points[groups.reshape(-1, 4)].mean(axis=1)
     inside = (region(middle).reshape(-1, size) == regions[:, None]).all(axis=1)
     groups, regions = groups[inside], regions[inside]
-    kept = _ridges_apart(groups, fatness[inside])
-    return _without_unused(
-        mesh._replace(
-            tets=np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)]),
-            region=np.concatenate([mesh.region, np.repeat(regions[kept], size)]),
-        )
-    )
-
-
-def _ridges_apart(groups: Int[np.ndarray, "n k 4"], fatness: Float[np.ndarray, "n"]) -> list[int]:
-    """Of groups of tets that share a face, the fattest."""
+    # Of groups that share a face, the fattest
     taken: set[tuple[int, ...]] = set()
     kept = []
-    for number in np.argsort(-fatness, kind="stable").tolist():
-        faces: set[tuple[int, ...]] = set()
-        for a, b, c, d in np.sort(groups[number], axis=1).tolist():
-            faces |= {(a, b, c), (a, b, d), (a, c, d), (b, c, d)}
+    for number in np.argsort(-fatness[inside], kind="stable").tolist():
+        faces = {
+            face
+            for tet in np.sort(groups[number], axis=1).tolist()
+            for face in combinations(tet, 3)
+        }
         if not faces & taken:
             taken |= faces
             kept.append(number)
-    return kept
-
-
-def _without_unused(mesh: CutMesh) -> CutMesh:
-    """Drop the points that no tet has."""
+    tets = np.concatenate([mesh.tets, groups[kept].reshape(-1, 4).astype(np.int32)])
+    number = np.concatenate([mesh.region, np.repeat(regions[kept], size)])
     used = np.zeros(len(mesh.points), dtype=bool)
-    used[mesh.tets] = True
-    if used.all():
-        return mesh
-    number = (np.cumsum(used) - 1).astype(np.int32)
-    return mesh._replace(points=mesh.points[used], tets=number[mesh.tets], free=mesh.free[used])
+    used[tets] = True
+    tets = (np.cumsum(used) - 1).astype(np.int32)[tets]
+    return CutMesh(mesh.points[used], tets, number, mesh.free[used])
 
 
 # Nodes moved onto sharp edges and corners, as far as the tets around them stay good.
@@ -552,36 +515,28 @@ EDGE_REACHES = (0.175, 0.3, 0.65)  # long edges, the sure ones first
 
 def snapped(mesh: CutMesh, features: FeatureFinder) -> tuple[CutMesh, Bool[np.ndarray, "points"]]:
     """Move nodes of the surfaces to ``features``; also which points lie on these then."""
+    from scipy.spatial import KDTree
+
     guard = Guard(mesh)
-    taken = mesh.free.copy()
-    _to_corners(guard, taken, features.corners)
+    taken, corners = mesh.free.copy(), features.corners
+    # For each corner the nearest nodes one after the other, until one may move there
+    nodes = np.flatnonzero(~taken)
+    if len(corners) and len(nodes):
+        ranks: Any = np.arange(1, min(CORNER_NODES, len(nodes)) + 1)  # an array keeps the shape
+        distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
+        open_ = np.ones(len(corners), dtype=bool)
+        for distances, tried in zip(distance.T, nodes[index.T], strict=True):
+            ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
+            ask = ask[np.unique(tried[ask], return_index=True)[1]]
+            moved = guard.move(tried[ask], corners[ask])
+            taken[moved] = True
+            open_[ask[np.isin(tried[ask], moved)]] = False
     for reach in EDGE_REACHES:
         nodes = np.flatnonzero(~taken)
         found = features.on_edges(guard.points[nodes], reach)
         near = np.isfinite(found.distance)
         taken[guard.move(nodes[near], found.point[near])] = True
     return mesh._replace(points=guard.points), taken & ~mesh.free
-
-
-def _to_corners(
-    guard: Guard, taken: Bool[np.ndarray, "points"], corners: Float[np.ndarray, "corners 3"]
-) -> None:
-    """For each corner try the nearest nodes one after the other, until one may move there."""
-    from scipy.spatial import KDTree
-
-    nodes = np.flatnonzero(~taken)
-    count = min(CORNER_NODES, len(nodes))
-    if not (len(corners) and count):
-        return
-    ranks: Any = np.arange(1, count + 1)  # an array keeps the shape where there is one; stubs lag
-    distance, index = KDTree(guard.points[nodes]).query(corners, k=ranks)
-    open_ = np.ones(len(corners), dtype=bool)
-    for distances, tried in zip(distance.T, nodes[index.T], strict=True):
-        ask = np.flatnonzero(open_ & (distances < CORNER_REACH) & ~taken[tried])
-        ask = ask[np.unique(tried[ask], return_index=True)[1]]
-        moved = guard.move(tried[ask], corners[ask])
-        taken[moved] = True
-        open_[ask[np.isin(tried[ask], moved)]] = False
 
 
 class Guard:
@@ -642,21 +597,11 @@ RESOLVED = 0.75
 THIN_SHARE = 0.05  # of the surface that may be thinner: rims and ornaments that carry little
 
 
-class RaysThrough(NamedTuple):
-    """Rays through parts: the ``part`` of each, and its ``thickness`` [m] there if below an edge.
-
-    Where it is thicker, or the wall opposite is one inside the part, that is infinite.
-    """
-
-    part: np.ndarray
-    thickness: np.ndarray
-
-
-def thin_walls(solids: Solids, edge: float) -> RaysThrough:
-    """Thickness of the parts where their walls are nearer than ``edge`` [m].
+def thin_walls(solids: Solids, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of rays through parts the part, and the thickness [m] there where it is below ``edge`` [m].
 
     A ray from a wall finds the wall opposite; beyond both must be another part or air, else it is
-    a wall inside.
+    a wall inside. There, and where it is thicker, that is infinite.
     """
     rng = np.random.default_rng(0)
     start, end, thickness = thicknesses(solids.clean_triangles(), edge=edge, rng=rng, count=RAYS)
@@ -668,7 +613,7 @@ def thin_walls(solids: Solids, edge: float) -> RaysThrough:
     thin = thin[(before != part[thin]) & (after != part[thin])]
     found = np.full(len(part), np.inf)
     found[thin] = thickness[thin]
-    return RaysThrough(part[part >= 0], found[part >= 0])
+    return part[part >= 0], found[part >= 0]
 
 
 def thin_shares(solids: Solids, edge: float) -> dict[int, float]:
@@ -685,7 +630,7 @@ def resolving(solids: Solids, target: EngineTarget, *, most: int) -> EngineTarge
     All but ``THIN_SHARE`` of the surface is then at least ``RESOLVED`` edges thick.
     """
     edge = target.lattice_edge(sum(shell.volume for shell in solids.shells))
-    thickness = np.sort(thin_walls(solids, RESOLVED * edge).thickness)
+    thickness = np.sort(thin_walls(solids, RESOLVED * edge)[1])
     if not len(thickness):
         return target
     wanted = thickness[int(THIN_SHARE * len(thickness))] / RESOLVED
