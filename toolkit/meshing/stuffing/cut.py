@@ -96,9 +96,9 @@ def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) 
     local = np.concatenate([tets[mixed], number[edges]], axis=1)
     pieces, many = _divided(local, region[tets[mixed]], mirrored[mixed])
     kept = _wild_tets(lattice, field, points, wild, offsets)
-    *inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
+    inner, points = junction_tets(local[many], region[tets[mixed][many]], points)
     # All pieces, positively oriented, on the points that they use
-    pieces = [whole, *pieces, DividedTets(*inner), kept]
+    pieces = [whole, *pieces, inner, kept]
     tets = np.concatenate([_positive(piece.tets, piece.mirrored) for piece in pieces])
     region = np.concatenate([piece.region for piece in pieces])
     inside = region > 0
@@ -124,8 +124,7 @@ def _warped(
     close = [np.flatnonzero(s < safe) for s in (share, 1 - share)]  # no cut is NaN, never close
     node = np.concatenate([ends[c, k] for k, c in enumerate(close)])
     edge = np.concatenate(close)
-    distance = np.concatenate([(s * length)[c] for s, c in zip((share, 1 - share), close,
-                                                               strict=True)])  # fmt: skip
+    distance = np.concatenate([(share * length)[close[0]], ((1 - share) * length)[close[1]]])
     order = np.lexsort((distance, node))
     node, first = np.unique(node[order], return_index=True)
     edge = edge[order][first]
@@ -204,15 +203,6 @@ FACES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
 FACE_CENTRE, CENTRE = 10, 14  # after the corners and the cuts: points of the four faces and the tet
 
 
-class Junctions(NamedTuple):
-    """``tets`` (n, 4) with their ``region`` (n,) and orientation, on ``points`` (m, 3)."""
-
-    tets: np.ndarray
-    region: np.ndarray
-    mirrored: np.ndarray
-    points: np.ndarray
-
-
 @cache
 def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
     """Tets with their region for at least three regions at A, B, C, D, -1 on a surface.
@@ -220,45 +210,34 @@ def cone(regions: tuple[int, ...]) -> tuple[tuple[tuple[int, ...], int], ...]:
     Each face is divided as its other tet divides it: where it has two regions by the rule of the
     stencils, where three around its centre.
     """
-    faces = [_face(face, regions, FACE_CENTRE + number) for number, face in enumerate(FACES)]
-    return tuple(((*triangle, CENTRE), region) for face in faces for triangle, region in face)
+    out = []
+    for number, face in enumerate(FACES):
+        mine = [regions[i] for i in face]
+        if min(mine) < 0:
+            wild = face[mine.index(-1)]
+            a, b = (i for i in face if i != wild)
+            parts = [((end, CUT[a, b], wild), regions[end]) for end in (a, b)]
+        elif len(set(mine)) == 3:
+            centre = FACE_CENTRE + number
+            pairs = ((i, j) for i in face for j in face if i != j)
+            parts = [((i, CUT[i, j], centre), regions[i]) for i, j in pairs]
+        else:
+            tip = next(i for i in face if mine.count(regions[i]) == 1)
+            a, b = (i for i in face if i != tip)
+            parts = [((tip, CUT[tip, a], CUT[tip, b]), regions[tip])]
+            parts += [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
+        out += [((*triangle, CENTRE), region) for triangle, region in parts]
+    return tuple(out)
 
 
-def _face(
-    face: tuple[int, ...], regions: tuple[int, ...], centre: int
-) -> list[tuple[tuple[int, ...], int]]:
-    mine = [regions[i] for i in face]
-    if min(mine) < 0:
-        wild = face[mine.index(-1)]
-        a, b = (i for i in face if i != wild)
-        return [((end, CUT[a, b], wild), regions[end]) for end in (a, b)]
-    if len(set(mine)) == 3:
-        return [((i, CUT[i, j], centre), regions[i]) for i in face for j in face if i != j]
-    tip = next(i for i in face if mine.count(regions[i]) == 1)
-    a, b = (i for i in face if i != tip)
-    rest = [(triangle, regions[a]) for triangle in cut_face(tip, a, b)]
-    return [((tip, CUT[tip, a], CUT[tip, b]), regions[tip]), *rest]
+def junction_tets(
+    local: Int[np.ndarray, "tets 10"], regions: Int[np.ndarray, "tets 4"], points: Points
+) -> tuple[DividedTets, np.ndarray]:
+    """Divide tets by their corners' ``regions``; also the points with those in the middles.
 
-
-def junction_tets(local: Int[np.ndarray, "tets 10"], regions: Tets, points: Points) -> Junctions:
-    """Divide tets by their corners' ``regions``; ``local`` are their points, -1 where none is."""
-    local, points = _with_centres(local, regions, points)
-    rows, group = np.unique(regions, axis=0, return_inverse=True)
-    tets, region = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
-    for number, row in enumerate(rows.tolist()):
-        mine = local[group.reshape(-1) == number]
-        for tet, inside in cone(tuple(row)):
-            tets.append(mine[:, tet])
-            region.append(np.full(len(mine), inside))
-    found = np.concatenate(tets)
-    mirrored = signed_volumes(points, found) < 0
-    return Junctions(found, np.concatenate(region), mirrored, points)
-
-
-def _with_centres(
-    local: Int[np.ndarray, "tets 10"], regions: Tets, points: Points
-) -> tuple[Int[np.ndarray, "tets 15"], Float[np.ndarray, "more 3"]]:
-    """Add a point in every face of three regions, one for both its tets, and one in every tet."""
+    ``local`` are the tets' points, -1 where none is. One is added in every face of three regions,
+    one for both its tets, and one in every tet.
+    """
     faces = np.full((len(local), 4), -1)
     corners = local[:, FACES]
     mine = np.sort(regions[:, FACES], axis=-1)
@@ -269,11 +248,21 @@ def _with_centres(
     middle = np.zeros((len(found), 3))
     middle[number.reshape(-1)] = points[cuts[three]].mean(axis=1)
     points = np.concatenate([points, middle])
-    centre = len(points) + np.arange(len(local))
     on = np.concatenate([regions < 0, local[:, 4:] >= 0], axis=1)
     weight = on / np.maximum(on.sum(axis=1), 1)[:, None]
     inner = np.einsum("tk,tki->ti", weight, points[local])
-    return np.column_stack([local, faces, centre]), np.concatenate([points, inner])
+    local = np.column_stack([local, faces, len(points) + np.arange(len(local))])
+    points = np.concatenate([points, inner])
+    rows, group = np.unique(regions, axis=0, return_inverse=True)
+    tets, region = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
+    for number, row in enumerate(rows.tolist()):
+        mine = local[group.reshape(-1) == number]
+        for tet, inside in cone(tuple(row)):
+            tets.append(mine[:, tet])
+            region.append(np.full(len(mine), inside))
+    found = np.concatenate(tets)
+    mirrored = signed_volumes(points, found) < 0
+    return DividedTets(found, np.concatenate(region), mirrored), points
 
 
 # How a tet is divided by the signs of its four corners: one table for all 81 patterns.
@@ -373,12 +362,9 @@ def _prism(
             if all(set(pair) in edges for pair in combinations(tet, 2))
         ]
         if len(tets) == 3 and all(diagonal in diagonals for diagonal in fixed):
-            ways.append((min(_fatness(tet) for tet in tets), tets))
+            corners = CORNERS[tets]
+            edges = corners[:, :, None] - corners[:, None]
+            longest = np.linalg.norm(edges, axis=-1).max(axis=(1, 2))
+            volume = np.abs(np.linalg.det(edges[:, 1:, 0]))
+            ways.append((float((volume / longest**3).min()), tets))
     return max(ways)[1]
-
-
-def _fatness(tet: Tet) -> float:
-    """Volume by the cube of the longest edge."""
-    a, *others = points = CORNERS[list(tet)]
-    longest = max(np.linalg.norm(p - q) for p, q in combinations(points, 2))
-    return abs(np.linalg.det(np.array(others) - a)) / longest**3
