@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from ....fem.mesh import signed_volumes
 from ...asset.triangles import Points, Tets
 from ..quality import dihedral_angles
-from .lattice import EDGES, Lattice, edges_of, tets_around
+from .lattice import EDGES, Lattice, Offsets, edges_of, tets_around
 
 # A cut nearer than this share of an edge moves the node onto the surface. Labelle and Schewchuk,
 # table 1: safe for dihedral angles of 10.7 to 164.8 degrees; just below, as equality is not.
@@ -30,13 +30,11 @@ class Regions(Protocol):
 
     where: np.ndarray
 
-    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+    def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of every node, 0 outside, where surfaces are moved outward by offsets."""
         ...
 
-    def region_at(
-        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "m"]:
+    def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
         """Region of other places."""
         ...
 
@@ -44,7 +42,7 @@ class Regions(Protocol):
         self,
         ends: Int[np.ndarray, "edges 2"],
         regions: Int[np.ndarray, "edges 2"],
-        offsets: Float[np.ndarray, "shells"],
+        offsets: Offsets,
     ) -> Float[np.ndarray, "edges"]:
         """Share of each edge at which the ``regions`` of its ``ends`` meet."""
         ...
@@ -75,7 +73,7 @@ class DividedTets(NamedTuple):
     mirrored: np.ndarray
 
 
-def cut(lattice: Lattice, field: Regions, offsets: Float[np.ndarray, "shells"]) -> CutMesh:
+def cut(lattice: Lattice, field: Regions, offsets: Offsets) -> CutMesh:
     """Fill the regions with tets; the surface of each shell is moved outward by its offset."""
     nodes, region = field.where, field.regions(offsets)
     tets, mirrored = tets_around(lattice, region > 0)
@@ -175,7 +173,7 @@ def _wild_tets(
     field: Regions,
     points: Points,
     wild: Bool[np.ndarray, "nodes"],
-    offsets: Float[np.ndarray, "shells"],
+    offsets: Offsets,
 ) -> DividedTets:
     """Tets whose four nodes all moved onto surfaces: kept where they lie inside and are good.
 

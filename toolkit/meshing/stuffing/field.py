@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from ...asset.solids import INSIDE, Shell, Solids
 from ...asset.triangles import ClosestTo, Places, Triangles
+from .lattice import Offsets
 
 # Distances beyond are cut off: no edge is longer. Where both ends of one that enters a shell are
 # that far from its faces it passes through a hole, and the winding number tells where.
@@ -184,9 +185,7 @@ class SolidField:
         boxes = np.array([shell.bounds for shell in self.shells])
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
-    def region_at(
-        self, where: Places, offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "n"]:
+    def region_at(self, where: Places, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of each place, where the surface of each shell is moved outward by its offset."""
         out = np.zeros(len(where), dtype=np.int32)
         undecided = np.arange(len(where))
@@ -222,7 +221,7 @@ class NodeField:
             self.values.append(value)
             self._regions.append(region)
 
-    def regions(self, offsets: Float[np.ndarray, "shells"]) -> Int[np.ndarray, "n"]:
+    def regions(self, offsets: Offsets) -> Int[np.ndarray, "n"]:
         """Region of every place, where the surface of each shell is moved outward by its offset."""
         out = np.zeros(len(self.where), dtype=np.int32)
         for near, value, region, offset in zip(
@@ -232,9 +231,7 @@ class NodeField:
             out[near[inside]] = region[inside]
         return out
 
-    def region_at(
-        self, where: Float[np.ndarray, "m 3"], offsets: Float[np.ndarray, "shells"]
-    ) -> Int[np.ndarray, "m"]:
+    def region_at(self, where: Float[np.ndarray, "m 3"], offsets: Offsets) -> Int[np.ndarray, "m"]:
         """Region of other places."""
         return self.field.region_at(where, offsets)
 
@@ -242,7 +239,7 @@ class NodeField:
         self,
         ends: Int[np.ndarray, "edges 2"],
         regions: Int[np.ndarray, "edges 2"],
-        offsets: Float[np.ndarray, "shells"],
+        offsets: Offsets,
     ) -> Float[np.ndarray, "edges"]:
         """Share of each edge, whose ``ends`` lie in two ``regions``, at which these meet.
 

@@ -18,6 +18,7 @@ from ....fem.mesh import area_vectors
 from ...asset.surface import face_edges
 from ...asset.triangles import Faces, Places, Tets, Triangles
 
+Offsets = Float[np.ndarray, "shells"]  # how far the surface of each shell is moved outward
 MOST_NODES = 6_000_000  # 1 GB of distances and labels on the way
 # Edges of a tet A, B, C, D as pairs of corners; the first two are the long ones.
 EDGES = ((0, 1), (2, 3), (0, 2), (0, 3), (1, 2), (1, 3))

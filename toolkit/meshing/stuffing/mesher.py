@@ -26,6 +26,7 @@ from .field import NOWHERE, NodeField, ShellField, SolidField
 from .lattice import (
     MOST_NODES,
     FeatureFinder,
+    Offsets,
     edges_of,
     features_of,
     gathered_features,
@@ -96,11 +97,7 @@ def _unbeaded(solids: Solids, target: EngineTarget, edge: float) -> _Filled:
 
 
 def _filled(
-    solids: Solids,
-    target: EngineTarget,
-    edge: float,
-    beads: Places,
-    offsets: Float[np.ndarray, "shells"] | None = None,
+    solids: Solids, target: EngineTarget, edge: float, beads: Places, offsets: Offsets | None = None
 ) -> _Filled:
     """Fill ``solids`` [m] by a lattice of long ``edge`` [m], with ``beads`` at places [m]."""
     field = SolidField(solids, origin=solids.bounds[0], edge=edge, beads=beads)
@@ -132,9 +129,7 @@ def _filled(
     return _Filled(Filling(mesh, part, used, lattice=fit), fit, found.offsets)
 
 
-def stuff(
-    field: SolidField, *, sharp: bool = True, offsets: Float[np.ndarray, "shells"] | None = None
-) -> Matched:
+def stuff(field: SolidField, *, sharp: bool = True, offsets: Offsets | None = None) -> Matched:
     """Fill a field's shells, their volumes matched and their ``sharp`` edges kept.
 
     The search for offsets begins with ``offsets``, those of a lattice like it, if there are some.
@@ -152,7 +147,7 @@ def stuff(
 
     finder = FeatureFinder(features, visible) if sharp else None
 
-    def build(offsets: Float[np.ndarray, "shells"]) -> CutMesh:
+    def build(offsets: Offsets) -> CutMesh:
         mesh = cut(lattice, nodes, offsets)
         if finder is None:
             return mesh
@@ -192,7 +187,7 @@ class Matched(NamedTuple):
     wanted: np.ndarray
 
     @property
-    def errors(self) -> Float[np.ndarray, "shells"]:
+    def errors(self) -> Offsets:
         """Relative error of each shell's volume."""
         matters = self.wanted > 0
         return np.where(matters, self.volumes / np.where(matters, self.wanted, 1.0) - 1, 0.0)
@@ -208,14 +203,14 @@ class Matched(NamedTuple):
         return float(np.abs(self.errors) @ self.wanted / self.wanted.sum())
 
 
-def wanted_volumes(field: SolidField) -> Float[np.ndarray, "shells"]:
+def wanted_volumes(field: SolidField) -> Offsets:
     """Volume of each shell without what smaller shells take of it; 0 where they take all."""
     own = own_volumes(field.solids) / field.edge**3
     return np.where(own > 0, own + field.added, 0.0)
 
 
 @lru_cache(maxsize=1)  # one body is filled by several lattices
-def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
+def own_volumes(solids: Solids) -> Offsets:
     """Volume [m^3] of each shell, largest first, without what smaller ones take; 0 if it is all."""
     shells = [ShellField.of(one, solids.bounds[0], 1.0, 1) for one in solids.largest_first]
     rng = np.random.default_rng(0)
@@ -250,9 +245,9 @@ def own_volumes(solids: Solids) -> Float[np.ndarray, "shells"]:
 
 def matched(
     field: SolidField,
-    wanted: Float[np.ndarray, "shells"],
-    build: Callable[[Float[np.ndarray, "shells"]], CutMesh],
-    offsets: Float[np.ndarray, "shells"] | None = None,
+    wanted: Offsets,
+    build: Callable[[Offsets], CutMesh],
+    offsets: Offsets | None = None,
 ) -> Matched:
     """Build a mesh, and again with other offsets until the volumes are those ``wanted``.
 
@@ -284,16 +279,14 @@ def matched(
 class Search:
     """Offsets at which several volumes lack nothing: secants within brackets, one for each."""
 
-    def __init__(self, area: Float[np.ndarray, "shells"]) -> None:
+    def __init__(self, area: Offsets) -> None:
         """Begin with volumes that grow with the offset as fast as their ``area``."""
         self.area, self.slope = area, area
         self.low, self.high = np.full(len(area), -FARTHEST), np.full(len(area), FARTHEST)
         self.last: tuple[np.ndarray, np.ndarray] | None = None
         self.halved = np.zeros(len(area), dtype=bool)
 
-    def next(
-        self, offsets: Float[np.ndarray, "shells"], lacks: Float[np.ndarray, "shells"]
-    ) -> Float[np.ndarray, "shells"]:
+    def next(self, offsets: Offsets, lacks: Offsets) -> Offsets:
         """Return offsets to try after these, which left volumes that lack so much."""
         if self.last is not None:
             step, grown = offsets - self.last[0], self.last[1] - lacks
