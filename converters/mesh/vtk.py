@@ -335,31 +335,22 @@ def write_pvd(
     """
     path = Path(path)
     with writing_folder(path.parent) as folder:
-        names = _write_series(folder / path.name, mesh, frames, cell_data)
+        entries, names = [], [path.name]
+        for i, (time, point_data) in enumerate(frames):
+            names.append(f"{path.stem}_{i:05d}.vtu")
+            write_vtk(folder / names[-1], mesh, point_data=point_data, cell_data=cell_data)
+            entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(names[-1])}/>')
+        if not entries:
+            raise InputError(f"{path.name}: a series needs at least one frame, got none")
+        lines = [
+            '<?xml version="1.0" encoding="utf-8"?>',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
+            *entries,
+            "</Collection></VTKFile>\n",
+        ]
+        with writing(folder / path.name) as target:
+            target.write_text("\n".join(lines), encoding="utf-8")
     return [path.with_name(name) for name in names]
-
-
-def _write_series(
-    path: Path, mesh: TetMesh, frames: Iterable[TimedFields], cell_data: Arrays | None
-) -> list[str]:
-    """Write frames and index; their names, the index first."""
-    entries, names = [], []
-    for i, (time, point_data) in enumerate(frames):
-        file = path.with_name(f"{path.stem}_{i:05d}.vtu")
-        write_vtk(file, mesh, point_data=point_data, cell_data=cell_data)
-        entries.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(file.name)}/>')
-        names.append(file.name)
-    if not entries:
-        raise InputError(f"{path.name}: a series needs at least one frame, got none")
-    lines = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>',
-        *entries,
-        "</Collection></VTKFile>\n",
-    ]
-    with writing(path) as target:
-        target.write_text("\n".join(lines), encoding="utf-8")
-    return [path.name, *names]
 
 
 def read_pvd(path: str | os.PathLike) -> Iterator[tuple[float, MeshData]]:

@@ -108,7 +108,8 @@ def read_ply_points(path: str | os.PathLike) -> PointTable:
     """Read the vertices as points; splats packed in chunks become the columns of the common PLY."""
     with reading(path, "a PLY point cloud or 3D Gaussian splat"):
         ply = read_ply(path)
-        if is_packed(ply.elements):
+        packed = "packed_position" in (ply.vertex.dtype.names or ())
+        if packed and "chunk" in ply.elements:  # splats in chunks of 256
             return PointTable(unpack(ply.elements), ply.comments)
         names = ply.vertex.dtype.names or ()
         columns = {name: ply.vertex[name] for name in names}
@@ -202,11 +203,6 @@ def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
 
 _CHUNK = 256  # splats a chunk
 Elements = Mapping[str, np.ndarray]
-
-
-def is_packed(elements: Elements) -> bool:
-    """Whether the elements of a PLY are splats packed in chunks of 256."""
-    return "chunk" in elements and "packed_position" in (elements["vertex"].dtype.names or ())
 
 
 def unpack(elements: Elements) -> dict[str, np.ndarray]:
