@@ -259,14 +259,7 @@ def opacity_grid(splats: Gaussians, grid: Grid) -> Float[np.ndarray, "nx ny nz"]
 
     warp = start_warp()
     sigmas = np.clip(np.hypot(splats.sigmas / grid.h, 0.5), None, MAX_REACH / REACH)  # in cells
-    # Rotation matrices (n, 3, 3) of unit quaternions wxyz; columns are the axes
-    w, x, y, z = splats.rotations.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    axes = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    axes = matrices_of(splats.rotations)
     means = grid.to_index(splats.means)
     reach = REACH * np.sqrt(np.einsum("nij,nj->ni", axes**2, sigmas**2))  # of the box around each
     lower = np.clip(np.ceil(means - reach), 0, grid.shape)

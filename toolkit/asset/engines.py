@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .surface import equal_rows, face_edges
-from .triangles import Triangles, closest, collapsed, edge_components
+from .triangles import Triangles, closest, edge_components
 
 Arrays = dict[str, np.ndarray]
 
@@ -151,13 +151,17 @@ def decimated(surface: Triangles, tolerance: float) -> Decimated:
 
 def _collapsed(given: Pieces, coarse: Pieces, step: float, tolerance: float) -> Pieces:
     """Keep the share ``step`` of the triangles again and again, of each piece as long as it may."""
+    import igl
+
     count = int(given.piece.max()) + 1
     active = np.ones(count, dtype=bool)
     while len((now := coarse.only(active)).faces) > FEWEST:
-        points, faces, birth = collapsed(
-            Triangles(now.points, now.faces), int(step * len(now.faces))
+        # The surface is edge-manifold and coherently wound: on others libigl may never return.
+        points, faces, birth, _ = igl.qslim(now.points, now.faces, int(step * len(now.faces)))
+        birth = np.asarray(birth, np.int64).reshape(-1)
+        tried = Pieces(
+            np.asarray(points, np.float64), np.asarray(faces, np.int64), now.piece[birth]
         )
-        tried = Pieces(points, faces, now.piece[birth])
         before, after = (np.bincount(p.piece, minlength=count) for p in (now, tried))
         active &= (after > 0) & (after <= STUCK * before)
         one = given.only(active)

@@ -43,13 +43,6 @@ class Closest(NamedTuple):
     face: np.ndarray
 
 
-class Patches(NamedTuple):
-    """``faces`` (m, 3) wound coherently within each orientable ``patch`` (m,)."""
-
-    faces: np.ndarray
-    patch: np.ndarray
-
-
 class WindingNumber:
     """Generalised winding number of a surface: 1 inside a closed outward one, 0 outside.
 
@@ -123,37 +116,14 @@ def crossing_pairs(points: Points, faces: Faces) -> Int[np.ndarray, "pairs 2"]:
     return np.asarray(pairs, np.int64).reshape(-1, 2)[crossing]
 
 
-class Collapsed(NamedTuple):
-    """A surface with fewer triangles, and the one of the given faces that ``birth`` (m,) names."""
-
-    points: np.ndarray
-    faces: np.ndarray
-    birth: np.ndarray
-
-
-def collapsed(surface: Triangles, count: int) -> Collapsed:
-    """Collapse edges, the flattest first, to ``count`` triangles.
-
-    The surface must be edge-manifold and coherently wound: on others libigl may never return.
-    """
-    import igl
-
-    points, faces, birth, _ = igl.qslim(surface.points, _int64(surface.faces), count)
-    return Collapsed(
-        np.asarray(points, np.float64),
-        np.asarray(faces, np.int64),
-        np.asarray(birth, np.int64).reshape(-1),
-    )
-
-
-def coherent_patches(faces: Faces) -> Patches:
-    """Wind the faces of every orientable patch the same way round."""
+def coherent_patches(faces: Faces) -> tuple[np.ndarray, np.ndarray]:
+    """Faces wound the same way round within each orientable patch, and the patch of each."""
     import igl
 
     if not len(faces):
-        return Patches(faces, np.zeros(0, np.int64))
+        return faces, np.zeros(0, np.int64)
     coherent, patch = igl.bfs_orient(_int64(faces))
-    return Patches(np.asarray(coherent, np.int64), np.asarray(patch, np.int64))
+    return np.asarray(coherent, np.int64), np.asarray(patch, np.int64)
 
 
 def _int64(faces: np.ndarray) -> np.ndarray:

@@ -61,8 +61,16 @@ class EngineTarget:
     ) -> EngineTarget:
         """Build one, checked; without an edge it is ``EDGE_LENGTH_REL``."""
         edge = EDGE_LENGTH_REL if edge_length_rel is None else edge_length_rel
-        made = cls(diagonal, edge, epsilon_rel, stop_energy, layers)
-        return replace(made, edge_is_given=edge_length_rel is not None).checked()
+        for option, value, most in (
+            ("--edge-length-rel", edge, 1.0),
+            ("--epsilon-rel", epsilon_rel, 0.1),
+        ):
+            if not 0 < value <= most:
+                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
+        if not 1 <= layers <= MOST_LAYERS:
+            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {layers}")
+        given = edge_length_rel is not None
+        return cls(diagonal, edge, epsilon_rel, stop_energy, layers, edge_is_given=given)
 
     def on_lattice(self, max_tets: int | None, *, sharp: bool) -> EngineTarget:
         """Return the same with what only a lattice asks for."""
@@ -99,18 +107,6 @@ class EngineTarget:
             return self
         tets = int(TETS_PER_CUBE * volume / self.edge_length**3)
         return replace(self, edge_is_given=False, tets=max(self.tets, tets))
-
-    def checked(self) -> EngineTarget:
-        """Return itself, or say what is out of range."""
-        for option, value, most in (
-            ("--edge-length-rel", self.edge_length_rel, 1.0),
-            ("--epsilon-rel", self.epsilon_rel, 0.1),
-        ):
-            if not 0 < value <= most:
-                raise UsageError(f"{option} must be > 0 and at most {most:g}, got {value:g}")
-        if not 1 <= self.layers <= MOST_LAYERS:
-            raise UsageError(f"--layers must be 1 to {MOST_LAYERS}, got {self.layers}")
-        return self
 
     def coarser(self, factor: float) -> EngineTarget:
         """Return the same with longer edges and a wider envelope, within sense."""
@@ -223,14 +219,21 @@ def conforming(
     apart by their centroids, at random. A boundary vertex that far from the input lies inside or
     outside, and so do all tets around it; a face whose middle is outside bounds no solid.
     """
+
+    def labels(where: np.ndarray) -> np.ndarray:
+        """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input."""
+        label = np.full(len(where), NEAR)
+        far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
+        label[far] = solids.label(where[far])
+        return label
+
     part = part.copy()
     for _ in range(CONFORMING_ROUNDS):
         if not (part >= 0).any():
             break
         boundary = boundary_faces(tets[part >= 0])
         skin = np.unique(boundary.faces)
-        vertex = _labels_off(solids, points[skin], epsilon)
-        face = _labels_off(solids, points[boundary.faces].mean(axis=1), epsilon)
+        vertex, face = labels(points[skin]), labels(points[boundary.faces].mean(axis=1))
         if (vertex == NEAR).all() and (face == NEAR).all():
             break
         wrong = np.flatnonzero(part >= 0)[boundary.tet[face == OUTSIDE]]
@@ -241,14 +244,6 @@ def conforming(
         part[(corner[tets] == OUTSIDE).any(axis=1)] = OUTSIDE
         part[wrong] = OUTSIDE
     return part
-
-
-def _labels_off(solids: Solids, where: Places, epsilon: float) -> Int[np.ndarray, "n"]:
-    """Part that each point lies in, ``OUTSIDE``, or ``NEAR`` the input, within ``epsilon`` [m]."""
-    label = np.full(len(where), NEAR)
-    far = closest(where, solids.surface.points, solids.surface.faces).distance > epsilon
-    label[far] = solids.label(where[far])
-    return label
 
 
 # Edges for thin places: how thick a solid is, and a field of edge lengths made from that.
