@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -198,10 +198,6 @@ class SolidField:
         return out
 
 
-def _among(together: Together, near: np.ndarray, some: np.ndarray) -> np.ndarray:
-    return together(near[some])
-
-
 class NodeField:
     """The shells' signed distances at ``where`` (n, 3), each near its shell only."""
 
@@ -213,7 +209,9 @@ class NodeField:
         self._regions: list[np.ndarray] = []
         for shell in field.shells:
             near = shell.around(where)
-            value = shell.value(where[near], together and partial(_among, together, near))
+            value = shell.value(
+                where[near], together and (lambda some, near=near: together(near[some]))
+            )
             region = np.full(len(near), shell.first, dtype=np.int32)
             within = value > -REACH  # an offset may turn those around into inner ones
             region[within] = shell.region(where[near[within]])

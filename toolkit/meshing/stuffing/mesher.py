@@ -421,7 +421,21 @@ def filled_ridges(
         new = new[~np.isin(np.sort(ridge.tips[new], axis=1) @ key, known @ key)]
         tets = np.column_stack([ridge.faces[new, 0], ridge.tips[new, 1]])
         mesh = _added(mesh, *(tets[:, None], ridge.region[new]), region)
-        mesh = _added(*_above(mesh, _ridges(mesh, near), on_edge, features), region)
+        # Pairs of tets on edges across to new points on the sharp edge above them
+        ridge = _ridges(mesh, near)
+        across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
+        middle = mesh.points[ridge.edges[across]].mean(axis=1)
+        found = features.on_edges(middle, REACH)
+        above = np.isfinite(found.distance)
+        across, where = across[above], found.point[above]
+        number = len(mesh.points) + np.arange(len(across))
+        tips = np.repeat(number[:, None, None], 2, axis=1)
+        tets = np.concatenate([ridge.faces[across], tips], axis=-1)
+        mesh = mesh._replace(
+            points=np.concatenate([mesh.points, where]),
+            free=np.concatenate([mesh.free, np.zeros(len(where), dtype=bool)]),
+        )
+        mesh = _added(mesh, tets, ridge.region[across], region)
         on_edge = np.r_[on_edge, np.ones(len(mesh.points) - len(on_edge), dtype=bool)]
         near = np.unique(mesh.tets[before:])  # what was refused elsewhere is refused again
         if not len(near):
@@ -442,25 +456,6 @@ def _ridges(mesh: CutMesh, near: Int[np.ndarray, "near"]) -> Ridge:
     edges, sides = edges[same], np.stack([left[same], right[same]], axis=1)
     tips = faces[sides].sum(axis=-1) - edges.sum(axis=1, keepdims=True)
     return Ridge(edges, faces[sides], tips, mesh.region[owner[sides[:, 0]]])
-
-
-def _above(
-    mesh: CutMesh, ridge: Ridge, on_edge: Bool[np.ndarray, "points"], features: FeatureFinder
-) -> tuple[CutMesh, Int[np.ndarray, "n 2 4"], Int[np.ndarray, "n"]]:
-    """Pairs of tets from edges that run across to new points on the sharp edge above them."""
-    middle = mesh.points[ridge.edges].mean(axis=1)
-    across = np.flatnonzero(~on_edge[ridge.edges].any(axis=1))
-    found = features.on_edges(middle[across], REACH)
-    near = np.isfinite(found.distance)
-    across, where = across[near], found.point[near]
-    number = len(mesh.points) + np.arange(len(across))
-    faces = ridge.faces[across]
-    tets = np.concatenate([faces, np.repeat(number[:, None, None], 2, axis=1)], axis=-1)
-    grown = mesh._replace(
-        points=np.concatenate([mesh.points, where]),
-        free=np.concatenate([mesh.free, np.zeros(len(where), dtype=bool)]),
-    )
-    return grown, tets, ridge.region[across]
 
 
 def _added(

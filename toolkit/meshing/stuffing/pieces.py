@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -174,49 +173,34 @@ def loose_contacts(mesh: BodyTets, found: TouchingPlaces, edge: float) -> Places
     There the tets of the one body and those of the other, within ``REACH`` long edges [m] of the
     lattice, do not hang together.
     """
-    out = [NOWHERE]
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial.distance import cdist
+
+    out, within = [NOWHERE], BEAD * edge
     for bodies in np.unique(found.bodies, axis=0):
         where = found.where[(found.bodies == bodies).all(axis=1)]
-        # Groups of places [m] that are farther than that `apart` [m], thinned to one a cell
-        within = BEAD * edge
-        apart = REACH * edge
-        from scipy.sparse.csgraph import connected_components
-        from scipy.spatial.distance import cdist
-
+        # Groups of places [m] that are ``REACH`` apart, thinned to one a cell
         cells = np.floor(where / within)
         _, one, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
         thinned = where[one]
-        count, group = connected_components(cdist(thinned, thinned) <= apart, directed=False)
+        count, group = connected_components(cdist(thinned, thinned) <= REACH * edge, directed=False)
         of_all = group[cell.ravel()]
-        for patch in [_Patch(where[of_all == k], thinned[group == k]) for k in range(count)]:
-            near = mesh.around(patch.thinned, REACH * edge)
+        for number in range(count):
+            near = mesh.around(thinned[group == number], REACH * edge)
             if not len(near):
                 continue
             piece = pieces_of(mesh.tets[near])
             ends = [np.bincount(piece[mesh.within(body, near)]) for body in bodies.tolist()]
             if all(len(end) for end in ends) and ends[0].argmax() == ends[1].argmax():
                 continue
-            places = _gathered(patch.where, BEAD * edge)
-            lost = [b for b, end in zip(bodies.tolist(), ends, strict=True) if not len(end)]
-            out += [places, *(_way_to(mesh, body, places, edge) for body in lost)]
+            places = _gathered(where[of_all == number], within)
+            out.append(places)
+            for body, end in zip(bodies.tolist(), ends, strict=True):
+                if not len(end):  # the way on a body from the contact to the nearest of its tets
+                    pair = [places, mesh.middles[mesh.of(body)]]
+                    way = [at for _, at in narrowest(mesh.samples(body), pair, edge)]
+                    out.append(_gathered(np.concatenate([NOWHERE, *way]), within))
     return np.concatenate(out)
-
-
-def _way_to(mesh: BodyTets, body: int, places: Places, edge: float) -> Float[np.ndarray, "m 3"]:
-    """Places [m] on a body, straight from those of a contact to the nearest of its tets.
-
-    None where it is farther than ``LONGEST`` long edges [m] of the lattice.
-    """
-    ends = [places, mesh.middles[mesh.of(body)]]
-    found = [where for _, where in narrowest(mesh.samples(body), ends, edge)]
-    return _gathered(np.concatenate([NOWHERE, *found]), BEAD * edge)
-
-
-class _Patch(NamedTuple):
-    """Places [m] of a contact, and some of them that stand for all."""
-
-    where: np.ndarray
-    thinned: np.ndarray
 
 
 def _gathered(where: Places, within: float) -> Float[np.ndarray, "fewer 3"]:
@@ -237,27 +221,10 @@ def narrowest(
 
     ``pieces`` are middles (tets, 3) [m]. A gap wider than ``LONGEST`` long edges [m] is none.
     """
-    distance, which = _two_nearest(where, pieces, LONGEST * edge)
-    near = np.flatnonzero(distance.sum(axis=1) <= LONGEST * edge)
-    width = distance[near].sum(axis=1)
-    pairs, pair = np.unique(which[near], axis=0, return_inverse=True)
-    pair = pair.reshape(-1)
-    least = np.full(len(pairs), np.inf)
-    np.minimum.at(least, pair, width)
-    narrow = width <= least[pair] + WIDER * edge
-    for number, ends in enumerate(pairs):
-        yield ends, where[near[narrow & (pair == number)]]
-
-
-def _two_nearest(
-    where: Places, pieces: Sequence[np.ndarray], reach: float
-) -> tuple[Float[np.ndarray, "n 2"], Int[np.ndarray, "n 2"]]:
-    """Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are.
-
-    ``pieces`` are middles (tets, 3) [m].
-    """
     from scipy.spatial import KDTree
 
+    # Distances [m] of the two nearest pieces, infinite from ``reach`` [m] on, and which they are
+    reach = LONGEST * edge
     distance = np.full((len(where), 2), np.inf)
     which = np.zeros((len(where), 2), dtype=np.int64)
     for number, middles in enumerate(pieces):
@@ -271,7 +238,16 @@ def _two_nearest(
         names = np.column_stack([which[near], np.full(len(near), number)])
         distance[near] = np.take_along_axis(three, order, axis=1)
         which[near] = np.take_along_axis(names, order, axis=1)
-    return distance, np.sort(which, axis=1)
+    which = np.sort(which, axis=1)
+    near = np.flatnonzero(distance.sum(axis=1) <= reach)
+    width = distance[near].sum(axis=1)
+    pairs, pair = np.unique(which[near], axis=0, return_inverse=True)
+    pair = pair.reshape(-1)
+    least = np.full(len(pairs), np.inf)
+    np.minimum.at(least, pair, width)
+    narrow = width <= least[pair] + WIDER * edge
+    for number, ends in enumerate(pairs):
+        yield ends, where[near[narrow & (pair == number)]]
 
 
 def pieces_of(tets: Tets) -> Int[np.ndarray, "tets"]:
