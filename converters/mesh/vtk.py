@@ -241,16 +241,15 @@ class VtuArrays:
             source = _Bytes(memoryview("".join(text.split()).encode()), raw=False)
         else:
             raise InputError(f"arrays in the format {form!r} are not known")
-        data = self._plain(source) if self._compressor is None else self._unpacked(source)
+        if self._compressor is None:
+            width = self._header.itemsize
+            (size,) = np.frombuffer(source.head(width), self._header)
+            data = source.after(width, int(size))
+            if len(data) != size:
+                raise InputError(f"an array announces {size} bytes and holds {len(data)}")
+        else:
+            data = self._unpacked(source)
         return np.frombuffer(data, dtype.newbyteorder(self._order)).astype(dtype, copy=False)
-
-    def _plain(self, source: _Bytes) -> bytes:
-        width = self._header.itemsize
-        (size,) = np.frombuffer(source.head(width), self._header)
-        data = source.after(width, int(size))
-        if len(data) != size:
-            raise InputError(f"an array announces {size} bytes and holds {len(data)}")
-        return data
 
     def _unpacked(self, source: _Bytes) -> bytearray:
         """Blocks behind a header of their count, their size, the last one's, and packed sizes."""

@@ -66,10 +66,17 @@ def read_ply(path: str | os.PathLike) -> Ply:
         encoding, comments, declared, rest = _parse(header)
         elements = {}
         for name, count, dtype in declared:
+            left = os.fstat(file.fileno()).st_size - file.tell()
             if encoding == "ascii":
                 elements[name] = _ascii_rows(file, count, dtype)
-            else:
-                elements[name] = _binary_rows(file, count, dtype.newbyteorder(_ORDERS[encoding]))
+                continue
+            if not 0 <= count * dtype.itemsize <= left:
+                raise InputError(
+                    f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} "
+                    "bytes more"
+                )
+            rows = np.fromfile(file, dtype.newbyteorder(_ORDERS[encoding]), count)
+            elements[name] = rows.astype(rows.dtype.newbyteorder("="), copy=False)
         if "vertex" not in elements:
             raise InputError(f"{path} has no vertex element of scalars; wanted {WANTED}")
         return Ply(elements, comments, encoding, (rest, file.read()))
@@ -175,16 +182,6 @@ def _parse(header: list[str]):
         raise InputError("the header names no known format")
     elements = [(name, count, np.dtype(fields)) for name, count, fields in declared]
     return encoding, tuple(comments), elements, tuple(header[first_list:])
-
-
-def _binary_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:
-    left = os.fstat(file.fileno()).st_size - file.tell()
-    if not 0 <= count * dtype.itemsize <= left:
-        raise InputError(
-            f"{count} rows of {dtype.itemsize} bytes were announced, the file has {left} bytes more"
-        )
-    rows = np.fromfile(file, dtype=dtype, count=count)
-    return rows.astype(dtype.newbyteorder("="), copy=False)
 
 
 def _ascii_rows(file: BinaryIO, count: int, dtype: np.dtype) -> np.ndarray:

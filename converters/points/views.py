@@ -148,7 +148,11 @@ def thinned(table: PointTable) -> PointTable:
 
 def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
     """The camera around moving splats that sees them move farthest, and in contrast."""
-    places = np.stack([_inner(table.positions) for table in frames])
+    places = np.stack([table.positions for table in frames])
+    places[~np.isfinite(places)] = np.nan
+    # Strays, and what has no place, are moved in
+    low, high = np.nanquantile(places, EDGES, axis=1, keepdims=True)
+    places = np.clip(np.where(np.isnan(places), low, places), low, high)
     all_places = places.reshape(-1, 3)
     bounds = np.stack([all_places.min(axis=0), all_places.max(axis=0)])
     around = ring(bounds, count=TRIED, up=up, pixels=SMALL)
@@ -160,12 +164,6 @@ def chosen_camera(frames: Sequence[PointTable], up: UpAxis) -> Camera:
         return float(moved * splat_view(frames[0], camera).std())
 
     return max(cameras, key=seen).resized(PIXELS, PIXELS)
-
-
-def _inner(places: np.ndarray) -> np.ndarray:
-    """Places with strays, and what has none, moved in."""
-    low, high = np.nanquantile(np.where(np.isfinite(places), places, np.nan), EDGES, axis=0)
-    return np.clip(np.where(np.isfinite(places), places, low), low, high)
 
 
 class SplatFilm:
