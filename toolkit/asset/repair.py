@@ -35,6 +35,7 @@ from .triangles import (
     coherent_patches,
     crossing_pairs,
     edge_components,
+    linked_groups,
     winding_numbers,
 )
 
@@ -167,8 +168,6 @@ def weld(surface: Surface, tolerance: float, *, within_parts: bool) -> tuple[Sur
 
     Those in one cell of a grid are merged first, for there may be many, then the few across cells.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
     used, faces = np.unique(surface.faces.reshape(-1), return_inverse=True)
@@ -181,8 +180,7 @@ def weld(surface: Surface, tolerance: float, *, within_parts: bool) -> tuple[Sur
     if len(first):
         near = KDTree(points[first]).query_pairs(tolerance, output_type="ndarray")
         near = near[owner[first][near[:, 0]] == owner[first][near[:, 1]]]
-        links = coo_matrix((np.ones(len(near)), tuple(near.T)), shape=(len(first),) * 2)
-        _, label = connected_components(links, directed=False)
+        label = linked_groups(len(first), *near.T)
         first, group = first[np.unique(label, return_index=True)[1]], label[group]
     faces = group[faces.reshape(-1)].reshape(-1, 3)
     welded = surface._replace(points=points[first], faces=faces, component=edge_components(faces))
@@ -360,17 +358,13 @@ def close_holes(
     have. With ``joint``, a loop stays open too where the components enclose it together: it is a
     seam between them.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     if not len(edges):
         return surface, 0, 0
     # Rim edges that hang together; where loops of two components touch, each has its own
     component = surface.component[owner]
     node = component[:, None] * len(surface.points) + edges
     node = np.unique(node, return_inverse=True)[1].reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(edges)), tuple(node.T)), shape=(node.max() + 1,) * 2)
-    loop = connected_components(graph, directed=False)[1][node[:, 0]]
+    loop = linked_groups(int(node.max()) + 1, *node.T)[node[:, 0]]
     length, start = np.bincount(loop), surface.points[edges[:, 0]]
     sums = [np.bincount(loop, weights=start[:, axis]) for axis in range(3)]
     centre = np.stack(sums, axis=1) / length[:, None]

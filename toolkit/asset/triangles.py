@@ -105,6 +105,15 @@ def edge_components(faces: Faces) -> Int[np.ndarray, "faces"]:
     return np.asarray(igl.facet_components(_int64(faces))[1], dtype=np.int64)
 
 
+def linked_groups(count: int, a: np.ndarray, b: np.ndarray) -> Int[np.ndarray, "count"]:
+    """Label from 0 on of the group of each of ``count`` things that pairs of ``a``, ``b`` link."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def crossing_pairs(points: Points, faces: Faces) -> Int[np.ndarray, "pairs 2"]:
     """Pairs of faces that intersect and do not lie in one plane, by exact predicates."""
     from igl.predicates import find_self_intersections

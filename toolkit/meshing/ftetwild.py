@@ -13,7 +13,16 @@ from ...fem.errors import UsageError
 from ...fem.mesh import boundary_faces, signed_volumes
 from ..asset.cache import Runner
 from ..asset.solids import Solids
-from ..asset.triangles import Places, Points, Tets, Triangles, closest, facets, sample
+from ..asset.triangles import (
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    facets,
+    linked_groups,
+    sample,
+)
 from .guarantees import ENVELOPE_SHARE, Separated, separate
 
 EDGE_LENGTH_REL = 0.05  # of the diagonal: the edge that is wanted where none is given
@@ -197,15 +206,13 @@ def by_cells(
     walls instead of at them. Not for surfaces with holes, through which inside and outside join.
     """
     from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
 
     faces, left, right = facets(tets)
     surface = solids.surface
     at_wall = closest(points, surface.points, surface.faces).distance <= envelope
     middle = closest(points[faces].mean(axis=1), surface.points, surface.faces).distance
     free = ~(at_wall[faces].all(axis=1) & (middle <= envelope))
-    links = (np.ones(int(free.sum())), (left[free], right[free]))
-    _, cell = connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)
+    cell = linked_groups(len(tets), left[free], right[free])
     votes = coo_matrix((np.abs(signed_volumes(points, tets)), (cell, part + 1))).tocsr()
     return (np.asarray(votes.argmax(axis=1)).reshape(-1) - 1)[cell]
 

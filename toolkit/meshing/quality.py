@@ -19,7 +19,7 @@ from ...fem.mesh import (
     tet_area_vectors,
 )
 from ..asset.surface import face_edges
-from ..asset.triangles import Faces, Points, Tets
+from ..asset.triangles import Faces, Points, Tets, linked_groups
 
 # Pairs of faces (opposite to vertices i and j) that meet in each of the six edges of a tet.
 FACE_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -146,14 +146,9 @@ def radius_ratios(points: Points, tets: Tets) -> Float[np.ndarray, "tets"]:
 
 def component_count(tets: Tets) -> int:
     """Number of pieces of a mesh that are connected through nodes."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     count = int(tets.max()) + 1
     rows, columns = np.repeat(tets[:, 0], 3), tets[:, 1:].reshape(-1)
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    _, label = connected_components(graph, directed=False)
-    return vertex_count(label[tets[:, 0]])
+    return vertex_count(linked_groups(count, rows, columns)[tets[:, 0]])
 
 
 def boundary_kind(faces: Faces) -> BoundaryKind:
@@ -180,9 +175,6 @@ def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndar
     with the next, links them; around an inner vertex of tets one always does. Returns the cells on
     the new nodes, and the old vertex of every new node, ascending.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     count = int(cells.max(initial=-1)) + 1
     used = np.zeros(count, dtype=bool)
     used[cells] = True
@@ -190,10 +182,9 @@ def corner_nodes(cells: Int[np.ndarray, "cells k"]) -> tuple[np.ndarray, np.ndar
     corner = np.flatnonzero(asked[cells])  # of all corners, cell by cell
     number = np.zeros(cells.size, dtype=np.int64)
     number[corner] = np.arange(len(corner))
-    graph = coo_matrix((np.ones(len(links)), number[links].T), shape=(len(corner),) * 2)
-    groups, label = connected_components(graph, directed=False)
+    label = linked_groups(len(corner), *number[links].T)
     whole = np.flatnonzero(used & ~asked)
-    vertex = np.zeros(len(whole) + groups, dtype=np.int64)  # of all nodes
+    vertex = np.zeros(len(whole) + label.max(initial=-1) + 1, dtype=np.int64)  # of all nodes
     vertex[: len(whole)] = whole
     vertex[len(whole) + label] = cells.reshape(-1)[corner]
     ascending = np.argsort(vertex, kind="stable")

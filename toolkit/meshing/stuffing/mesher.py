@@ -17,7 +17,16 @@ from ....fem.mesh import FACES, boundary_faces, face_areas, signed_volumes
 from ...asset.cache import Runner
 from ...asset.solids import INSIDE, Solids
 from ...asset.surface import component_volumes, touching_places
-from ...asset.triangles import Places, Points, Tets, Triangles, closest, inside, winding_numbers
+from ...asset.triangles import (
+    Places,
+    Points,
+    Tets,
+    Triangles,
+    closest,
+    inside,
+    linked_groups,
+    winding_numbers,
+)
 from ..ftetwild import EngineTarget, Filling, LatticeFit, NoFilling, thicknesses
 from ..guarantees import BLUNTEST, SHARPEST, bare_edges, separate
 from ..quality import corner_nodes, dihedral_angles, dihedral_cosines
@@ -353,9 +362,6 @@ def _lesser_groups(
     tets: Tets, bare: Int[np.ndarray, "edges 2"], volumes: Float[np.ndarray, "tets"]
 ) -> Int[np.ndarray, "out"]:
     """Of the tets around each edge, those that do not hang together with the largest group."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     size = int(tets.max()) + 1
     ends = np.zeros(size, dtype=bool)
     ends[bare] = True
@@ -372,8 +378,7 @@ def _lesser_groups(
     order = np.lexsort(key.T[::-1])
     same = (key[order][1:] == key[order][:-1]).all(axis=1)
     links = item[order[:-1][same]], item[order[1:][same]]
-    graph = coo_matrix((np.ones(len(links[0])), links), shape=(len(tet), len(tet)))
-    _, group = connected_components(graph, directed=False)
+    group = linked_groups(len(tet), *links)
     weight = np.bincount(group, weights=volumes[tet])
     best = np.zeros(len(edges))
     np.maximum.at(best, edge, weight[group])

@@ -18,6 +18,7 @@ from ...asset.triangles import (
     Triangles,
     closest,
     facets,
+    linked_groups,
     sample,
     winding_numbers,
 )
@@ -51,9 +52,6 @@ def came_off(
     face = closest(points[tets[largest]].mean(axis=1), surface.points, surface.faces).face
     body = surface.component[face]
     # Group of each component: those within `distance` [m] of each other, or in each other
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     points, faces = surface.points, surface.faces
     where, _ = sample(points, faces, rng=np.random.default_rng(0), count=SAMPLES)
     owner = surface.component[closest(where, points, faces).face]
@@ -67,8 +65,7 @@ def came_off(
         inside = np.abs(winding_numbers(points, own, where[near])) > INSIDE
         links += [(number, other) for other in np.unique(owner[near[~apart | inside]]).tolist()]
     ends = np.array(links, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_matrix((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(count, count))
-    group = connected_components(graph, directed=False)[1][body]
+    group = linked_groups(count, *ends)[body]
     most = np.zeros(group.max() + 1)
     np.maximum.at(most, group, size)
     within = np.ones(tets.max() + 1, dtype=bool)
@@ -252,9 +249,5 @@ def narrowest(
 
 def pieces_of(tets: Tets) -> Int[np.ndarray, "tets"]:
     """Piece that each tet belongs to: those that hang together by faces."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     _, left, right = facets(tets)
-    links = (np.ones(len(left)), (left, right))
-    return connected_components(coo_matrix(links, shape=(len(tets),) * 2), directed=False)[1]
+    return linked_groups(len(tets), left, right)
